@@ -1,0 +1,384 @@
+"""The frozen records that flow between the stages. SI units; NaN means not seen.
+
+Arrays are copied, made read-only and checked once, at construction.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from besman.exceptions import BesmanError
+
+FloatArray = npt.NDArray[np.float64]
+
+
+class ShapeError(BesmanError):
+    """An array of a record that has the wrong shape."""
+
+
+def _freeze(record: object, shapes: dict[str, tuple[int | str, ...]], **dtypes: type) -> None:
+    """Copy the named arrays, make them read-only and check their shapes against each other.
+
+    A letter in a shape stands for any length, the same wherever it occurs in the record.
+    """
+    lengths: dict[str, int] = {}
+    for name, shape in shapes.items():
+        array = np.array(getattr(record, name), dtype=dtypes.get(name, np.float64))
+        if array.size == 0 and 0 not in array.shape[: len(shape)]:
+            array = array.reshape([0 if isinstance(side, str) else side for side in shape])
+        expected = [lengths.get(side, side) if isinstance(side, str) else side for side in shape]
+        fits = len(array.shape) == len(shape) and all(
+            isinstance(side, str) or side == got
+            for side, got in zip(expected, array.shape, strict=True)
+        )
+        if not fits:
+            sides = ", ".join(str(side) for side in expected)
+            raise ShapeError(
+                f"{type(record).__name__}.{name} must have shape ({sides}), got {array.shape}"
+            )
+        for side, got in zip(shape, array.shape, strict=True):
+            if isinstance(side, str):
+                lengths[side] = got
+        array.setflags(write=False)
+        object.__setattr__(record, name, array)
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """What the cameras delivered.
+
+    Attributes
+    ----------
+    time : array, shape (T,)
+        Seconds, strictly rising.
+    positions : array, shape (T, M, 3)
+        Metres in the laboratory frame (z up); NaN where a trajectory was not seen.
+    names : tuple of str or None, length M
+        Names as written in the file; None for an unnamed trajectory.
+    rate_hz : float
+        Frames per second.
+    source : str
+        File name without folder.
+    first_frame : int
+        Frame number of row 0 (segments files count in frames).
+    """
+
+    time: FloatArray
+    positions: FloatArray
+    names: tuple[str | None, ...]
+    rate_hz: float
+    source: str
+    first_frame: int = 1
+
+    def __post_init__(self) -> None:
+        _freeze(self, {"time": ("T",), "positions": ("T", "M", 3)})
+        if len(self.names) != self.positions.shape[1]:
+            raise ShapeError(
+                f"Recording.names must name {self.positions.shape[1]} trajectories, "
+                f"got {len(self.names)}"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class LabelledRecording:
+    """A recording whose trajectories carry the names of a marker set.
+
+    Attributes
+    ----------
+    time : array, shape (T,)
+        Seconds.
+    positions : array, shape (T, M, 3)
+        Metres in the laboratory frame (z up). No gaps in the markers of the set.
+    markers : tuple of str, length M
+        Canonical names of the marker set, e.g. ``hand_top``.
+    filled : bool array, shape (T, M)
+        True where a gap was filled.
+    rate_hz, source, first_frame
+        As in `Recording`.
+    """
+
+    time: FloatArray
+    positions: FloatArray
+    markers: tuple[str, ...]
+    filled: npt.NDArray[np.bool_]
+    rate_hz: float
+    source: str
+    first_frame: int = 1
+
+    def __post_init__(self) -> None:
+        _freeze(
+            self, {"time": ("T",), "positions": ("T", "M", 3), "filled": ("T", "M")}, filled=bool
+        )
+        if len(self.markers) != self.positions.shape[1]:
+            raise ShapeError(
+                f"LabelledRecording.markers must name {self.positions.shape[1]} markers, "
+                f"got {len(self.markers)}"
+            )
+
+    def marker(self, name: str) -> FloatArray:
+        """Return the positions of one marker, shape (T, 3), metres."""
+        if name not in self.markers:
+            from besman.exceptions import LabellingError, nearest
+
+            raise LabellingError(
+                f"{self.source}: no marker {name!r}; {nearest(name, self.markers)}"
+            )
+        return self.positions[:, self.markers.index(name)]
+
+
+@dataclass(frozen=True, eq=False)
+class Segments:
+    """Building blocks of one recording.
+
+    Attributes
+    ----------
+    bounds : int array, shape (S, 2)
+        Half-open row indices into the recording at its own rate.
+    log_evidence : float
+        Log-probability of the segmentation (NaN where the method has none).
+    rate_hz, source, first_frame
+        As in `Recording`.
+    """
+
+    bounds: npt.NDArray[np.int64]
+    log_evidence: float
+    rate_hz: float
+    source: str
+    first_frame: int = 1
+
+    def __post_init__(self) -> None:
+        _freeze(self, {"bounds": ("S", 2)}, bounds=np.int64)
+
+
+@dataclass(frozen=True, eq=False)
+class LabelledSegments:
+    """Building blocks with names. Manual segments are written as this record too.
+
+    Attributes
+    ----------
+    bounds : int array, shape (S, 2)
+        Half-open row indices into the recording at its own rate; may overlap in manual segments.
+    labels : tuple of str, length S
+        One label per segment.
+    distances : array, shape (S,)
+        Uncertainty of each label: distance to the nearest training example, 0 for manual labels.
+    rate_hz, source, first_frame
+        As in `Recording`.
+    """
+
+    bounds: npt.NDArray[np.int64]
+    labels: tuple[str, ...]
+    distances: FloatArray
+    rate_hz: float
+    source: str
+    first_frame: int = 1
+
+    def __post_init__(self) -> None:
+        _freeze(self, {"bounds": ("S", 2), "distances": ("S",)}, bounds=np.int64)
+        if len(self.labels) != len(self.bounds):
+            raise ShapeError(
+                f"LabelledSegments.labels must have {len(self.bounds)} entries, "
+                f"got {len(self.labels)}"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class HandTrajectory:
+    """The hand of one selected demonstration.
+
+    Attributes
+    ----------
+    time : array, shape (T,)
+        Seconds from the start of the segment.
+    poses : array, shape (T, 7)
+        Position (m) and quaternion (w, x, y, z) of the hand frame in the person's back frame.
+    name : str
+        ``source:segment``, unique within a run.
+    label : str
+        Class of the segment.
+    target : array, shape (3,)
+        Where the thrown object met the ground, metres in the back frame; NaN if nothing is thrown.
+    """
+
+    time: FloatArray
+    poses: FloatArray
+    name: str
+    label: str
+    target: FloatArray = field(default_factory=lambda: np.full(3, np.nan))
+
+    def __post_init__(self) -> None:
+        _freeze(self, {"time": ("T",), "poses": ("T", 7), "target": (3,)})
+
+
+@dataclass(frozen=True, eq=False)
+class JointTrajectory:
+    """A movement of one robot arm.
+
+    Attributes
+    ----------
+    time : array, shape (T,)
+        Seconds from 0, strictly rising.
+    positions, velocities, accelerations : array, shape (T, n)
+        rad, rad/s, rad/s^2.
+    joint_names : tuple of str, length n
+    poses : array, shape (T, 7)
+        The mapped demonstration in the robot's world frame (floor below the base, z up), that the
+        joint trajectory follows: position (m) and quaternion wxyz of the tool centre point.
+    position_error : array, shape (T,)
+        Metres between tool centre point and mapped demonstration.
+    orientation_error : array, shape (T,)
+        Radians between them.
+    time_stretch : float
+        Duration over the demonstration's duration.
+    target : array, shape (3,)
+        The demonstrated target in the robot's world frame, NaN if there is none.
+    name, label
+        As in `HandTrajectory`.
+    """
+
+    time: FloatArray
+    positions: FloatArray
+    velocities: FloatArray
+    accelerations: FloatArray
+    joint_names: tuple[str, ...]
+    poses: FloatArray
+    position_error: FloatArray
+    orientation_error: FloatArray
+    time_stretch: float
+    target: FloatArray
+    name: str
+    label: str
+
+    def __post_init__(self) -> None:
+        _freeze(
+            self,
+            {
+                "time": ("T",),
+                "positions": ("T", "n"),
+                "velocities": ("T", "n"),
+                "accelerations": ("T", "n"),
+                "poses": ("T", 7),
+                "position_error": ("T",),
+                "orientation_error": ("T",),
+                "target": (3,),
+            },
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class MotionPlan:
+    """A joint-space dynamical movement primitive.
+
+    Attributes
+    ----------
+    weights : array, shape (n, K)
+        Weights of the forcing term.
+    start, goal : array, shape (n,)
+        rad.
+    duration : float
+        Seconds.
+    joint_names : tuple of str, length n
+    rmse : float
+        Root mean square error of the imitation, rad.
+    goal_pose : array, shape (7,)
+        Demonstrated end pose in the robot's world frame.
+    target : array, shape (3,)
+        As in `JointTrajectory`.
+    name, label
+        As in `HandTrajectory`.
+    """
+
+    weights: FloatArray
+    start: FloatArray
+    goal: FloatArray
+    duration: float
+    joint_names: tuple[str, ...]
+    rmse: float
+    goal_pose: FloatArray
+    target: FloatArray
+    name: str
+    label: str
+
+    def __post_init__(self) -> None:
+        _freeze(
+            self,
+            {
+                "weights": ("n", "K"),
+                "start": ("n",),
+                "goal": ("n",),
+                "goal_pose": (7,),
+                "target": (3,),
+            },
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class RefinedMotion:
+    """A motion plan after the search, and what it does in simulation.
+
+    Attributes
+    ----------
+    plan : MotionPlan
+        The best plan found.
+    time : array, shape (T,)
+        Seconds, at 1 kHz.
+    positions, velocities, accelerations : array, shape (T, n)
+        Commanded joint trajectory of the best plan: rad, rad/s, rad/s^2.
+    returns : array, shape (E,)
+        Return of every episode in the order tried; episode 0 is the imitation as it was.
+    misses : array, shape (E,)
+        Distance of every episode's outcome to the target, metres (NaN: failed episode).
+    outcome : array, shape (3,)
+        Touchdown or end position reached by the best plan, metres, robot's world frame.
+    outcome_before : array, shape (3,)
+        The same for the imitation as it was; NaN if it failed.
+    object_path : array, shape (F, 3)
+        Path of the thrown object in the best episode, metres (F = 0 if nothing is thrown).
+    tool_path : array, shape (T, 3)
+        Path of the tool centre point in the best episode, metres.
+    success : bool
+        The task's success criterion is met and no limit is exceeded.
+    miss_before, miss : float
+        Distance to the target before and after, metres.
+    orientation_error : float
+        Radians to the demonstrated end orientation; NaN where the task does not ask for it.
+    failure : str
+        What ended the imitation's episode before its end ("" if nothing did).
+    """
+
+    plan: MotionPlan
+    time: FloatArray
+    positions: FloatArray
+    velocities: FloatArray
+    accelerations: FloatArray
+    returns: FloatArray
+    misses: FloatArray
+    outcome: FloatArray
+    outcome_before: FloatArray
+    object_path: FloatArray
+    tool_path: FloatArray
+    success: bool
+    miss_before: float
+    miss: float
+    orientation_error: float = float("nan")
+    failure: str = ""
+
+    def __post_init__(self) -> None:
+        _freeze(
+            self,
+            {
+                "time": ("T",),
+                "positions": ("T", "n"),
+                "velocities": ("T", "n"),
+                "accelerations": ("T", "n"),
+                "returns": ("E",),
+                "misses": ("E",),
+                "outcome": (3,),
+                "outcome_before": (3,),
+                "object_path": ("F", 3),
+                "tool_path": ("T", 3),
+            },
+        )
