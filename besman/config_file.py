@@ -1,4 +1,4 @@
-"""Read YAML into checked configs; every error names file, line, what was got and what is allowed."""
+"""Read YAML into checked configs; errors name file, line, what was got and what is allowed."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ def read_yaml(path: Path) -> tuple[dict[str, Any], dict[KeyPath, int]]:
         raise ConfigError(f"{path}: no such file") from None
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: cannot be read as text: {error}") from None
-    loader = yaml.SafeLoader(text)
     lines: dict[KeyPath, int] = {}
     try:
+        loader = yaml.SafeLoader(text)
         node = loader.get_single_node()
         if node is not None:
             _collect_lines(node, (), lines, path)
@@ -53,8 +53,6 @@ def read_yaml(path: Path) -> tuple[dict[str, Any], dict[KeyPath, int]]:
         raise ConfigError(f"{path}:{line}: not valid YAML: {error.problem}") from None
     except yaml.YAMLError as error:
         raise ConfigError(f"{path}: not valid YAML: {error}".replace("\n", " ")) from None
-    finally:
-        loader.dispose()
     if not isinstance(content, dict):
         raise ConfigError(f"{path}:1: expected a mapping of keys to values, got {content!r:.60}")
     return content, lines

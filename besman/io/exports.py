@@ -1,0 +1,100 @@
+"""Joint trajectories for the real arm: CSV and ROS 2 ``trajectory_msgs/JointTrajectory`` as JSON."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from besman.exceptions import RecordingError
+from besman.records import FloatArray
+
+
+def write_joint_csv(
+    path: Path,
+    time: FloatArray,
+    positions: FloatArray,
+    velocities: FloatArray,
+    accelerations: FloatArray,
+    joint_names: tuple[str, ...],
+) -> None:
+    """Write a joint trajectory as CSV with one row a sample.
+
+    Parameters
+    ----------
+    path : Path
+        File to write.
+    time : array, shape (T,)
+        Seconds.
+    positions, velocities, accelerations : array, shape (T, n)
+        rad, rad/s, rad/s^2.
+    joint_names : tuple of str, length n
+        Columns are ``NAME_rad``, ``NAME_rad_per_s`` and ``NAME_rad_per_s2``.
+    """
+    header = ["time_s"]
+    for unit in ("rad", "rad_per_s", "rad_per_s2"):
+        header += [f"{name}_{unit}" for name in joint_names]
+    table = np.column_stack([time, positions, velocities, accelerations])
+    with path.open("w", newline="", encoding="utf-8") as file:
+        csv.writer(file).writerow(header)
+        np.savetxt(file, table, fmt="%.9g", delimiter=",")
+
+
+def read_joint_csv(path: Path) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Read what `write_joint_csv` wrote: time, positions, velocities, accelerations.
+
+    Raises
+    ------
+    RecordingError
+        If the columns are not those of `write_joint_csv`.
+    """
+    table = np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2)
+    n_joints, rest = divmod(table.shape[1] - 1, 3)
+    if rest:
+        raise RecordingError(
+            f"{path}: expected a time column and three columns a joint, got {table.shape[1]}"
+        )
+    return (
+        table[:, 0],
+        table[:, 1 : 1 + n_joints],
+        table[:, 1 + n_joints : 1 + 2 * n_joints],
+        table[:, 1 + 2 * n_joints :],
+    )
+
+
+def ros_joint_trajectory(
+    time: FloatArray,
+    positions: FloatArray,
+    velocities: FloatArray,
+    accelerations: FloatArray,
+    joint_names: tuple[str, ...],
+) -> dict[str, Any]:
+    """Return a ``trajectory_msgs/JointTrajectory`` message as plain data.
+
+    The arguments are those of `write_joint_csv`; ``time_from_start`` counts from the first sample.
+    """
+    nanoseconds = np.round((time - time[0]) * 1e9).astype(np.int64)
+    points = [
+        {
+            "positions": q.tolist(),
+            "velocities": dq.tolist(),
+            "accelerations": ddq.tolist(),
+            "effort": [],
+            "time_from_start": {"sec": int(at // 10**9), "nanosec": int(at % 10**9)},
+        }
+        for at, q, dq, ddq in zip(nanoseconds, positions, velocities, accelerations, strict=True)
+    ]
+    stamp = {"sec": 0, "nanosec": 0}
+    return {
+        "header": {"stamp": stamp, "frame_id": ""},
+        "joint_names": list(joint_names),
+        "points": points,
+    }
+
+
+def write_ros_joint_trajectory(path: Path, message: dict[str, Any]) -> None:
+    """Write a message of `ros_joint_trajectory` as JSON."""
+    path.write_text(json.dumps(message) + "\n", encoding="utf-8")

@@ -1,0 +1,40 @@
+import json
+
+import numpy as np
+import pytest
+
+from besman.exceptions import RecordingError
+from besman.io import exports
+
+
+@pytest.fixture
+def trajectory():
+    time = np.arange(50) / 1000
+    rng = np.random.default_rng(0)
+    return (time, *(rng.normal(size=(50, 6)) for _ in range(3)), tuple("abcdef"))
+
+
+def test_csv_round_trip(tmp_path, trajectory):
+    exports.write_joint_csv(tmp_path / "a.csv", *trajectory)
+    for wrote, read in zip(trajectory, exports.read_joint_csv(tmp_path / "a.csv"), strict=False):
+        np.testing.assert_allclose(read, wrote, rtol=1e-8)
+
+
+def test_csv_with_a_missing_column(tmp_path):
+    (tmp_path / "a.csv").write_text("t,a\n0,1\n")
+    with pytest.raises(RecordingError, match="three columns a joint, got 2"):
+        exports.read_joint_csv(tmp_path / "a.csv")
+
+
+def test_ros_message_rises_from_zero_and_keeps_the_samples(tmp_path, trajectory):
+    time, *rest = trajectory
+    message = exports.ros_joint_trajectory(time + 3.0, *rest)
+    exports.write_ros_joint_trajectory(tmp_path / "a.json", message)
+    read = json.loads((tmp_path / "a.json").read_text())
+    stamps = [point["time_from_start"] for point in read["points"]]
+    seconds = np.array([stamp["sec"] + 1e-9 * stamp["nanosec"] for stamp in stamps])
+    assert seconds[0] == 0
+    assert np.all(np.diff(seconds) > 0)
+    np.testing.assert_allclose(seconds, time, atol=1e-9)
+    np.testing.assert_array_equal([point["positions"] for point in read["points"]], rest[0])
+    assert read["joint_names"] == list("abcdef")

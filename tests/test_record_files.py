@@ -1,0 +1,77 @@
+import json
+import zipfile
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from besman.exceptions import RunError
+from besman.record_files import digest, load_record, save_record
+from besman.records import Recording, Segments
+
+SCALARS = st.none() | st.booleans() | st.integers(-5, 5) | st.text(max_size=5) | st.floats()
+
+
+def _recording(value=0.0):
+    positions = np.full((4, 2, 3), value)
+    positions[1, 0] = np.nan
+    return Recording(np.arange(4.0), positions, ("a", None), 60.0, "x.tsv", 7)
+
+
+def test_round_trip_of_a_tuple_of_records(tmp_path):
+    records = (_recording(), Segments([[0, 2], [2, 4]], -1.5, 60.0, "x.tsv"), None)
+    save_record(records, tmp_path / "r.npz")
+    again = load_record(tmp_path / "r.npz")
+    assert digest(again) == digest(records)
+    np.testing.assert_array_equal(again[0].positions, records[0].positions)
+    assert again[0].names == ("a", None)
+
+
+@given(st.lists(st.lists(SCALARS, max_size=3), max_size=3))
+def test_round_trip_of_nested_values(tmp_path_factory, nested):
+    path = tmp_path_factory.mktemp("r") / "r.npz"
+    value = tuple(tuple(inner) for inner in nested)
+    save_record(value, path)
+    assert repr(load_record(path)) == repr(value)
+
+
+def test_same_record_same_bytes(tmp_path):
+    save_record(_recording(), tmp_path / "a.npz")
+    save_record(_recording(), tmp_path / "b.npz")
+    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+
+
+def test_digest_sees_every_value():
+    assert digest(_recording()) == digest(_recording())
+    assert digest(_recording()) != digest(_recording(1e-300))
+    assert digest((1, "a")) != digest(("a", 1))
+
+
+def test_damaged_file(tmp_path):
+    save_record(_recording(), tmp_path / "r.npz")
+    (tmp_path / "r.npz").write_bytes((tmp_path / "r.npz").read_bytes()[:-200])
+    with pytest.raises(RunError, match="cannot be read as a record"):
+        load_record(tmp_path / "r.npz")
+
+
+@pytest.mark.parametrize("name", ["os:system", "besman.run:Run", "besman.records:nothing"])
+def test_a_file_cannot_name_other_code(tmp_path, name):
+    save_record(_recording(), tmp_path / "r.npz")
+    with zipfile.ZipFile(tmp_path / "r.npz") as archive:
+        parts = {entry: archive.read(entry) for entry in archive.namelist()}
+    tree = json.dumps({"record": name, "fields": {}})
+    import io
+
+    buffer = io.BytesIO()
+    np.save(buffer, np.array(tree))
+    with zipfile.ZipFile(tmp_path / "evil.npz", "w") as archive:
+        for entry, content in parts.items():
+            archive.writestr(entry, buffer.getvalue() if "tree" in entry else content)
+    with pytest.raises(RunError, match="is not a record of besman"):
+        load_record(tmp_path / "evil.npz")
+
+
+def test_what_is_no_record_is_refused(tmp_path):
+    with pytest.raises(RunError, match="a set is no part of a record"):
+        save_record({1}, tmp_path / "r.npz")
