@@ -1,0 +1,1 @@
+"""Imitation: a joint trajectory as a dynamical movement primitive."""

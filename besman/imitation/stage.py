@@ -1,0 +1,74 @@
+"""The stage that turns joint trajectories into motion plans."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from besman.imitation.dmp import fit_weights, roll_out
+from besman.records import JointTrajectory, MotionPlan
+from besman.stage import Stage, Work
+
+
+class ImitateConfig(Stage):
+    """Imitate every joint trajectory by a DMP in joint space.
+
+    Attributes
+    ----------
+    method : "joint_dmp"
+        One DMP for all joints of the arm.
+    n_weights : int
+        Weights per joint.
+    """
+
+    method: Literal["joint_dmp"] = "joint_dmp"
+    n_weights: Annotated[int, Field(ge=6, le=100)] = 20
+
+    def run(
+        self, trajectories: tuple[JointTrajectory, ...], work: Work = Work()
+    ) -> tuple[MotionPlan, ...]:
+        """Fit one motion plan per trajectory; a plan starts and ends at rest.
+
+        Parameters
+        ----------
+        trajectories : tuple of JointTrajectory
+            What to imitate.
+        work : Work
+            Progress.
+
+        Returns
+        -------
+        tuple of MotionPlan
+            In the order of the trajectories.
+        """
+        plans = []
+        for index, trajectory in enumerate(trajectories):
+            plans.append(self._imitate(trajectory))
+            work.progress((index + 1) / len(trajectories))
+        return tuple(plans)
+
+    def _imitate(self, trajectory: JointTrajectory) -> MotionPlan:
+        time = trajectory.time - trajectory.time[0]
+        start, goal = trajectory.positions[0], trajectory.positions[-1]
+        weights = fit_weights(time, trajectory.positions, self.n_weights)
+        imitated, _, _ = roll_out(weights, start, goal, time[-1], time)
+        return MotionPlan(
+            weights=weights,
+            start=start,
+            goal=goal,
+            duration=float(time[-1]),
+            joint_names=trajectory.joint_names,
+            rmse=float(np.sqrt(np.mean((imitated - trajectory.positions) ** 2))),
+            goal_pose=trajectory.poses[-1],
+            target=trajectory.target,
+            name=trajectory.name,
+            label=trajectory.label,
+        )
+
+
+def imitation_results(plans: tuple[MotionPlan, ...]) -> dict[str, Any]:
+    """Give the stage's figures for ``results.json``: rmse_rad {mean, max}."""
+    errors = [plan.rmse for plan in plans]
+    return {"rmse_rad": {"mean": float(np.mean(errors)), "max": float(np.max(errors))}}
