@@ -1,0 +1,45 @@
+# make run: the main job on the embedded sample. make test: the tests. Both set up what they need.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check
+
+.PHONY: run test install lint bench clean-venv
+.DEFAULT_GOAL := run
+
+run: install
+	$(BIN)/besman run pipelines/ur5_stick_throw.yaml
+
+test: $(VENV)/.test
+	$(BIN)/python -m pytest
+
+install: $(VENV)/.installed
+
+lint: $(VENV)/.test
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+bench: $(VENV)/.test
+	for script in benchmarks/*.py; do $(BIN)/python $$script || exit 1; done
+
+$(VENV)/bin/python:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+		{ echo "besman needs Python 3.11 or newer; say which with: make PYTHON=python3.12"; exit 1; }
+	@$(PYTHON) -m venv $(VENV) || \
+		{ rm -rf $(VENV); echo "no venv module: install python3-venv, or say make PYTHON=..."; exit 1; }
+
+$(VENV)/.installed: pyproject.toml constraints.txt | $(VENV)/bin/python
+	$(PIP) install --quiet --constraint constraints.txt --editable .
+	@touch $@
+
+# movement-primitives is built from source: without a C compiler its tests are skipped, and say so.
+$(VENV)/.test: $(VENV)/.installed
+	$(PIP) install --quiet --constraint constraints.txt --editable ".[test]"
+	@if command -v cc >/dev/null; then \
+		$(PIP) install --quiet --constraint constraints.txt --editable ".[test,oracle]"; \
+	else echo "no C compiler: the tests against movement-primitives are skipped"; fi
+	@touch $@
+
+clean-venv:
+	rm -rf $(VENV)

@@ -1,0 +1,5 @@
+"""``python -m besman`` is the command line."""
+
+from besman.cli import main
+
+main()

@@ -1,0 +1,1 @@
+"""What a run did, in the terminal and as one self-contained page."""

@@ -1,0 +1,239 @@
+"""The report's figures: arrays in, SVG text out. Colours are read in light and in dark."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from besman.records import (
+    FloatArray,
+    JointTrajectory,
+    LabelledRecording,
+    LabelledSegments,
+    RefinedMotion,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+# Okabe and Ito's palette, distinguishable without red-green vision.
+COLOURS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#999999", "#f0e442")
+INK = "#7a7f87"
+LONGEST_CURVE = 2000
+
+
+def _figure(width: float, height: float) -> Figure:
+    """Make a figure without a screen, transparent, in a tone read on white and on black."""
+    import matplotlib
+
+    matplotlib.use("Agg", force=False)
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
+
+    with rc_context({"svg.hashsalt": "besman"}):
+        figure = Figure(figsize=(width, height), layout="constrained")
+    figure.patch.set_alpha(0)
+    return figure
+
+
+def _style(axes: object) -> None:
+    """Give axes the report's look."""
+    axes.patch.set_alpha(0)  # type: ignore[attr-defined]
+    axes.tick_params(colors=INK, labelsize=8)  # type: ignore[attr-defined]
+    for side, spine in axes.spines.items():  # type: ignore[attr-defined]
+        spine.set_visible(side in ("left", "bottom"))
+        spine.set_color(INK)
+    for label in (axes.xaxis.label, axes.yaxis.label, axes.title):  # type: ignore[attr-defined]
+        label.set_color(INK)
+        label.set_fontsize(9)
+
+
+def svg(figure: Figure) -> str:
+    """Return a figure as SVG text without a date, so that the same figure gives the same bytes."""
+    from matplotlib import rc_context
+
+    text = io.StringIO()
+    with rc_context({"svg.hashsalt": "besman", "svg.fonttype": "none"}):
+        figure.savefig(text, format="svg", metadata={"Date": None})
+    content = text.getvalue()
+    return content[content.index("<svg") :]
+
+
+def label_colours(labels: Sequence[str]) -> dict[str, str]:
+    """Give every label a colour, the same for the same set of labels."""
+    names = sorted(set(labels))
+    return {name: COLOURS[index % len(COLOURS)] for index, name in enumerate(names)}
+
+
+def speed_profile(
+    recording: LabelledRecording,
+    found: LabelledSegments,
+    manual: LabelledSegments | None,
+    marker: str,
+    colours: dict[str, str],
+) -> str:
+    """Draw the hand's speed with the found segments and, below, the manual ones.
+
+    Parameters
+    ----------
+    recording : LabelledRecording
+        Where the speed is taken from.
+    found : LabelledSegments
+        Segments with labels.
+    manual : LabelledSegments or None
+        Truth, if there is one.
+    marker : str
+        Whose speed.
+    colours : dict
+        Colour of each label.
+
+    Returns
+    -------
+    str
+        SVG.
+    """
+    figure = _figure(10, 2.6)
+    axes = figure.add_subplot()
+    time = recording.time - recording.time[0]
+    speed = np.linalg.norm(np.gradient(recording.marker(marker), time, axis=0), axis=1)
+    window = max(1, round(0.03 * recording.rate_hz))
+    speed = np.convolve(speed, np.ones(window) / window, mode="same")
+    step = max(1, len(time) // LONGEST_CURVE)
+    axes.plot(time[::step], speed[::step], color=INK, linewidth=0.9)
+    top = float(np.max(speed)) if len(speed) else 1.0
+    for start, stop, label in _spans(found, time):
+        axes.axvspan(start, stop, color=colours[label], alpha=0.35, linewidth=0)
+        axes.axvline(start, color=INK, linewidth=0.5)
+    for start, stop, label in _spans(manual, time) if manual is not None else ():
+        axes.fill_between(
+            [start, stop], -0.14 * top, -0.04 * top, color=colours[label], linewidth=0
+        )
+    if manual is not None:
+        axes.text(time[-1], -0.1 * top, " manual", fontsize=7, color=INK, va="center")
+    axes.set_xlim(0, time[-1])
+    axes.set_ylim(-0.16 * top if manual is not None else 0, 1.05 * top)
+    axes.set_xlabel("time [s]")
+    axes.set_ylabel(f"speed of {marker} [m/s]")
+    axes.set_title(recording.source, loc="left")
+    _style(axes)
+    return svg(figure)
+
+
+def _spans(segments: LabelledSegments, time: FloatArray) -> list[tuple[float, float, str]]:
+    """Return start, end (s) and label of every segment."""
+    last = len(time) - 1
+    return [
+        (time[min(start, last)], time[min(stop, last)], label)
+        for (start, stop), label in zip(segments.bounds, segments.labels, strict=True)
+    ]
+
+
+def paths(trajectories: Sequence[JointTrajectory], motions: Sequence[RefinedMotion]) -> str:
+    """Draw demonstrated and executed paths of the tool from the side and from above.
+
+    Returns
+    -------
+    str
+        SVG; robot's world frame, metres.
+    """
+    figure = _figure(10, 4.2)
+    for place, (across, up, title) in enumerate(((0, 2, "from the side"), (0, 1, "from above"))):
+        axes = figure.add_subplot(1, 2, place + 1)
+        for trajectory in trajectories:
+            axes.plot(
+                trajectory.poses[:, across], trajectory.poses[:, up], color=COLOURS[1], linewidth=1
+            )
+        for motion in motions:
+            step = max(1, len(motion.tool_path) // 200)
+            path = motion.tool_path[::step]
+            axes.plot(path[:, across], path[:, up], color=COLOURS[0], linewidth=0.8, alpha=0.8)
+        axes.plot(0, 0, marker="s", color=INK, markersize=6)
+        axes.annotate(
+            "robot's base", (0, 0), fontsize=7, color=INK, xytext=(6, 4), textcoords="offset points"
+        )
+        axes.set_aspect("equal", adjustable="datalim")
+        axes.set_xlabel("x forward [m]")
+        axes.set_ylabel("z up [m]" if up == 2 else "y left [m]")
+        axes.set_title(title, loc="left")
+        _style(axes)
+        if place == 0:
+            axes.plot([], [], color=COLOURS[1], label="demonstrated, placed")
+            axes.plot([], [], color=COLOURS[0], label="robot, refined")
+            axes.legend(fontsize=7, frameon=False, labelcolor=INK)
+    return svg(figure)
+
+
+def learning_curve(motions: Sequence[RefinedMotion], radius_m: float) -> str:
+    """Draw the best miss so far over the episodes of every search, and their median.
+
+    Returns
+    -------
+    str
+        SVG; logarithmic centimetres.
+    """
+    figure = _figure(5, 3.4)
+    axes = figure.add_subplot()
+    longest = max((len(motion.misses) for motion in motions), default=1)
+    best = np.full((len(motions), longest), np.nan)
+    for row, motion in enumerate(motions):
+        misses = np.where(np.isfinite(motion.misses), motion.misses, np.inf)
+        curve = np.minimum.accumulate(misses)
+        best[row, : len(curve)] = curve
+        best[row, len(curve) :] = curve[-1] if len(curve) else np.nan
+        axes.plot(np.arange(len(curve)), 100 * curve, color=COLOURS[0], linewidth=0.7, alpha=0.5)
+    if len(motions):
+        axes.plot(100 * np.median(best, axis=0), color=COLOURS[5], linewidth=2, label="median")
+    axes.axhline(100 * radius_m, color=INK, linestyle="--", linewidth=0.8, label="success")
+    axes.set_yscale("log")
+    axes.set_xlabel("episode")
+    axes.set_ylabel("best miss so far [cm]")
+    axes.legend(fontsize=7, frameon=False, labelcolor=INK)
+    _style(axes)
+    return svg(figure)
+
+
+def outcome_scatter(motions: Sequence[RefinedMotion], targets: FloatArray, radius_m: float) -> str:
+    """Draw where each motion ended, relative to its own target, before and after the search.
+
+    Parameters
+    ----------
+    motions : sequence of RefinedMotion
+        The searches' results.
+    targets : array, shape (N, 3)
+        Target of each motion, robot's world frame, metres.
+    radius_m : float
+        Radius of success.
+
+    Returns
+    -------
+    str
+        SVG; centimetres.
+    """
+    from matplotlib.patches import Circle
+
+    figure = _figure(5, 3.4)
+    axes = figure.add_subplot()
+    before = 100 * (np.array([m.outcome_before for m in motions]).reshape(-1, 3) - targets)
+    after = 100 * (np.array([m.outcome for m in motions]).reshape(-1, 3) - targets)
+    axes.scatter(
+        before[:, 0],
+        before[:, 1],
+        facecolors="none",
+        edgecolors=COLOURS[5],
+        s=22,
+        linewidths=1,
+        label="imitated only",
+    )
+    axes.scatter(after[:, 0], after[:, 1], color=COLOURS[0], s=14, label="refined")
+    axes.add_patch(Circle((0, 0), 100 * radius_m, fill=False, color=INK, linestyle="--"))
+    axes.axhline(0, color=INK, linewidth=0.4)
+    axes.axvline(0, color=INK, linewidth=0.4)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_xlabel("too far [cm]")
+    axes.set_ylabel("to the left [cm]")
+    axes.legend(fontsize=7, frameon=False, labelcolor=INK)
+    _style(axes)
+    return svg(figure)

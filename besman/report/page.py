@@ -1,0 +1,264 @@
+"""``report.html``: one file, no network, readable in light and dark."""
+
+from __future__ import annotations
+
+import html
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from besman.exceptions import RunError
+from besman.record_files import load_record
+from besman.report import figures
+from besman.report.terminal import outcome_lines
+from besman.report.timing import read_json, seconds, stage_rows
+from besman.run import write_text
+
+_STYLE = """
+:root { color-scheme: light dark; --ink: #1c2024; --soft: #62676f; --line: #d9dce1; --page: #fff;
+  --card: #f5f6f8; --good: #00734f; --bad: #b3400c }
+@media (prefers-color-scheme: dark) { :root { --ink: #e6e8eb; --soft: #9aa0a8; --line: #363a41;
+  --page: #15171a; --card: #1f2226; --good: #3ecf9b; --bad: #ff8a50 } }
+* { box-sizing: border-box }
+body { margin: 0 auto; padding: 1.5rem; max-width: 72rem; background: var(--page);
+  color: var(--ink); font: 15px/1.5 system-ui, sans-serif }
+h1 { font-size: 1.5rem; margin: 0 } h2 { font-size: 1.1rem; margin: 2.2rem 0 .6rem }
+.soft { color: var(--soft) } .good { color: var(--good) } .bad { color: var(--bad) }
+.cards { display: flex; flex-wrap: wrap; gap: .8rem; margin: 1.2rem 0 }
+.card { background: var(--card); border-radius: .5rem; padding: .7rem 1rem; min-width: 9rem }
+.card b { display: block; font-size: 1.4rem }
+.scroll { overflow-x: auto }
+table { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nums }
+th, td { padding: .25rem .6rem; border-bottom: 1px solid var(--line); text-align: right;
+  white-space: nowrap }
+th { color: var(--soft); font-weight: 600 } th:first-child, td:first-child { text-align: left }
+figure { margin: 0 } figure svg { width: 100%; height: auto }
+figcaption { color: var(--soft); font-size: .85rem }
+.pair { display: grid; grid-template-columns: repeat(auto-fit, minmax(20rem, 1fr)); gap: 1rem }
+.key span { display: inline-block; width: .8em; height: .8em; border-radius: .2em; opacity: .6;
+  margin: 0 .3em 0 1em }
+pre { background: var(--card); padding: .8rem; overflow-x: auto; font-size: .8rem }
+@media print { body { max-width: none; padding: 0 } details { display: none } }
+"""
+
+
+def write_page(folder: Path) -> Path:
+    """Write ``report.html`` of a run.
+
+    Parameters
+    ----------
+    folder : Path
+        A run folder.
+
+    Returns
+    -------
+    Path
+        The page.
+
+    Raises
+    ------
+    RunError
+        If the folder is not a run.
+    """
+    state = read_json(folder / "run.json")
+    timing = read_json(folder / "timing.json")
+    results = read_json(folder / "results.json")
+    records = _records(folder)
+    body = [
+        _head(state, timing, results),
+        _stage_table(timing, results),
+        _recordings(records, results),
+        _motions(records, results),
+        _demonstrations(records, results),
+        _provenance(folder, state, results),
+    ]
+    title = html.escape(f"{state['name']} - besman")
+    page = (
+        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{title}</title>'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f"<style>{_STYLE}</style></head>\n<body>{''.join(body)}</body></html>\n"
+    )
+    write_text(folder / "report.html", page)
+    return folder / "report.html"
+
+
+def _records(folder: Path) -> dict[str, Any]:
+    """Load the records of the stages that are done."""
+    found = {}
+    for place in sorted(folder.glob("[0-9][0-9]_*")):
+        if (place / "record.npz").is_file():
+            found[place.name[3:]] = load_record(place / "record.npz")
+    return found
+
+
+def _head(state: dict[str, Any], timing: dict[str, Any], results: dict[str, Any]) -> str:
+    """Name, status and the figures one looks for first."""
+    refine, mapped = results.get("refine", {}), results.get("map", {})
+    cards = [(seconds(timing["total_wall_s"]), "wall time of this run")]
+    computed = sum(row["computed_wall_s"] for row in timing["stages"])
+    if any(row["cached"] for row in timing["stages"]):
+        cards.append((seconds(computed), "when nothing was cached"))
+    if mapped:
+        cards.append((f"{mapped['n_transferred']} / {mapped['n_demonstrations']}", "mapped"))
+        bad = mapped["limit_violations"] + mapped["self_collisions"]
+        cards.append((str(bad), "samples outside a limit or in self-collision"))
+    if refine:
+        cards.append((f"{refine['n_success']} / {refine['n_motions']}", "within the target"))
+        cards.append((_centimetres(refine["miss_before_m"]["median"]), "median miss, imitated"))
+        cards.append((_centimetres(refine["miss_m"]["median"]), "median miss, refined"))
+    status = state["status"]
+    tone = "good" if status == "done" else "bad"
+    error = f'<p class="bad">{html.escape(state["error"])}</p>' if state.get("error") else ""
+    boxes = "".join(f'<div class="card"><b>{value}</b>{name}</div>' for value, name in cards)
+    lines = "".join(f"<li>{html.escape(line)}</li>" for line in outcome_lines(results))
+    return (
+        f'<h1>{html.escape(state["name"])} <span class="{tone}">{status}</span></h1>{error}'
+        f'<div class="cards">{boxes}</div><ul>{lines}</ul>'
+    )
+
+
+def _centimetres(metres: float | None) -> str:
+    return "-" if metres is None else f"{100 * metres:.1f} cm"
+
+
+def _table(header: list[str], rows: list[list[str]]) -> str:
+    """Make a table; cells are HTML already."""
+    head = "".join(f"<th>{name}</th>" for name in header)
+    body = "".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows)
+    table = f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+    return f'<div class="scroll">{table}</div>'
+
+
+def _stage_table(timing: dict[str, Any], results: dict[str, Any]) -> str:
+    n = results.get("map", {}).get("n_demonstrations", 0)
+    rows = [
+        [
+            row["name"],
+            seconds(row["wall_s"]),
+            seconds(row["cpu_s"]),
+            f"{row['items']} {row['unit']}" if row["items"] else "",
+            seconds(row["per_item_s"]) if row["per_item_s"] is not None else "",
+            seconds(row["thesis_s"]) if row["thesis_s"] is not None else "",
+            "human" if row["human"] else "machine",
+            "yes" if row["cached"] else "",
+            f"{row['peak_rss_mb']:.0f}",
+        ]
+        for row in stage_rows(timing, n)
+    ]
+    rows.append(["<b>total</b>", f"<b>{seconds(timing['total_wall_s'])}</b>"] + [""] * 7)
+    header = ["stage", "wall", "CPU", "items", "per item", "thesis", "by", "cached", "memory [MB]"]
+    return (
+        "<h2>What every stage cost</h2>"
+        + _table(header, rows)
+        + '<p class="soft">Per item: of the computation, also where it was cached. Thesis: table 7.1 '
+        f"(8 throws), scaled to the {n} demonstrations here; its labelling began with unnamed dots, "
+        "and its imitation covers select, map and imitate.</p>"
+    )
+
+
+def _recordings(records: dict[str, Any], results: dict[str, Any]) -> str:
+    """Speed, borders and labels of every recording."""
+    if "recognize" not in records:
+        return ""
+    labelled, found = records["label"], records["recognize"]
+    truth = records.get("read", (None,) * len(found))
+    labels = [name for part in (*found, *truth) if part is not None for name in part.labels]
+    colours = figures.label_colours(labels)
+    key = "".join(
+        f'<span style="background:{colour}"></span>{html.escape(name)}'
+        for name, colour in colours.items()
+    )
+    marker = results["segment"]["marker"]
+    plots = "".join(
+        f"<figure>{figures.speed_profile(recording, segments, manual, marker, colours)}</figure>"
+        for recording, segments, manual in zip(labelled, found, truth, strict=True)
+    )
+    return (
+        f'<h2>Segments and their labels</h2><p class="key">{key}</p>{plots}<figcaption>Speed of the '
+        "hand, found segments shaded by label, manual segments in the strip below.</figcaption>"
+    )
+
+
+def _motions(records: dict[str, Any], results: dict[str, Any]) -> str:
+    """Paths, learning curve and outcomes."""
+    if "refine" not in records:
+        return ""
+    motions = records["refine"]
+    radius = results["refine"]["success_radius_m"]
+    targets = np.array([_target(motion) for motion in motions]).reshape(-1, 3)
+    return (
+        "<h2>Demonstrated and executed paths</h2>"
+        f"<figure>{figures.paths(records['map'].trajectories, motions)}<figcaption>Path of the tool "
+        "centre point in the robot's frame (floor below the base).</figcaption></figure>"
+        "<h2>Refinement in simulation</h2>"
+        f'<div class="pair"><figure>{figures.learning_curve(motions, radius)}<figcaption>Best miss '
+        "so far of every motion.</figcaption></figure>"
+        f"<figure>{figures.outcome_scatter(motions, targets, radius)}<figcaption>Where each motion "
+        "ended, relative to its own target.</figcaption></figure></div>"
+    )
+
+
+def _target(motion: Any) -> np.ndarray:
+    """Return what a motion was to reach: the throw's target, else the end pose."""
+    thrown = np.all(np.isfinite(motion.plan.target))
+    return motion.plan.target if thrown else motion.plan.goal_pose[:3]
+
+
+def _demonstrations(records: dict[str, Any], results: dict[str, Any]) -> str:
+    """One row a demonstration."""
+    if "map" not in records:
+        return ""
+    motions = {motion.plan.name: motion for motion in records.get("refine", ())}
+    rows = []
+    for trajectory in records["map"].trajectories:
+        motion = motions.get(trajectory.name)
+        row = [
+            html.escape(trajectory.name),
+            f"{trajectory.time[-1]:.2f}",
+            f"{trajectory.time_stretch:.2f}",
+            f"{1000 * trajectory.position_error.mean():.1f}",
+            f"{np.rad2deg(trajectory.orientation_error.mean()):.1f}",
+        ]
+        if motion is not None:
+            tone, word = ("good", "yes") if motion.success else ("bad", "no")
+            before = _centimetres(motion.miss_before) if np.isfinite(motion.miss_before) else ""
+            row += [
+                before or html.escape(motion.failure),
+                _centimetres(motion.miss),
+                str(len(motion.returns)),
+                f'<span class="{tone}">{word}</span>',
+            ]
+        rows.append(row)
+    header = [
+        "demonstration",
+        "duration [s]",
+        "stretch",
+        "position error [mm]",
+        "orientation error [deg]",
+    ]
+    if motions:
+        header += ["miss, imitated", "miss, refined", "episodes", "success"]
+    failed = "".join(f"<li>{html.escape(line)}</li>" for line in results["map"]["failed"])
+    failures = f'<p class="bad">Not transferred:</p><ul>{failed}</ul>' if failed else ""
+    return "<h2>Every demonstration</h2>" + _table(header, rows) + failures
+
+
+def _provenance(folder: Path, state: dict[str, Any], results: dict[str, Any]) -> str:
+    """Config, versions and figures, folded."""
+    try:
+        config = (folder / "pipeline.yaml").read_text(encoding="utf-8")
+    except OSError as error:
+        raise RunError(f"{folder}: not a run: pipeline.yaml: {error.strerror}") from None
+    parts = {
+        "Configuration, every default written": config,
+        "Figures of the run": json.dumps(results, indent=2),
+        "Versions, machine, inputs": json.dumps(
+            {key: state[key] for key in ("versions", "commit", "machine", "inputs")}, indent=2
+        ),
+    }
+    return "<h2>Where it comes from</h2>" + "".join(
+        f"<details><summary>{title}</summary><pre>{html.escape(text)}</pre></details>"
+        for title, text in parts.items()
+    )

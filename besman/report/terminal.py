@@ -1,0 +1,114 @@
+"""The report in the terminal."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from besman.report.timing import read_json, seconds, stage_rows
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+
+def print_report(folder: Path, console: Console) -> None:
+    """Print the stage table and the outcome of a run.
+
+    Parameters
+    ----------
+    folder : Path
+        A run folder.
+    console : rich.console.Console
+        Where to print.
+
+    Raises
+    ------
+    RunError
+        If the folder is not a run.
+    """
+    from rich.table import Table
+
+    state = read_json(folder / "run.json")
+    timing = read_json(folder / "timing.json")
+    results = read_json(folder / "results.json")
+    n = results.get("map", {}).get("n_demonstrations", 0)
+    table = Table(title=f"{state['name']}: {state['status']}", caption=_caption(n))
+    table.add_column("stage")
+    for name in ("wall", "CPU", "items", "per item", "thesis"):
+        table.add_column(name, justify="right")
+    table.add_column("by")
+    table.add_column("cached")
+    for row in stage_rows(timing, n):
+        table.add_row(
+            row["name"],
+            seconds(row["wall_s"]),
+            seconds(row["cpu_s"]),
+            f"{row['items']} {row['unit']}" if row["items"] else "",
+            seconds(row["per_item_s"]) if row["per_item_s"] is not None else "",
+            seconds(row["thesis_s"]) if row["thesis_s"] is not None else "",
+            "human" if row["human"] else "machine",
+            "yes" if row["cached"] else "",
+        )
+    table.add_section()
+    table.add_row("total", seconds(timing["total_wall_s"]))
+    console.print(table)
+    for line in outcome_lines(results):
+        console.print(line, highlight=False)
+
+
+def _caption(n: int) -> str:
+    return (
+        f"thesis: table 7.1, scaled to {n} demonstrations; its times for labelling are for unnamed "
+        "dots, and its imitation covers select, map and imitate"
+    )
+
+
+def outcome_lines(results: dict[str, Any]) -> list[str]:
+    """Say in a few lines what a run found.
+
+    Parameters
+    ----------
+    results : dict
+        Content of ``results.json``.
+
+    Returns
+    -------
+    list of str
+    """
+    lines = []
+    segment = results.get("segment", {})
+    if "f1" in segment:
+        lines.append(
+            f"segmentation: F1 {segment['f1']:.3f} against the manual segments "
+            f"(margin {segment['margin_s']:g} s), median border offset "
+            f"{segment['median_offset_s']:.3f} s"
+        )
+    recognize = results.get("recognize", {})
+    if recognize.get("accuracy") is not None:
+        lines.append(
+            f"recognition: {recognize['accuracy']:.1%} of the detected segments, "
+            f"{recognize['accuracy_manual']:.1%} of the manual segments"
+        )
+    mapped = results.get("map", {})
+    if mapped:
+        error = mapped["position_error_m"]
+        lines.append(
+            f"mapping: {mapped['n_transferred']} of {mapped['n_demonstrations']} demonstrations, "
+            f"position error mean {1000 * error['mean']:.1f} mm, max {1000 * error['max']:.1f} mm, "
+            f"{mapped['limit_violations']} samples outside a limit, "
+            f"{mapped['self_collisions']} in self-collision"
+        )
+    refine = results.get("refine", {})
+    if refine:
+        lines.append(
+            f"refinement: {refine['n_success']} of {refine['n_motions']} succeed, miss "
+            f"{100 * _number(refine['miss_before_m']['median']):.1f} cm before, "
+            f"{100 * _number(refine['miss_m']['median']):.1f} cm after (medians), "
+            f"{refine['episodes']['median']:.0f} episodes"
+        )
+    return lines
+
+
+def _number(value: float | None) -> float:
+    """Return NaN for a figure that JSON holds as null."""
+    return float("nan") if value is None else value
