@@ -1,0 +1,1 @@
+"""Segmentation of movements into building blocks."""
