@@ -1,0 +1,1 @@
+"""Robot arms: description, kinematics, collisions, limits."""

@@ -1,0 +1,168 @@
+"""What a robot.yaml may say."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field, field_validator
+
+from besman.stage import Config
+
+Triple = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+NotNegative = Annotated[float, Field(ge=0)]
+
+
+class JointConfig(Config):
+    """One joint that moves, in the order from base to tip.
+
+    Attributes
+    ----------
+    name : str
+        Name of the joint in the URDF.
+    position_deg : pair of float
+        Lower and upper limit, degrees.
+    velocity_deg_s, acceleration_rad_s2, torque_nm : float
+        Greatest absolute values, above zero: degrees/s, rad/s^2, Nm.
+    home_deg : float
+        Angle of the home configuration, degrees.
+    """
+
+    name: str
+    position_deg: tuple[float, float]
+    velocity_deg_s: float
+    acceleration_rad_s2: float
+    torque_nm: float
+    home_deg: float
+
+
+class InertiaConfig(Config):
+    """The inertia of a link, where the URDF's is wrong.
+
+    Attributes
+    ----------
+    mass_kg : float
+        Kilogrammes.
+    com_m : triple of float
+        Centre of mass in the link's frame, metres.
+    inertia_kgm2 : triple of float
+        Diagonal of the inertia tensor about the centre of mass, axes of the link's frame, kg m^2.
+    """
+
+    mass_kg: Annotated[float, Field(gt=0)]
+    com_m: Triple
+    inertia_kgm2: tuple[
+        Annotated[float, Field(gt=0)], Annotated[float, Field(gt=0)], Annotated[float, Field(gt=0)]
+    ]
+
+
+class ToolConfig(Config):
+    """What is mounted on the flange.
+
+    Attributes
+    ----------
+    translation_m : triple of float
+        Origin of the tool centre point (TCP) in the flange's frame (the tip link), metres.
+    rotation_wxyz : quadruple of float
+        Orientation of the TCP frame in the flange's frame. TCP z is where the tool points.
+    hand_to_tcp_wxyz : quadruple of float
+        Orientation of the TCP frame in the hand frame of the person: which axis of the hand the
+        tool's axes follow.
+    mass_kg : float
+        Mass, spread evenly along the capsule.
+    capsule_length_m, capsule_radius_m : float
+        Capsule for collisions along TCP z, from the flange to `capsule_length_m` in front of it;
+        no capsule if the radius is 0.
+    """
+
+    translation_m: Triple = (0.0, 0.0, 0.0)
+    rotation_wxyz: Quaternion = (1.0, 0.0, 0.0, 0.0)
+    hand_to_tcp_wxyz: Quaternion = (1.0, 0.0, 0.0, 0.0)
+    mass_kg: NotNegative = 0.0
+    capsule_length_m: NotNegative = 0.0
+    capsule_radius_m: NotNegative = 0.0
+
+    @field_validator("rotation_wxyz", "hand_to_tcp_wxyz")
+    @classmethod
+    def _normalise(cls, value: Quaternion) -> Quaternion:
+        norm = sum(part * part for part in value) ** 0.5
+        if norm < 1e-6:
+            raise ValueError("expected a quaternion (w, x, y, z) that is not zero")
+        w, x, y, z = (part / norm for part in value)
+        return (w, x, y, z)
+
+
+class MountingConfig(Config):
+    """How the arm stands.
+
+    Attributes
+    ----------
+    height_m : float
+        Height of the base link above the floor, metres.
+    yaw_deg : float
+        Turn of the base link about the vertical, degrees: world x is forward.
+    pedestal_radius_m : float
+        Radius of the column below the base, metres; 0 for none.
+    """
+
+    height_m: NotNegative = 0.0
+    yaw_deg: float = 0.0
+    pedestal_radius_m: NotNegative = 0.0
+
+
+class CapsuleConfig(Config):
+    """A capsule around a part of a link.
+
+    Attributes
+    ----------
+    link : str
+        Link of the URDF.
+    ends_m : pair of triple of float
+        Ends of the axis in the link's frame, metres.
+    radius_m : float
+        Metres.
+    """
+
+    link: str
+    ends_m: tuple[Triple, Triple]
+    radius_m: Annotated[float, Field(gt=0)]
+
+
+class RobotConfig(Config):
+    """A robot.yaml.
+
+    Attributes
+    ----------
+    name : str
+        Name of the robot.
+    urdf : str
+        Path relative to the robot.yaml, or ``example-robot-data:PATH`` below the folder
+        ``robots`` of that installed package.
+    tip : str
+        Link of the URDF that tools are mounted on, z pointing away from the arm.
+    joints : tuple of JointConfig
+        The joints that move, from base to tip. All others are fixed at zero.
+    mounting : MountingConfig
+        How the arm stands.
+    inertia : dict of InertiaConfig
+        By link, where the URDF's inertia is wrong.
+    capsules : tuple of CapsuleConfig
+        What encloses the links; if empty, capsules are fitted to the URDF's collision meshes.
+    ignored_pairs : tuple of pairs of str
+        Links that cannot collide with each other, besides neighbours.
+    tools : dict of ToolConfig
+        By name.
+    default_tool : str
+        Used where none is named.
+    """
+
+    name: str
+    urdf: str
+    tip: str
+    joints: Annotated[tuple[JointConfig, ...], Field(min_length=1)]
+    mounting: MountingConfig = MountingConfig()
+    inertia: dict[str, InertiaConfig] = Field(default_factory=dict)
+    capsules: tuple[CapsuleConfig, ...] = ()
+    ignored_pairs: tuple[tuple[str, str], ...] = ()
+    tools: Annotated[dict[str, ToolConfig], Field(min_length=1)]
+    default_tool: str

@@ -1,0 +1,189 @@
+"""Inverse dynamics of an arm for whole trajectories."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from besman.robot.model import Robot
+
+FloatArray = npt.NDArray[np.float64]
+
+GRAVITY = 9.81  # m/s^2
+
+
+@dataclass(frozen=True, eq=False)
+class BodyInertias:
+    """What each joint moves by itself (its link, and the tool with the last).
+
+    Attributes
+    ----------
+    masses : array, shape (n,)
+        kg.
+    centres : array, shape (n, 3)
+        Centres of mass in the joints' frames, metres.
+    tensors : array, shape (n, 3, 3)
+        Inertia about the centre of mass, axes of the joints' frames, kg m^2.
+    """
+
+    masses: FloatArray
+    centres: FloatArray
+    tensors: FloatArray
+
+
+def body_inertias(robot: Robot) -> BodyInertias:
+    """Take the inertias out of a robot's Pinocchio model."""
+    inertias = list(robot.model.inertias)[1:]
+    return BodyInertias(
+        masses=np.array([inertia.mass for inertia in inertias]),
+        centres=np.array([inertia.lever for inertia in inertias]),
+        tensors=np.array([inertia.inertia for inertia in inertias]),
+    )
+
+
+def inverse_dynamics(
+    robot: Robot,
+    positions: npt.ArrayLike,
+    velocities: npt.ArrayLike,
+    accelerations: npt.ArrayLike,
+) -> FloatArray:
+    """Compute the joint torques of movements by the recursive Newton-Euler algorithm.
+
+    Parameters
+    ----------
+    robot : Robot
+        The arm with its tool.
+    positions, velocities, accelerations : array, shape (..., n)
+        rad, rad/s, rad/s^2.
+
+    Returns
+    -------
+    array, shape (..., n)
+        Nm.
+
+    References
+    ----------
+    .. [1] R. Featherstone: Rigid Body Dynamics Algorithms, Springer 2008, section 5.3.
+    """
+    shape = np.shape(positions)
+    flat = [
+        np.ascontiguousarray(np.reshape(values, (-1, robot.n)), dtype=np.float64)
+        for values in (positions, velocities, accelerations)
+    ]
+    bodies = body_inertias(robot)
+    chain = robot.chain
+    torques = _newton_euler(
+        chain.placements, chain.axes, bodies.masses, bodies.centres, bodies.tensors, *flat
+    )
+    return torques.reshape(shape)
+
+
+@numba.njit(cache=True, inline="always")
+def _cross(a: FloatArray, b: FloatArray, out: FloatArray) -> None:  # pragma: no cover
+    out[0] = a[1] * b[2] - a[2] * b[1]
+    out[1] = a[2] * b[0] - a[0] * b[2]
+    out[2] = a[0] * b[1] - a[1] * b[0]
+
+
+@numba.njit(cache=True, inline="always")
+def _turn(R: FloatArray, v: FloatArray, out: FloatArray) -> None:  # pragma: no cover
+    for i in range(3):
+        out[i] = R[i, 0] * v[0] + R[i, 1] * v[1] + R[i, 2] * v[2]
+
+
+@numba.njit(cache=True, inline="always")
+def _turn_back(R: FloatArray, v: FloatArray, out: FloatArray) -> None:  # pragma: no cover
+    for i in range(3):
+        out[i] = R[0, i] * v[0] + R[1, i] * v[1] + R[2, i] * v[2]
+
+
+@numba.njit(cache=True)
+def _joint_rotation(
+    placement: FloatArray, axis: FloatArray, angle: float, out: FloatArray
+) -> None:  # pragma: no cover
+    """Rotation child2parent: fixed placement times rotation about the axis (Rodrigues)."""
+    c, s = np.cos(angle), np.sin(angle)
+    x, y, z = axis
+    t = 1.0 - c
+    turn = np.array(
+        [
+            [t * x * x + c, t * x * y - s * z, t * x * z + s * y],
+            [t * x * y + s * z, t * y * y + c, t * y * z - s * x],
+            [t * x * z - s * y, t * y * z + s * x, t * z * z + c],
+        ]
+    )
+    for i in range(3):
+        for j in range(3):
+            out[i, j] = (
+                placement[i, 0] * turn[0, j]
+                + placement[i, 1] * turn[1, j]
+                + placement[i, 2] * turn[2, j]
+            )
+
+
+@numba.njit(cache=True, nogil=True)
+def _newton_euler(
+    placements: FloatArray,
+    axes: FloatArray,
+    masses: FloatArray,
+    centres: FloatArray,
+    tensors: FloatArray,
+    positions: FloatArray,
+    velocities: FloatArray,
+    accelerations: FloatArray,
+) -> FloatArray:  # pragma: no cover
+    samples, n = positions.shape
+    torques = np.empty((samples, n))
+    R = np.empty((n, 3, 3))
+    force, moment = np.empty((n, 3)), np.empty((n, 3))
+    w, dw, a = np.zeros(3), np.zeros(3), np.zeros(3)
+    t1, t2, t3 = np.empty(3), np.empty(3), np.empty(3)
+    for k in range(samples):
+        w[:] = 0.0
+        dw[:] = 0.0
+        a[:] = 0.0
+        # A base that accelerates upwards feels gravity.
+        a[2] = GRAVITY
+        for i in range(n):
+            _joint_rotation(placements[i], axes[i], positions[k, i], R[i])
+            offset = placements[i, :3, 3]
+            _cross(w, offset, t1)
+            _cross(w, t1, t2)
+            _cross(dw, offset, t1)
+            for j in range(3):
+                t1[j] += t2[j] + a[j]
+            _turn_back(R[i], t1, a)
+            _turn_back(R[i], w, t1)
+            _turn_back(R[i], dw, t2)
+            for j in range(3):
+                t3[j] = axes[i, j] * velocities[k, i]
+                w[j] = t1[j] + t3[j]
+            _cross(t1, t3, dw)
+            for j in range(3):
+                dw[j] += t2[j] + axes[i, j] * accelerations[k, i]
+            _cross(w, centres[i], t1)
+            _cross(w, t1, t2)
+            _cross(dw, centres[i], t1)
+            for j in range(3):
+                force[i, j] = masses[i] * (a[j] + t1[j] + t2[j])
+            _turn(tensors[i], w, t1)
+            _cross(w, t1, t2)
+            _turn(tensors[i], dw, t1)
+            _cross(centres[i], force[i], t3)
+            for j in range(3):
+                moment[i, j] = t1[j] + t2[j] + t3[j]
+        for i in range(n - 1, -1, -1):
+            torques[k, i] = (
+                axes[i, 0] * moment[i, 0] + axes[i, 1] * moment[i, 1] + axes[i, 2] * moment[i, 2]
+            )
+            if i > 0:
+                _turn(R[i], force[i], t1)
+                _turn(R[i], moment[i], t2)
+                _cross(placements[i, :3, 3], t1, t3)
+                for j in range(3):
+                    force[i - 1, j] += t1[j]
+                    moment[i - 1, j] += t2[j] + t3[j]
+    return torques

@@ -1,0 +1,316 @@
+"""A robot arm as all parts use it: Pinocchio model, limits, arrays for batched kinematics."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from besman.config_file import load_config
+from besman.exceptions import RobotError, nearest
+from besman.resources import resource_folder
+from besman.robot.config import JointConfig, RobotConfig, ToolConfig
+
+FloatArray = npt.NDArray[np.float64]
+
+_PACKAGE = "example-robot-data"
+
+
+@dataclass(frozen=True, eq=False)
+class JointLimits:
+    """Limits of n joints.
+
+    Attributes
+    ----------
+    position_min, position_max : array, shape (n,)
+        rad.
+    velocity, acceleration, torque : array, shape (n,)
+        Greatest absolute values: rad/s, rad/s^2, Nm; all above zero.
+    """
+
+    position_min: FloatArray
+    position_max: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    torque: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Tool:
+    """The tool on the flange.
+
+    Attributes
+    ----------
+    name : str
+    tcp2flange : array, shape (4, 4)
+        Pose of the tool centre point (TCP) in the flange's frame, metres. TCP z points where the
+        tool points.
+    tcp2hand : array, shape (3, 3)
+        Orientation of the TCP frame in the person's hand frame: a demonstrated hand orientation
+        R (hand2world) asks for the TCP orientation ``R @ tcp2hand``.
+    mass : float
+        kg, part of the Pinocchio model's last body.
+    capsule_length, capsule_radius : float
+        Capsule along TCP z from the flange, metres; radius 0 for none.
+    """
+
+    name: str
+    tcp2flange: FloatArray
+    tcp2hand: FloatArray
+    mass: float
+    capsule_length: float
+    capsule_radius: float
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """The arm as plain arrays for compiled kernels. World: floor below the base, z up.
+
+    Attributes
+    ----------
+    placements : array, shape (n, 4, 4)
+        Pose of each joint's frame in the frame of the joint before it (the first: in the world)
+        when all angles are zero, metres.
+    axes : array, shape (n, 3)
+        Unit rotation axes in the joints' own frames.
+    tip : array, shape (4, 4)
+        Pose of the TCP in the last joint's frame, metres.
+    capsule_joints : int array, shape (C,)
+        Joint that moves each capsule; -1 for what stands still.
+    capsule_ends : array, shape (C, 2, 3)
+        Both ends of each capsule's axis in the frame of its joint (or the world), metres.
+    capsule_radii : array, shape (C,)
+        Metres.
+    capsule_links : tuple of str, length C
+        Link that each capsule belongs to.
+    capsule_pairs : int array, shape (P, 2)
+        Pairs of capsules that must not touch.
+    """
+
+    placements: FloatArray
+    axes: FloatArray
+    tip: FloatArray
+    capsule_joints: npt.NDArray[np.int64]
+    capsule_ends: FloatArray
+    capsule_radii: FloatArray
+    capsule_links: tuple[str, ...]
+    capsule_pairs: npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """One arm with one tool.
+
+    Attributes
+    ----------
+    name : str
+    joint_names : tuple of str, length n
+        From base to tip.
+    model : pinocchio.Model
+        Fixed base; its world is the floor below the base, z up; the tool's mass is in the last
+        body; frame ``tcp`` is the tool centre point. Make your own data: ``model.createData()``.
+    tip_frame : int
+        Index of frame ``tcp`` in `model`.
+    limits : JointLimits
+    home : array, shape (n,)
+        Home configuration, rad.
+    chain : Chain
+    tool : Tool
+    base_height : float
+        Height of the base above the floor, metres.
+    content : dict
+        Everything that the robot is made from, as plain JSON values, for the cache's key.
+    """
+
+    name: str
+    joint_names: tuple[str, ...]
+    model: Any
+    tip_frame: int
+    limits: JointLimits
+    home: FloatArray
+    chain: Chain
+    tool: Tool
+    base_height: float
+    content: dict[str, Any]
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.joint_names)
+
+
+def list_robots() -> list[str]:
+    """Return the names of the robots that are there, sorted."""
+    return sorted(path.parent.name for path in resource_folder("robots").glob("*/robot.yaml"))
+
+
+def find_robot(name_or_path: str | Path) -> Path:
+    """Return the path of a robot.yaml.
+
+    Parameters
+    ----------
+    name_or_path : str or Path
+        Name of a robot that is there, or a path to a robot.yaml.
+
+    Raises
+    ------
+    RobotError
+        If there is no such robot.
+    """
+    path = Path(name_or_path)
+    if path.suffix in {".yaml", ".yml"} and path.is_file():
+        return path
+    found = resource_folder("robots") / str(name_or_path) / "robot.yaml"
+    if len(path.parts) == 1 and found.is_file():
+        return found
+    raise RobotError(f"no robot {str(name_or_path)!r}; {nearest(str(name_or_path), list_robots())}")
+
+
+def load_robot(name_or_path: str | Path, tool: str | None = None) -> Robot:
+    """Load a robot with one of its tools.
+
+    Parameters
+    ----------
+    name_or_path : str or Path
+        Name of a robot that is there, or a path to a robot.yaml.
+    tool : str, optional
+        One of the robot's tools; without it the robot's default tool.
+
+    Returns
+    -------
+    Robot
+        Arrays are read-only.
+
+    Raises
+    ------
+    RobotError
+        If robot, tool, URDF, joint or link is not there, or a limit is not above zero.
+    ConfigError
+        If the robot.yaml is not valid.
+    """
+    path = find_robot(name_or_path)
+    config = load_config(path, RobotConfig)
+    tool_name = config.default_tool if tool is None else tool
+    if tool_name not in config.tools:
+        raise RobotError(f"{path}: no tool {tool_name!r}; {nearest(tool_name, config.tools)}")
+    for joint in config.joints:
+        _check_limits(joint, path)
+    urdf, mesh_folder = _find_urdf(config.urdf, path)
+    return _build(config, tool_name, urdf, mesh_folder, path)
+
+
+def _check_limits(joint: JointConfig, path: Path) -> None:
+    """Refuse limits that no movement could keep."""
+    lower, upper = joint.position_deg
+    if not lower < upper:
+        raise RobotError(
+            f"{path}: joint {joint.name}: position_deg: got {[lower, upper]}, "
+            "expected the lower limit below the upper one"
+        )
+    for name in ("velocity_deg_s", "acceleration_rad_s2", "torque_nm"):
+        value = getattr(joint, name)
+        if not value > 0:
+            raise RobotError(
+                f"{path}: joint {joint.name}: {name}: got {value:g}, expected more than 0"
+            )
+    if not lower <= joint.home_deg <= upper:
+        raise RobotError(
+            f"{path}: joint {joint.name}: home_deg: got {joint.home_deg:g}, "
+            f"expected it within position_deg {[lower, upper]}"
+        )
+
+
+def _find_urdf(source: str, path: Path) -> tuple[Path, Path]:
+    """Return the URDF and the folder that its ``package://`` addresses start from."""
+    prefix, colon, inside = source.partition(":")
+    if not colon:
+        urdf, folder = path.parent / source, path.parent
+    elif prefix == _PACKAGE:
+        folder = _share_folder()
+        urdf = folder / _PACKAGE / "robots" / inside
+    else:
+        raise RobotError(
+            f"{path}: urdf: got {source!r}, expected a relative path or '{_PACKAGE}:PATH'"
+        )
+    if not urdf.is_file():
+        raise RobotError(f"{path}: urdf: no file {urdf}")
+    return urdf, folder
+
+
+def _share_folder() -> Path:
+    """Return the share folder that holds example-robot-data, which ships no Python module."""
+    try:
+        distribution = metadata.distribution(_PACKAGE)
+    except metadata.PackageNotFoundError:
+        raise RobotError(f"package {_PACKAGE!r} is not installed; pip install {_PACKAGE}") from None
+    return Path(str(distribution.locate_file("cmeel.prefix/share")))
+
+
+def _build(config: RobotConfig, tool_name: str, urdf: Path, mesh_folder: Path, path: Path) -> Robot:
+    """Assemble the robot from its checked config."""
+    from besman.robot import pinocchio_model
+
+    limits = _limits(config.joints)
+    tool = _tool(tool_name, config.tools[tool_name])
+    model, tip_frame = pinocchio_model.build_model(config, tool, limits, urdf, path)
+    chain = pinocchio_model.build_chain(model, tip_frame, config, tool, urdf, mesh_folder, path)
+    content = {
+        "config": config.model_dump(mode="json"),
+        "tool": tool_name,
+        "urdf_sha256": hashlib.sha256(urdf.read_bytes()).hexdigest(),
+        "capsules": np.round(chain.capsule_ends, 9).tolist(),
+        "radii": np.round(chain.capsule_radii, 9).tolist(),
+    }
+    return Robot(
+        name=config.name,
+        joint_names=tuple(joint.name for joint in config.joints),
+        model=model,
+        tip_frame=tip_frame,
+        limits=limits,
+        home=read_only(np.radians([joint.home_deg for joint in config.joints])),
+        chain=chain,
+        tool=tool,
+        base_height=config.mounting.height_m,
+        content=content,
+    )
+
+
+def read_only(array: npt.ArrayLike) -> FloatArray:
+    """Return a read-only copy as float64."""
+    copy = np.array(array, dtype=np.float64)
+    copy.setflags(write=False)
+    return copy
+
+
+def _limits(joints: tuple[JointConfig, ...]) -> JointLimits:
+    """Collect the joints' limits in SI units."""
+    return JointLimits(
+        position_min=read_only(np.radians([joint.position_deg[0] for joint in joints])),
+        position_max=read_only(np.radians([joint.position_deg[1] for joint in joints])),
+        velocity=read_only(np.radians([joint.velocity_deg_s for joint in joints])),
+        acceleration=read_only([joint.acceleration_rad_s2 for joint in joints]),
+        torque=read_only([joint.torque_nm for joint in joints]),
+    )
+
+
+def _tool(name: str, config: ToolConfig) -> Tool:
+    """Turn a tool's config into matrices."""
+    from scipy.spatial.transform import Rotation
+
+    tcp2flange = np.eye(4)
+    tcp2flange[:3, :3] = Rotation.from_quat(config.rotation_wxyz, scalar_first=True).as_matrix()
+    tcp2flange[:3, 3] = config.translation_m
+    tcp2hand = Rotation.from_quat(config.hand_to_tcp_wxyz, scalar_first=True).as_matrix()
+    return Tool(
+        name=name,
+        tcp2flange=read_only(tcp2flange),
+        tcp2hand=read_only(tcp2hand),
+        mass=config.mass_kg,
+        capsule_length=config.capsule_length_m,
+        capsule_radius=config.capsule_radius_m,
+    )

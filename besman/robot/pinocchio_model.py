@@ -1,0 +1,298 @@
+"""The Pinocchio model of an arm, and the plain arrays taken from it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio
+
+from besman.exceptions import RobotError, nearest
+from besman.robot.capsules import fit_capsules
+from besman.robot.config import RobotConfig
+from besman.robot.model import Chain, JointLimits, Tool, read_only
+
+FloatArray = npt.NDArray[np.float64]
+
+
+def build_model(
+    config: RobotConfig, tool: Tool, limits: JointLimits, urdf: Path, path: Path
+) -> tuple[Any, int]:
+    """Build the Pinocchio model with mounting, tool and the config's limits and inertias.
+
+    Parameters
+    ----------
+    config : RobotConfig
+        What the robot.yaml says.
+    tool : Tool
+        Its mass goes to the last body; frame ``tcp`` is added.
+    limits : JointLimits
+        Written into the model.
+    urdf : Path
+        The URDF.
+    path : Path
+        The robot.yaml, named in errors.
+
+    Returns
+    -------
+    model : pinocchio.Model
+    tip_frame : int
+        Index of frame ``tcp``.
+
+    Raises
+    ------
+    RobotError
+        If the URDF cannot be used, or a joint or link is not in it.
+    """
+    try:
+        full = pinocchio.buildModelFromXML(_override_inertia(config, urdf, path))
+    except (ValueError, RuntimeError) as error:
+        line = str(error).splitlines()[0] if str(error) else "not valid"
+        raise RobotError(f"{urdf}: cannot be used as URDF: {line}") from None
+    names = [joint.name for joint in config.joints]
+    model = _reduce(full, names, path)
+    if not model.existFrame(config.tip):
+        links = [frame.name for frame in model.frames if frame.type == pinocchio.FrameType.BODY]
+        raise RobotError(f"{path}: tip: no link {config.tip!r}; {nearest(config.tip, links)}")
+    _mount(model, config)
+    tip_frame = _attach(model, config.tip, tool, path)
+    model.lowerPositionLimit = limits.position_min.copy()
+    model.upperPositionLimit = limits.position_max.copy()
+    model.upperVelocityLimit = limits.velocity.copy()
+    model.lowerVelocityLimit = -limits.velocity
+    model.upperEffortLimit = limits.torque.copy()
+    model.lowerEffortLimit = -limits.torque
+    return model, tip_frame
+
+
+def _override_inertia(config: RobotConfig, urdf: Path, path: Path) -> str:
+    """Return the URDF's text with the inertias of the config in the place of its own."""
+    text = urdf.read_text(encoding="utf-8")
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:
+        raise RobotError(f"{urdf}: document types and entities are not allowed in a URDF")
+    try:
+        tree = ElementTree.fromstring(text)  # noqa: S314 -- entities are refused above
+    except ElementTree.ParseError as error:
+        raise RobotError(f"{urdf}: not valid XML: {error}") from None
+    links = {str(link.get("name")): link for link in tree.iter("link")}
+    for name, inertia in config.inertia.items():
+        if name not in links:
+            raise RobotError(f"{path}: inertia: no link {name!r}; {nearest(name, links)}")
+        for old in links[name].findall("inertial"):
+            links[name].remove(old)
+        new = ElementTree.SubElement(links[name], "inertial")
+        xyz = " ".join(repr(part) for part in inertia.com_m)
+        ElementTree.SubElement(new, "origin", xyz=xyz, rpy="0 0 0")
+        ElementTree.SubElement(new, "mass", value=repr(inertia.mass_kg))
+        moments = dict.fromkeys(("ixx", "iyy", "izz", "ixy", "ixz", "iyz"), "0")
+        for key, value in zip(("ixx", "iyy", "izz"), inertia.inertia_kgm2, strict=True):
+            moments[key] = repr(value)
+        ElementTree.SubElement(new, "inertia", moments)
+    return ElementTree.tostring(tree, encoding="unicode")
+
+
+def _reduce(full: Any, names: list[str], path: Path) -> Any:
+    """Fix all joints but the named ones, and check that these form one chain of hinges."""
+    there = list(full.names)[1:]
+    for name in names:
+        if name not in there:
+            raise RobotError(
+                f"{path}: joints: no joint {name!r} in the URDF; {nearest(name, there)}"
+            )
+    fixed = [full.getJointId(name) for name in there if name not in names]
+    model = pinocchio.buildReducedModel(full, fixed, pinocchio.neutral(full)) if fixed else full
+    if list(model.names)[1:] != names or list(model.parents)[1:] != list(range(len(names))):
+        raise RobotError(
+            f"{path}: joints: expected one chain from base to tip, in the URDF's order: "
+            f"{', '.join(list(model.names)[1:])}"
+        )
+    for joint in list(model.joints)[1:]:
+        if joint.nq != 1 or not _is_hinge(joint):
+            name = model.names[joint.id]
+            raise RobotError(f"{path}: joint {name}: only hinges with limits can be used")
+    return model
+
+
+def _axis(joint: Any) -> FloatArray:
+    """Return the rotation axis of a hinge in its own frame (zero if it does not rotate)."""
+    data = joint.createData()
+    joint.calc(data, np.zeros(joint.nq), np.zeros(joint.nv))
+    axis: FloatArray = np.asarray(data.S, dtype=np.float64).reshape(6)[3:]
+    return axis
+
+
+def _is_hinge(joint: Any) -> bool:
+    """Tell whether a joint is a hinge."""
+    return bool(abs(np.linalg.norm(_axis(joint)) - 1.0) < 1e-9)
+
+
+def _mount(model: Any, config: RobotConfig) -> None:
+    """Raise the arm onto its pedestal: everything that hangs on the world moves along."""
+    yaw = np.radians(config.mounting.yaw_deg)
+    turn = pinocchio.exp3(np.array([0.0, 0.0, yaw]))
+    mount = pinocchio.SE3(turn, np.array([0.0, 0.0, config.mounting.height_m]))
+    model.jointPlacements[1] = mount * model.jointPlacements[1]
+    for index in range(1, model.nframes):
+        if model.frames[index].parentJoint == 0:
+            model.frames[index].placement = mount * model.frames[index].placement
+
+
+def _attach(model: Any, tip: str, tool: Tool, path: Path) -> int:
+    """Add the tool's mass and the frame ``tcp``."""
+    flange = model.frames[model.getFrameId(tip)]
+    if flange.parentJoint != model.njoints - 1:
+        raise RobotError(f"{path}: tip: link {tip!r} does not hang on the last joint")
+    tcp = flange.placement * pinocchio.SE3(tool.tcp2flange)
+    if tool.mass > 0:
+        radius = max(tool.capsule_radius, 0.01)
+        length = max(tool.capsule_length, radius)
+        body = pinocchio.Inertia.FromCylinder(tool.mass, radius, length)
+        start = flange.placement * pinocchio.SE3(tool.tcp2flange[:3, :3], np.zeros(3))
+        middle = start * pinocchio.SE3(np.eye(3), np.array([0.0, 0.0, length / 2]))
+        model.appendBodyToJoint(flange.parentJoint, body, middle)
+    frame = pinocchio.Frame(
+        "tcp",
+        flange.parentJoint,
+        model.getFrameId(tip),
+        tcp,
+        pinocchio.FrameType.OP_FRAME,
+    )
+    return int(model.addFrame(frame))
+
+
+def build_chain(
+    model: Any,
+    tip_frame: int,
+    config: RobotConfig,
+    tool: Tool,
+    urdf: Path,
+    mesh_folder: Path,
+    path: Path,
+) -> Chain:
+    """Take the arm's geometry out of the model as plain arrays.
+
+    Parameters
+    ----------
+    model : pinocchio.Model
+        From `build_model`.
+    tip_frame : int
+        Index of frame ``tcp``.
+    config : RobotConfig
+        Ignored pairs and pedestal.
+    tool : Tool
+        Its capsule is added.
+    urdf, mesh_folder : Path
+        The URDF and where its meshes are.
+    path : Path
+        The robot.yaml, named in errors.
+
+    Returns
+    -------
+    Chain
+        Arrays are read-only.
+    """
+    capsules = _link_capsules(model, config, urdf, mesh_folder, path)
+    if config.mounting.pedestal_radius_m > 0:
+        radius = config.mounting.pedestal_radius_m
+        height = max(config.mounting.height_m - radius, 0.0)
+        capsules.append(("pedestal", -1, np.array([[0.0, 0.0, 0.0], [0.0, 0.0, height]]), radius))
+    if tool.capsule_radius > 0:
+        flange = model.frames[model.getFrameId(config.tip)].placement.homogeneous
+        along = flange[:3, :3] @ tool.tcp2flange[:3, 2]
+        axis = flange[:3, 3] + np.outer([0.0, tool.capsule_length], along)
+        capsules.append(("tool", model.njoints - 2, axis, tool.capsule_radius))
+    links = [link for link, *_ in capsules]
+    joints = [joint for _, joint, *_ in capsules]
+    pairs = _pairs(links, joints, config)
+    indices = np.array(pairs, dtype=np.int64).reshape(-1, 2)
+    joint_array = np.array(joints, dtype=np.int64)
+    indices.setflags(write=False)
+    joint_array.setflags(write=False)
+    return Chain(
+        placements=read_only([place.homogeneous for place in list(model.jointPlacements)[1:]]),
+        axes=read_only([_axis(joint) for joint in list(model.joints)[1:]]),
+        tip=read_only(model.frames[tip_frame].placement.homogeneous),
+        capsule_joints=joint_array,
+        capsule_ends=read_only(np.reshape([ends for _, _, ends, _ in capsules], (-1, 2, 3))),
+        capsule_radii=read_only([radius for *_, radius in capsules]),
+        capsule_links=tuple(links),
+        capsule_pairs=indices,
+    )
+
+
+def link_meshes(
+    model: Any, config: RobotConfig, urdf: Path, mesh_folder: Path
+) -> list[tuple[str, int, FloatArray, npt.NDArray[np.int64]]]:
+    """Read the collision meshes of the links.
+
+    Returns
+    -------
+    list of (link, joint, vertices, triangles)
+        Vertices (V, 3) in the frame of the joint that moves the link (-1: in the world), metres;
+        triangles (F, 3) index them.
+    """
+    plain = pinocchio.buildModelFromUrdf(str(urdf))
+    try:
+        geometry = pinocchio.buildGeomFromUrdf(
+            plain, str(urdf), pinocchio.GeometryType.COLLISION, package_dirs=[str(mesh_folder)]
+        )
+    except (ValueError, RuntimeError) as error:
+        raise RobotError(f"{urdf}: collision meshes: {str(error).splitlines()[0]}") from None
+    meshes = []
+    for item in geometry.geometryObjects:
+        if not hasattr(item.geometry, "tri_indices"):
+            continue
+        link = plain.frames[item.parentFrame]
+        frame = model.frames[model.getFrameId(link.name, pinocchio.FrameType.BODY)]
+        pose = frame.placement * link.placement.actInv(item.placement)
+        vertices = np.asarray(item.geometry.vertices()) * item.meshScale
+        faces = [item.geometry.tri_indices(face) for face in range(item.geometry.num_tris)]
+        triangles = np.array([[face[corner] for corner in range(3)] for face in faces], np.int64)
+        placed = vertices @ pose.rotation.T + pose.translation
+        meshes.append((link.name, frame.parentJoint - 1, placed, triangles))
+    return meshes
+
+
+def _link_capsules(
+    model: Any, config: RobotConfig, urdf: Path, mesh_folder: Path, path: Path
+) -> list[tuple[str, int, FloatArray, float]]:
+    """List link, joint, ends in the joint's frame, and radius of every capsule of the links."""
+    if not config.capsules:
+        return [
+            (link, joint, ends, radius)
+            for link, joint, vertices, triangles in link_meshes(model, config, urdf, mesh_folder)
+            for ends, radius in fit_capsules(vertices, triangles)
+        ]
+    capsules = []
+    for capsule in config.capsules:
+        frame = _link_frame(model, capsule.link, path)
+        ends = np.array(capsule.ends_m) @ frame.placement.rotation.T + frame.placement.translation
+        capsules.append((capsule.link, frame.parentJoint - 1, ends, capsule.radius_m))
+    return capsules
+
+
+def _link_frame(model: Any, link: str, path: Path) -> Any:
+    """Return the frame of a link."""
+    if not model.existFrame(link, pinocchio.FrameType.BODY):
+        links = [frame.name for frame in model.frames if frame.type == pinocchio.FrameType.BODY]
+        raise RobotError(f"{path}: capsules: no link {link!r}; {nearest(link, links)}")
+    return model.frames[model.getFrameId(link, pinocchio.FrameType.BODY)]
+
+
+def _pairs(links: list[str], joints: list[int], config: RobotConfig) -> list[tuple[int, int]]:
+    """List the pairs of capsules that can collide and must not."""
+    ignored = {frozenset(pair) for pair in config.ignored_pairs}
+    last = max(joints, default=-1)
+    pairs = []
+    for first in range(len(links)):
+        for second in range(first + 1, len(links)):
+            names = frozenset((links[first], links[second]))
+            near, far = sorted((joints[first], joints[second]))
+            # The wrist's links carry the tool: they cannot reach it.
+            wrist = "tool" in names and near >= last - 2
+            if far - near > 1 and names not in ignored and not wrist:
+                pairs.append((first, second))
+    return pairs
