@@ -1,0 +1,1 @@
+"""Tasks that are simulated: an arm performs a movement in MuJoCo, and something comes of it."""
