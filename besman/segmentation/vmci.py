@@ -140,9 +140,7 @@ def find_change_points(
     return ChangePoints(trace_back(previous), float(best[-1]))
 
 
-def check_data(
-    positions: npt.ArrayLike, speeds: npt.ArrayLike
-) -> tuple[FloatArray, FloatArray]:
+def check_data(positions: npt.ArrayLike, speeds: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
     """Bring the data to contiguous arrays (T, d) and (T, s), or refuse it."""
     y = np.ascontiguousarray(positions, dtype=np.float64)
     v = np.ascontiguousarray(speeds, dtype=np.float64)

@@ -30,7 +30,12 @@ def find_change_points_plainly(
     model = model or VmciModel()
     y, v = check_data(positions, speeds)
     tables = make_tables(len(y), y.shape[1], v.shape[1], border_probability, longest, model)
-    evidence = tables.prior + tables.position + tables.speed + evaluate_segments(y, v, tables.prior.size - 1, model)
+    evidence = (
+        tables.prior
+        + tables.position
+        + tables.speed
+        + evaluate_segments(y, v, tables.prior.size - 1, model)
+    )
     best = np.full(len(y) + 1, -np.inf)
     best[0] = -np.log(model.n_centres)
     previous = np.zeros(len(y) + 1, dtype=np.int64)

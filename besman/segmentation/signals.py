@@ -1,0 +1,106 @@
+"""Marker paths made ready for segmentation: resampled, scaled, with their speed."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+
+# Steps below this share of the largest coordinate are rounding, not movement.
+_ROUNDING = 1e-12
+
+
+class Signals(NamedTuple):
+    """What a segmentation looks at.
+
+    Attributes
+    ----------
+    positions : array, shape (T, 3 * m)
+        Paths of m markers, zero mean, first differences of unit mean square for each marker.
+    speeds : array, shape (T, m)
+        Absolute speeds, first differences of unit mean square.
+    moves : bool
+        False if no marker moves; then all values are zero.
+    """
+
+    positions: FloatArray
+    speeds: FloatArray
+    moves: bool
+
+
+def resample(time: npt.ArrayLike, values: npt.ArrayLike, rate_hz: float) -> FloatArray:
+    """Sample values at a lower rate; every new sample is the mean over its period.
+
+    The mean keeps movement faster than the new rate from folding into slower movement.
+
+    Parameters
+    ----------
+    time : array, shape (T,)
+        Seconds, rising in equal steps.
+    values : array, shape (T, ...)
+        Values to be sampled.
+    rate_hz : float
+        New samples per second, at most the old rate.
+
+    Returns
+    -------
+    array, shape (R, ...)
+        Values at time[0] + k / rate_hz, as far as the data reach.
+    """
+    t = np.asarray(time, dtype=np.float64)
+    x = np.asarray(values, dtype=np.float64)
+    step = (t[-1] - t[0]) / (len(t) - 1)
+    n_new = int(np.floor((t[-1] - t[0]) * rate_hz + 1e-6)) + 1
+    centres = t[0] + np.arange(n_new) / rate_hz
+    half = max(1 / rate_hz, step) / 2
+    edges = t[0] + (np.arange(len(t) + 1) - 0.5) * step
+    flat = x.reshape(len(t), -1)
+    # The mean is taken about the first sample: sums of large offsets would round.
+    integral = np.concatenate([np.zeros((1, flat.shape[1])), np.cumsum(flat - flat[0], axis=0)])
+    low, high = (np.clip(centres + side, edges[0], edges[-1]) for side in (-half, half))
+    means = (_interpolate(high, edges, integral) - _interpolate(low, edges, integral)) * step
+    means = means / (high - low)[:, np.newaxis] + flat[0]
+    return means.reshape(n_new, *x.shape[1:])
+
+
+def _interpolate(at: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
+    """Interpolate every column of y linearly."""
+    return np.stack([np.interp(at, x, column) for column in y.T], axis=1)
+
+
+def prepare_signals(paths: npt.ArrayLike) -> Signals:
+    """Scale paths to zero mean and unit steps and derive their speeds.
+
+    One scale for the three axes of a marker, so that neither the unit nor a turn of the laboratory
+    matters (scaling each axis by itself, as the thesis does, would depend on the axes). Speed is
+    taken by central differences: the backward difference has no first value.
+
+    Parameters
+    ----------
+    paths : array, shape (T, m, 3)
+        Positions of m markers in equal time steps, T at least 2.
+
+    Returns
+    -------
+    Signals
+        Scaled positions and speeds.
+
+    References
+    ----------
+    Thesis 4.4.1 (scaling of the data) and 4.4.2 (prior from the first differences).
+    """
+    x = np.asarray(paths, dtype=np.float64)
+    size = np.abs(x).max()
+    x = x - x.mean(axis=0)
+    speeds = np.linalg.norm(np.gradient(x, axis=0), axis=2)
+    steps = np.sqrt(np.mean(np.diff(x, axis=0) ** 2, axis=(0, 2)))
+    moving = steps > _ROUNDING * size
+    changes = np.sqrt(np.mean(np.diff(speeds, axis=0) ** 2, axis=0))
+    # A marker at constant speed has no changes to scale by.
+    changes = np.where(changes > _ROUNDING * size, changes, speeds.max(axis=0))
+    positions = x / np.where(moving, steps, np.inf)[:, np.newaxis]
+    speeds = speeds / np.where(moving, changes, np.inf)
+    return Signals(positions.reshape(len(x), -1), speeds, bool(moving.any()))
