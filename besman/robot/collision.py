@@ -1,0 +1,164 @@
+"""Distances of an arm to itself, to its pedestal and to the floor, by capsules."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from besman.robot.kinematics import as_rows, fill_frames
+from besman.robot.model import Chain
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+
+def self_distance(chain: Chain, positions: npt.ArrayLike) -> FloatArray:
+    """Compute the least distance between parts of the arm that must not touch.
+
+    Parameters
+    ----------
+    chain : Chain
+        The arm with its capsules.
+    positions : array, shape (..., n)
+        Joint angles, rad.
+
+    Returns
+    -------
+    array, shape (...)
+        Metres; below zero where capsules overlap.
+    """
+    return distances(chain, positions)[..., 0]
+
+
+def floor_distance(chain: Chain, positions: npt.ArrayLike) -> FloatArray:
+    """Compute the least height of the moving parts above the floor, metres, shape (...)."""
+    return distances(chain, positions)[..., 1]
+
+
+def distances(chain: Chain, positions: npt.ArrayLike) -> FloatArray:
+    """Compute self-distance and distance to the floor together.
+
+    Parameters
+    ----------
+    chain : Chain
+        The arm with its capsules. The first joint's link only turns above the base and is
+        not measured against the floor.
+    positions : array, shape (..., n)
+        Joint angles, rad.
+
+    Returns
+    -------
+    array, shape (..., 2)
+        Self-distance and floor distance, metres; infinite where there are no capsules.
+    """
+    rows, shape = as_rows(chain, positions)
+    result = _distances(
+        chain.placements,
+        chain.axes,
+        chain.capsule_joints,
+        chain.capsule_ends,
+        chain.capsule_radii,
+        chain.capsule_pairs,
+        rows,
+    )
+    return result.reshape(*shape, 2)
+
+
+@numba.njit(cache=True, nogil=True)
+def place_capsules(
+    joints: IntArray,
+    ends: FloatArray,
+    rotations: FloatArray,
+    origins: FloatArray,
+    placed: FloatArray,
+) -> None:
+    """Write the capsules' ends in the world into `placed`, shape (C, 2, 3)."""
+    for capsule in range(len(joints)):
+        joint = joints[capsule]
+        for end in range(2):
+            for row in range(3):
+                if joint < 0:
+                    placed[capsule, end, row] = ends[capsule, end, row]
+                else:
+                    placed[capsule, end, row] = (
+                        origins[joint, row]
+                        + rotations[joint, row, 0] * ends[capsule, end, 0]
+                        + rotations[joint, row, 1] * ends[capsule, end, 1]
+                        + rotations[joint, row, 2] * ends[capsule, end, 2]
+                    )
+
+
+@numba.njit(cache=True, nogil=True)
+def segment_distance(p0: FloatArray, p1: FloatArray, q0: FloatArray, q1: FloatArray) -> float:
+    """Compute the distance between two segments in space, which may be points.
+
+    References
+    ----------
+    C. Ericson: Real-Time Collision Detection, 2005, section 5.1.9.
+    """
+    u0, u1, u2 = p1[0] - p0[0], p1[1] - p0[1], p1[2] - p0[2]
+    v0, v1, v2 = q1[0] - q0[0], q1[1] - q0[1], q1[2] - q0[2]
+    w0, w1, w2 = p0[0] - q0[0], p0[1] - q0[1], p0[2] - q0[2]
+    a, e = u0 * u0 + u1 * u1 + u2 * u2, v0 * v0 + v1 * v1 + v2 * v2
+    b = u0 * v0 + u1 * v1 + u2 * v2
+    c, f = u0 * w0 + u1 * w1 + u2 * w2, v0 * w0 + v1 * w1 + v2 * w2
+    tiny = 1e-14
+    s, t = 0.0, 0.0
+    if a > tiny and e > tiny:
+        below = a * e - b * b
+        if below > 1e-12 * a * e:
+            s = min(max((b * f - c * e) / below, 0.0), 1.0)
+        t = (b * s + f) / e
+        if t < 0.0:
+            t, s = 0.0, min(max(-c / a, 0.0), 1.0)
+        elif t > 1.0:
+            t, s = 1.0, min(max((b - c) / a, 0.0), 1.0)
+    elif a > tiny:
+        s = min(max(-c / a, 0.0), 1.0)
+    elif e > tiny:
+        t = min(max(f / e, 0.0), 1.0)
+    d0, d1, d2 = w0 + s * u0 - t * v0, w1 + s * u1 - t * v1, w2 + s * u2 - t * v2
+    return float(np.sqrt(d0 * d0 + d1 * d1 + d2 * d2))
+
+
+@numba.njit(cache=True, nogil=True)
+def least_distances(
+    joints: IntArray, placed: FloatArray, radii: FloatArray, pairs: IntArray
+) -> tuple[float, float]:
+    """Compute self-distance and floor distance of placed capsules, metres."""
+    nearest = np.inf
+    for index in range(len(pairs)):
+        first, second = pairs[index, 0], pairs[index, 1]
+        distance = segment_distance(
+            placed[first, 0], placed[first, 1], placed[second, 0], placed[second, 1]
+        )
+        nearest = min(nearest, distance - radii[first] - radii[second])
+    lowest = np.inf
+    for capsule in range(len(joints)):
+        if joints[capsule] > 0:
+            low = min(placed[capsule, 0, 2], placed[capsule, 1, 2])
+            lowest = min(lowest, low - radii[capsule])
+    return nearest, lowest
+
+
+@numba.njit(cache=True, nogil=True)
+def _distances(
+    placements: FloatArray,
+    axes: FloatArray,
+    joints: IntArray,
+    ends: FloatArray,
+    radii: FloatArray,
+    pairs: IntArray,
+    rows: FloatArray,
+) -> FloatArray:
+    """Compute both distances of every configuration, shape (B, 2)."""
+    n = len(axes)
+    rotations, origins = np.empty((n, 3, 3)), np.empty((n, 3))
+    placed = np.empty((len(joints), 2, 3))
+    result = np.empty((len(rows), 2))
+    for index in range(len(rows)):
+        fill_frames(placements, axes, rows[index], rotations, origins)
+        place_capsules(joints, ends, rotations, origins, placed)
+        result[index, 0], result[index, 1] = least_distances(joints, placed, radii, pairs)
+    return result

@@ -1,0 +1,245 @@
+"""Inverse kinematics of whole paths: the branch with the least total cost, without jumps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from besman.exceptions import RobotError
+from besman.robot.collision import distances
+from besman.robot.ik_kernel import solve_from, sweep
+from besman.robot.model import Robot
+
+FloatArray = npt.NDArray[np.float64]
+
+# Branches of an arm with six joints: eight, some of them twice within +-360 degrees.
+_RANDOM_STARTS = 24
+_SAME_BRANCH_RAD = 0.05
+# Within this distance to itself a branch is dearer than any other.
+_SAFE_DISTANCE_M = 0.01
+_LIMIT_MARGIN_RAD = np.radians(0.5)
+
+
+@dataclass(frozen=True)
+class IkWeights:
+    """What counts how much where not all can be had.
+
+    Attributes
+    ----------
+    position : float
+        Per metre.
+    orientation : float
+        Per radian.
+    home : float
+        Per radian from the home configuration; small: it decides only what the pose leaves open.
+
+    References
+    ----------
+    A. Fabisch: A comparison of policy search in joint space and Cartesian space for refinement of
+    skills, 2019 (approximate inverse kinematics). doi:10.1007/978-3-030-19648-6_35
+    """
+
+    position: float = 1.0
+    orientation: float = 0.1
+    home: float = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class IkPath:
+    """The answer for one path of T poses.
+
+    Attributes
+    ----------
+    positions : array, shape (T, n)
+        Joint angles, rad.
+    position_error, orientation_error : array, shape (T,)
+        Metres and radians between the poses asked for and those reached.
+    cost : float
+        What the branches were compared by.
+    """
+
+    positions: FloatArray
+    position_error: FloatArray
+    orientation_error: FloatArray
+    cost: float
+
+
+def solve_path(
+    robot: Robot,
+    poses: FloatArray,
+    *,
+    weights: IkWeights = IkWeights(),
+    free_spin: bool = False,
+    seed: int = 0,
+) -> IkPath:
+    """Find joint angles that follow a path of poses.
+
+    The first, the middle and the last pose are solved from home and from drawn configurations;
+    every branch found is followed over the whole path by warm-started Levenberg-Marquardt steps,
+    and the cheapest is kept: pose errors, length of the way in joint space, collisions.
+
+    Parameters
+    ----------
+    robot : Robot
+        The arm with its tool.
+    poses : array, shape (T, 4, 4)
+        Poses of the tool centre point in the robot's world frame, metres.
+    weights : IkWeights
+        Position before orientation.
+    free_spin : bool
+        The rotation about the tool's z axis does not matter.
+    seed : int
+        Of the drawn configurations.
+
+    Returns
+    -------
+    IkPath
+
+    Raises
+    ------
+    RobotError
+        If the poses have the wrong shape or are not finite.
+    """
+    targets = _check(poses)
+    anchors = sorted({0, len(targets) // 2, len(targets) - 1})
+    starts = _draw_starts(robot, seed)
+    best: IkPath | None = None
+    for anchor in anchors:
+        for start in find_branches(robot, targets[anchor], starts, weights, free_spin):
+            path = follow(robot, targets, start, anchor, weights, free_spin)
+            if best is None or path.cost < best.cost:
+                best = path
+    assert best is not None
+    return best
+
+
+def follow(
+    robot: Robot,
+    targets: FloatArray,
+    start: FloatArray,
+    anchor: int,
+    weights: IkWeights,
+    free_spin: bool,
+) -> IkPath:
+    """Follow one branch from an anchor pose in both directions.
+
+    Parameters
+    ----------
+    robot : Robot
+    targets : array, shape (T, 4, 4)
+    start : array, shape (n,)
+        Configuration at the anchor, rad.
+    anchor : int
+        Index of the pose to start from.
+    weights, free_spin
+        As in `solve_path`.
+
+    Returns
+    -------
+    IkPath
+    """
+    chain = robot.chain
+    low, high = _box(robot)
+    positions, errors = sweep(
+        chain.placements,
+        chain.axes,
+        chain.tip,
+        low,
+        high,
+        robot.home,
+        np.array([weights.position, weights.orientation, weights.home]),
+        free_spin,
+        targets,
+        start,
+        anchor,
+        60,
+        1e-12,
+    )
+    steps = np.diff(positions, axis=0)
+    near = np.maximum(0.0, 1.0 - distances(chain, positions).min(axis=1) / _SAFE_DISTANCE_M)
+    cost = (
+        np.mean((weights.position * errors[:, 0]) ** 2 + (weights.orientation * errors[:, 1]) ** 2)
+        + weights.home**2 * np.mean((positions - robot.home) ** 2)
+        + (10 * weights.home) ** 2 * np.sum(np.linalg.norm(steps, axis=1)) ** 2
+        + np.mean(near)
+    )
+    return IkPath(positions, errors[:, 0], errors[:, 1], float(cost))
+
+
+def find_branches(
+    robot: Robot,
+    target: FloatArray,
+    starts: FloatArray,
+    weights: IkWeights,
+    free_spin: bool,
+) -> FloatArray:
+    """Solve one pose from many starts and keep one configuration of every branch.
+
+    Parameters
+    ----------
+    robot : Robot
+    target : array, shape (4, 4)
+        Pose in the robot's world frame, metres.
+    starts : array, shape (S, n)
+        Configurations to start from, rad.
+    weights, free_spin
+        As in `solve_path`.
+
+    Returns
+    -------
+    array, shape (K, n)
+        Configurations in the order of their cost, rad.
+    """
+    chain = robot.chain
+    low, high = _box(robot)
+    found, costs = solve_from(
+        chain.placements,
+        chain.axes,
+        chain.tip,
+        low,
+        high,
+        robot.home,
+        np.array([weights.position, weights.orientation, weights.home]),
+        free_spin,
+        target,
+        starts,
+        100,
+        1e-10,
+    )
+    order = np.argsort(costs, kind="stable")
+    # Others than the best are worth following only if they come near the pose at all.
+    bound = costs[order[0]] + (0.05 * weights.position) ** 2
+    kept: list[FloatArray] = []
+    for index in order:
+        new = all(np.max(np.abs(found[index] - other)) > _SAME_BRANCH_RAD for other in kept)
+        if new and costs[index] <= bound:
+            kept.append(found[index])
+    return np.array(kept)
+
+
+def _draw_starts(robot: Robot, seed: int) -> FloatArray:
+    """Return home and configurations drawn around it, shape (S, n)."""
+    rng = np.random.default_rng(seed)
+    low, high = _box(robot)
+    near = robot.home + rng.uniform(-np.pi, np.pi, (_RANDOM_STARTS, robot.n))
+    return np.vstack([robot.home, np.clip(near, low, high)])
+
+
+def _box(robot: Robot) -> tuple[FloatArray, FloatArray]:
+    """Return the position limits, a little inside, so that a smoothed path stays within."""
+    margin = np.minimum(
+        _LIMIT_MARGIN_RAD, (robot.limits.position_max - robot.limits.position_min) / 10
+    )
+    return robot.limits.position_min + margin, robot.limits.position_max - margin
+
+
+def _check(poses: FloatArray) -> FloatArray:
+    """Check the shape of a path of poses."""
+    targets = np.ascontiguousarray(poses, dtype=np.float64)
+    if targets.ndim != 3 or targets.shape[1:] != (4, 4) or len(targets) == 0:
+        raise RobotError(f"poses must have shape (T, 4, 4) with T above 0, got {targets.shape}")
+    if not np.all(np.isfinite(targets)):
+        raise RobotError("poses must be finite, got NaN or infinity")
+    return targets
