@@ -1,0 +1,1 @@
+"""Captures of a simulated person, with known truth."""

@@ -1,0 +1,266 @@
+"""How a simulated person throws a stick: poses joined by overlapping bells."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation
+
+from besman.synthetic.bells import Bell
+from besman.synthetic.person import Person
+
+FloatArray = npt.NDArray[np.float64]
+
+_STICK_TILT = np.deg2rad(15.0)
+STICK_AXIS_IN_HAND = np.array([np.sin(_STICK_TILT), 0.0, -np.cos(_STICK_TILT)])
+"""Where the stick points, in the hand frame: out of the palm, leaning 15 degrees to the fingers.
+
+So a dart is held between thumb and fingertips: with the forearm upright the stick points forward.
+"""
+
+STICK_IN_HAND = np.array([0.045, 0.010, -0.045])
+"""The stick's point of balance, which carries its marker, in the hand frame, metres."""
+
+
+@dataclass(frozen=True)
+class Pose:
+    """A pose of hand and elbow between two movements.
+
+    Attributes
+    ----------
+    hand : array, shape (3,)
+        Centroid of the hand markers from the shoulder at rest, metres (x forward, y left, z up).
+    hand2body : Rotation
+        Orientation of the hand frame.
+    pole : array, shape (3,)
+        Where the elbow points.
+    """
+
+    hand: FloatArray
+    hand2body: Rotation
+    pole: FloatArray
+
+
+@dataclass(frozen=True)
+class Stroke:
+    """One movement from pose to pose.
+
+    Attributes
+    ----------
+    label : str
+    bell : Bell
+        Its course in time.
+    to : Pose
+        Where it leads.
+    bend : array, shape (3,)
+        How far its path leaves the straight line half-way, metres.
+    twist : float
+        How far the torso turns left, rad.
+    lean : float
+        How far the torso leans forward, rad.
+    """
+
+    label: str
+    bell: Bell
+    to: Pose
+    bend: FloatArray
+    twist: float = 0.0
+    lean: float = 0.0
+
+
+@dataclass(frozen=True)
+class Style:
+    """How one person throws; drawn once per person. Lengths are shares of the reach."""
+
+    strike_pose: FloatArray
+    throw_pose: FloatArray
+    rest_pose: FloatArray
+    speed_mps: float
+    strike_s: float
+    hold_s: float
+    swing_s: float
+    idle_s: float
+    overlap: float
+    peaks: FloatArray
+    sharpness: float
+    stick_elevation_deg: FloatArray
+    twist: float
+
+
+def draw_style(rng: np.random.Generator) -> Style:
+    """Draw how a person throws: pace, amplitude, symmetry of the bells, posture."""
+    return Style(
+        strike_pose=np.array([-0.15, -0.28, 0.10]) + rng.uniform(-0.03, 0.03, 3),
+        throw_pose=np.array([0.65, -0.20, 0.61]) + rng.uniform(-0.025, 0.025, 3),
+        rest_pose=np.array([0.09, -0.08, -0.955]) + rng.uniform(-0.015, 0.015, 3),
+        speed_mps=rng.uniform(2.55, 2.90),
+        strike_s=rng.uniform(0.9, 1.15),
+        hold_s=rng.uniform(-0.02, 0.10),
+        swing_s=rng.uniform(0.9, 1.15),
+        idle_s=rng.uniform(1.9, 2.3),
+        overlap=rng.uniform(0.16, 0.30),
+        peaks=np.array([0.44, 0.57, 0.42]) + rng.uniform(-0.04, 0.04, 3),
+        sharpness=rng.uniform(4.3, 5.0),
+        stick_elevation_deg=np.array([48.0, 10.0]) + rng.uniform(-5.0, 5.0, 2),
+        twist=np.deg2rad(rng.uniform(4.0, 10.0)),
+    )
+
+
+def draw_rest(person: Person, style: Style, rng: np.random.Generator) -> Pose:
+    """Draw how the arm hangs before or after a throw."""
+    hand = style.rest_pose * person.reach_m + rng.normal(0.0, 0.008, 3)
+    fingers = np.array([0.10, 0.03, -1.0]) + rng.normal(0.0, 0.03, 3)
+    # Between palm to the thigh and palm to the back, as a relaxed arm hangs.
+    back_of_hand = np.array([0.75, -0.65, 0.0]) + rng.normal(0.0, 0.05, 3)
+    return Pose(hand, orient_hand(fingers, back_of_hand), np.array([-0.80, -0.60, -0.60]))
+
+
+def draw_strokes(
+    person: Person, style: Style, rest: Pose, start: float, rng: np.random.Generator
+) -> tuple[Stroke, Stroke, Stroke]:
+    """Draw one throw: strike out, throw, swing out to the given rest pose.
+
+    Parameters
+    ----------
+    person : Person
+    style : Style
+    rest : Pose
+        Where the arm comes to rest.
+    start : float
+        When the strike out begins, seconds.
+    rng : Generator
+
+    Returns
+    -------
+    tuple of three Stroke
+    """
+    reach = person.reach_m
+    strike = style.strike_pose * reach + rng.normal(0.0, 0.012, 3)
+    throw = style.throw_pose * reach + rng.normal(0.0, 0.012, 3)
+    raised, lowered = style.stick_elevation_deg + rng.normal(0.0, 1.5, 2)
+    azimuth = rng.normal(0.0, 1.5)
+    strike_pose = Pose(strike, aim_stick(raised, azimuth, 25.0), np.array([0.45, -0.35, -0.85]))
+    throw_pose = Pose(throw, aim_stick(lowered, azimuth, 8.0), np.array([0.30, -0.60, -0.75]))
+    pace = rng.normal(1.0, 0.035, 3)
+    peaks = style.peaks + rng.normal(0.0, 0.012, 3)
+    first = Bell(start, style.strike_s * pace[0], peaks[0], style.sharpness)
+    unit = Bell(0.0, 1.0, peaks[1], style.sharpness)
+    speed = style.speed_mps * rng.normal(1.0, 0.02)
+    duration = unit.peak_rate * float(np.linalg.norm(throw - strike)) / speed
+    second = Bell(
+        first.end + style.hold_s + rng.normal(0.0, 0.01), duration, peaks[1], style.sharpness
+    )
+    third = Bell(
+        second.end - style.overlap * duration, style.swing_s * pace[2], peaks[2], style.sharpness
+    )
+    bends = rng.normal(0.0, 0.01, (3, 3)) + reach * np.array(
+        [[0.38, -0.05, 0.00], [-0.02, -0.02, 0.05], [0.36, -0.06, 0.10]]
+    )
+    twist = style.twist * pace[1]
+    return (
+        Stroke("strike_out", first, strike_pose, bends[0], -twist, -0.25 * twist),
+        Stroke("throw", second, throw_pose, bends[1], 2.0 * twist, 0.75 * twist),
+        Stroke("swing_out", third, rest, bends[2], -twist, -0.5 * twist),
+    )
+
+
+def move_hand(
+    rest: Pose, strokes: tuple[Stroke, ...], time: FloatArray
+) -> tuple[FloatArray, Rotation, FloatArray]:
+    """Add up the strokes of a throw.
+
+    Parameters
+    ----------
+    rest : Pose
+        Where the hand is before the first stroke.
+    strokes : tuple of Stroke
+    time : array, shape (T,)
+        Seconds.
+
+    Returns
+    -------
+    hand : array, shape (T, 3)
+        From the shoulder at rest, metres.
+    hand2body : Rotation of length T
+    pole : array, shape (T, 3)
+        Where the elbow points.
+    """
+    hand = np.tile(rest.hand, (len(time), 1))
+    pole = np.tile(rest.pole, (len(time), 1))
+    turned = Rotation.from_matrix(np.tile(rest.hand2body.as_matrix(), (len(time), 1, 1)))
+    before = rest
+    for stroke in strokes:
+        share = stroke.bell.progress(time)[:, np.newaxis]
+        along = _even_pace(share, stroke.to.hand - before.hand, stroke.bend)
+        hand += along * (stroke.to.hand - before.hand) + 4.0 * along * (1.0 - along) * stroke.bend
+        pole += share * (stroke.to.pole - before.pole)
+        turned = turned * Rotation.from_rotvec(share * _turn(before.hand2body, stroke.to.hand2body))
+        before = stroke.to
+    return hand, turned, pole
+
+
+def _even_pace(share: FloatArray, chord: FloatArray, bend: FloatArray) -> FloatArray:
+    """Parameter of a bent path at which the given share of its length is done."""
+    parameter = np.linspace(0.0, 1.0, 65)
+    pace = np.linalg.norm(chord + 4.0 * (1.0 - 2.0 * parameter)[:, np.newaxis] * bend, axis=1)
+    length = CubicSpline(parameter, pace).antiderivative()(parameter)
+    return CubicSpline(length / length[-1], parameter)(share)
+
+
+def _turn(before: Rotation, after: Rotation) -> FloatArray:
+    """Rotation vector from one orientation to another, on the side where fingers pass forward."""
+    turn = (before.inv() * after).as_rotvec()
+    half_way = before * Rotation.from_rotvec(turn / 2.0)
+    if np.linalg.norm(turn) > np.pi / 2 and half_way.apply([1.0, 0.0, 0.0])[0] < 0.0:
+        turn = turn * (1.0 - 2.0 * np.pi / np.linalg.norm(turn))
+    return turn
+
+
+def move_torso(strokes: tuple[Stroke, ...], time: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return how far the torso is turned left and leant forward, rad, shape (T,) each."""
+    shares = [stroke.bell.progress(time) for stroke in strokes]
+    twist = sum(share * stroke.twist for share, stroke in zip(shares, strokes, strict=True))
+    lean = sum(share * stroke.lean for share, stroke in zip(shares, strokes, strict=True))
+    return np.asarray(twist), np.asarray(lean)
+
+
+def aim_stick(elevation_deg: float, azimuth_deg: float, inward_deg: float) -> Rotation:
+    """Orient the hand so that the stick points where it should.
+
+    Parameters
+    ----------
+    elevation_deg, azimuth_deg : float
+        Direction of the stick above the horizon and left of straight ahead.
+    inward_deg : float
+        How far the fingers lean to the left, turned about the stick.
+
+    Returns
+    -------
+    Rotation
+        hand2body.
+    """
+    elevation, azimuth = np.deg2rad([elevation_deg, azimuth_deg])
+    stick = np.array(
+        [
+            np.cos(elevation) * np.cos(azimuth),
+            np.cos(elevation) * np.sin(azimuth),
+            np.sin(elevation),
+        ]
+    )
+    left = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
+    thumb = Rotation.from_rotvec(-np.deg2rad(inward_deg) * stick).apply(left)
+    across = np.cross(stick, thumb)
+    tilt = np.arctan2(STICK_AXIS_IN_HAND[0], -STICK_AXIS_IN_HAND[2])
+    fingers = np.sin(tilt) * stick + np.cos(tilt) * across
+    return orient_hand(fingers, np.cross(fingers, thumb))
+
+
+def orient_hand(fingers: FloatArray, back_of_hand: FloatArray) -> Rotation:
+    """Orient the hand: fingers exactly along the first direction, its back towards the second."""
+    x = fingers / np.linalg.norm(fingers)
+    z = back_of_hand - (back_of_hand @ x) * x
+    z /= np.linalg.norm(z)
+    return Rotation.from_matrix(np.column_stack([x, np.cross(z, x), z]))
