@@ -8,12 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.exceptions import SegmentationError
+from besman.manual_segments import drop_parts
 from besman.records import LabelledSegments, Segments
 
 FloatArray = npt.NDArray[np.float64]
-
-# Manual labels with this ending overlap the segment they are a part of.
-PART_SUFFIX = "_part"
 
 
 @dataclass(frozen=True)
@@ -54,8 +52,7 @@ def manual_borders(truth: LabelledSegments) -> npt.NDArray[np.int64]:
     int array, shape (B,)
         Rising row indices.
     """
-    whole = [not label.endswith(PART_SUFFIX) for label in truth.labels]
-    return np.unique(truth.bounds[np.array(whole, dtype=bool)])
+    return np.unique(drop_parts(truth).bounds)
 
 
 def match_borders(
