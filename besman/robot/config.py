@@ -68,6 +68,9 @@ class ToolConfig(Config):
     hand_to_tcp_wxyz : quadruple of float
         Orientation of the TCP frame in the hand frame of the person: which axis of the hand the
         tool's axes follow.
+    hand_to_tcp_m : triple of float
+        Origin of the TCP in the hand frame of the person, metres: what the tool holds moves like
+        what the hand holds.
     mass_kg : float
         Mass, spread evenly along the capsule.
     capsule_length_m, capsule_radius_m : float
@@ -78,6 +81,7 @@ class ToolConfig(Config):
     translation_m: Triple = (0.0, 0.0, 0.0)
     rotation_wxyz: Quaternion = (1.0, 0.0, 0.0, 0.0)
     hand_to_tcp_wxyz: Quaternion = (1.0, 0.0, 0.0, 0.0)
+    hand_to_tcp_m: Triple = (0.0, 0.0, 0.0)
     mass_kg: NotNegative = 0.0
     capsule_length_m: NotNegative = 0.0
     capsule_radius_m: NotNegative = 0.0

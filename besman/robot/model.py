@@ -50,9 +50,9 @@ class Tool:
     tcp2flange : array, shape (4, 4)
         Pose of the tool centre point (TCP) in the flange's frame, metres. TCP z points where the
         tool points.
-    tcp2hand : array, shape (3, 3)
-        Orientation of the TCP frame in the person's hand frame: a demonstrated hand orientation
-        R (hand2world) asks for the TCP orientation ``R @ tcp2hand``.
+    tcp2hand : array, shape (4, 4)
+        Pose of the TCP in the person's hand frame, metres: a demonstrated hand pose ``hand2world``
+        asks for the TCP pose ``hand2world @ tcp2hand``.
     mass : float
         kg, part of the Pinocchio model's last body.
     capsule_length, capsule_radius : float
@@ -305,7 +305,9 @@ def _tool(name: str, config: ToolConfig) -> Tool:
     tcp2flange = np.eye(4)
     tcp2flange[:3, :3] = Rotation.from_quat(config.rotation_wxyz, scalar_first=True).as_matrix()
     tcp2flange[:3, 3] = config.translation_m
-    tcp2hand = Rotation.from_quat(config.hand_to_tcp_wxyz, scalar_first=True).as_matrix()
+    tcp2hand = np.eye(4)
+    tcp2hand[:3, :3] = Rotation.from_quat(config.hand_to_tcp_wxyz, scalar_first=True).as_matrix()
+    tcp2hand[:3, 3] = config.hand_to_tcp_m
     return Tool(
         name=name,
         tcp2flange=read_only(tcp2flange),
