@@ -1,0 +1,1 @@
+"""From trajectories to named markers without gaps."""

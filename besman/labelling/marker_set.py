@@ -1,0 +1,129 @@
+"""Which markers a person wears and how files call them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from pydantic import Field, field_validator, model_validator
+
+from besman.config_file import load_config
+from besman.exceptions import LabellingError, nearest
+from besman.resources import find_resource
+from besman.stage import Config
+
+
+class MarkerSet(Config):
+    """Markers by canonical name.
+
+    Attributes
+    ----------
+    name : str
+    markers : dict of str to tuple of str
+        Canonical names, each with its aliases.
+    required : tuple of str
+        Markers that every recording must have; all others are optional.
+    clusters : dict of str to tuple of str
+        Markers that move as one rigid body.
+    roles : dict of str to str
+        Which marker stands for the shoulder, the elbow and the hand.
+    objects : dict of str to tuple of str
+        Markers on objects.
+    """
+
+    name: str
+    markers: dict[str, tuple[str, ...]]
+    required: tuple[str, ...]
+    clusters: dict[str, tuple[str, ...]] = Field(default_factory=dict)
+    roles: dict[str, str] = Field(default_factory=dict)
+    objects: dict[str, tuple[str, ...]] = Field(default_factory=dict)
+
+    @field_validator("markers")
+    @classmethod
+    def _check_names(cls, markers: dict[str, tuple[str, ...]]) -> dict[str, tuple[str, ...]]:
+        """Refuse a spelling that could mean two markers."""
+        owners: dict[str, str] = {}
+        for marker, aliases in markers.items():
+            for spelling in (marker, *aliases):
+                owner = owners.setdefault(normalise_name(spelling), marker)
+                if owner != marker:
+                    raise ValueError(f"{spelling!r} names both {owner!r} and {marker!r}")
+        return markers
+
+    @model_validator(mode="after")
+    def _check_references(self) -> MarkerSet:
+        """Refuse a group that names a marker which is not there."""
+        groups = [
+            ("required", self.required),
+            *((f"clusters.{name}", group) for name, group in self.clusters.items()),
+            ("roles", tuple(self.roles.values())),
+            *((f"objects.{name}", group) for name, group in self.objects.items()),
+        ]
+        for place, group in groups:
+            for marker in group:
+                if marker not in self.markers:
+                    raise ValueError(
+                        f"{place}: no marker {marker!r}; {nearest(marker, self.markers)}"
+                    )
+        return self
+
+    def match(self, names: Sequence[str | None], source: str) -> dict[str, int]:
+        """Find the markers among the trajectories of a recording.
+
+        Parameters
+        ----------
+        names : sequence of str or None
+            Names of the trajectories as written in the file.
+        source : str
+            Named in errors.
+
+        Returns
+        -------
+        dict of str to int
+            Index of the trajectory of every marker that is there, in the order of the set.
+
+        Raises
+        ------
+        LabellingError
+            If a required marker is not there, or two trajectories stand for one marker.
+        """
+        owners = {
+            normalise_name(spelling): marker
+            for marker, aliases in self.markers.items()
+            for spelling in (marker, *aliases)
+        }
+        found: dict[str, int] = {}
+        for index, name in enumerate(names):
+            marker = owners.get(normalise_name(name or ""))
+            if marker is None:
+                continue
+            if marker in found:
+                raise LabellingError(
+                    f"{source}: trajectories {names[found[marker]]!r} and {name!r} both stand for "
+                    f"marker {marker!r} of {self.name}; expected one"
+                )
+            found[marker] = index
+        missing = [marker for marker in self.required if marker not in found]
+        if missing:
+            there = ", ".join(sorted(name for name in names if name)) or "no named trajectory"
+            raise LabellingError(
+                f"{source}: marker {missing[0]!r} of {self.name} is not there; got: {there}"
+            )
+        return {marker: found[marker] for marker in self.markers if marker in found}
+
+
+def normalise_name(name: str) -> str:
+    """Reduce a name to what counts when names are compared: letters and digits in lower case."""
+    return re.sub(r"[\s_-]+", "", name).lower()
+
+
+def load_marker_set(name: str) -> MarkerSet:
+    """Load a marker set of ``configs/markers`` by name, or a user's own by the path of its file.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such file, or it has a mistake; the message names file and line.
+    """
+    return load_config(Path(find_resource("configs/markers", name)), MarkerSet)
