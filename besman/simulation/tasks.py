@@ -19,9 +19,9 @@ NotNegative = Annotated[float, Field(ge=0)]
 class StickConfig(Config):
     """The stick: a rod with round ends and its mass spread evenly."""
 
-    length_m: Annotated[float, Field(gt=0.05, le=2.0)] = 0.45
+    length_m: Annotated[float, Field(gt=0.05, le=2.0)] = 0.3
     radius_m: Annotated[float, Field(gt=0.001, le=0.02)] = 0.006
-    mass_kg: Positive = 0.06
+    mass_kg: Positive = 0.05
 
 
 class HolderConfig(Config):
@@ -37,9 +37,9 @@ class HolderConfig(Config):
         Coefficient of sliding friction between stick and holder.
     """
 
-    length_m: Positive = 0.15
-    clearance_m: Positive = 0.002
-    friction: NotNegative = 0.3
+    length_m: Positive = 0.1
+    clearance_m: Positive = 0.001
+    friction: NotNegative = 0.1
 
 
 class ThrowSimulationConfig(Config):

@@ -1,0 +1,95 @@
+"""Batches of simulations, each stopped as soon as its outcome is known."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import mujoco
+import mujoco.rollout
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+_CHUNK_STEPS = 100
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """States of B simulations after each of at most T steps; NaN after a simulation was stopped.
+
+    Attributes
+    ----------
+    qpos : array, shape (B, T, nq)
+    qvel : array, shape (B, T, nv)
+    sensors : array, shape (B, T, ns)
+        Of the same moment as the states.
+    steps : int array, shape (B,)
+        Steps that were made.
+    """
+
+    qpos: FloatArray
+    qvel: FloatArray
+    sensors: FloatArray
+    steps: npt.NDArray[np.int64]
+
+
+def run_physics(
+    model: mujoco.MjModel,
+    initial_qpos: FloatArray,
+    controls: FloatArray,
+    finished: Callable[[Run, slice], BoolArray],
+) -> Run:
+    """Simulate a batch from rest.
+
+    Results do not depend on the batch: every simulation starts afresh and is looked at after the
+    same steps. MuJoCo works without Python's lock, so that several batches can run in threads.
+
+    Parameters
+    ----------
+    model : mujoco.MjModel
+        What is simulated.
+    initial_qpos : array, shape (B, nq)
+        Where the simulations start, at rest.
+    controls : array, shape (B, T, nu)
+        Controls of every step.
+    finished : callable
+        Given the run so far, in which NaN stands for what was not simulated, and the steps that
+        are new, tells which simulations (B,) need not go on.
+
+    Returns
+    -------
+    Run
+        A diverged simulation has states that are not finite.
+    """
+    batch, steps, _ = controls.shape
+    state = np.zeros((batch, mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)))
+    state[:, 1 : 1 + model.nq] = initial_qpos
+    run = Run(
+        qpos=np.full((batch, steps, model.nq), np.nan),
+        qvel=np.full((batch, steps, model.nv), np.nan),
+        sensors=np.full((batch, steps, model.nsensordata), np.nan),
+        steps=np.zeros(batch, dtype=np.int64),
+    )
+    data = [mujoco.MjData(model)]
+    active = np.arange(batch)
+    with mujoco.rollout.Rollout(nthread=0) as rollout:
+        for first in range(0, steps, _CHUNK_STEPS):
+            span = slice(first, min(first + _CHUNK_STEPS, steps))
+            # MuJoCo gives the sensors of the state before a step: one more step, kept off the
+            # states, gives those of the last state.
+            chunk = controls[active, span]
+            chunk = np.concatenate([chunk, chunk[:, -1:]], axis=1)
+            states, sensors = rollout.rollout(model, data, state[active], chunk)
+            run.qpos[active, span] = states[:, :-1, 1 : 1 + model.nq]
+            run.qvel[active, span] = states[:, :-1, 1 + model.nq : 1 + model.nq + model.nv]
+            run.sensors[active, span] = sensors[:, 1:]
+            run.steps[active] = span.stop
+            state[active] = states[:, -2]
+            going_on = np.isfinite(state).all(axis=1) & ~finished(run, span)
+            active = active[going_on[active]]
+            if not len(active):
+                break
+    return run
