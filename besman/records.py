@@ -91,7 +91,8 @@ class LabelledRecording:
     time : array, shape (T,)
         Seconds.
     positions : array, shape (T, M, 3)
-        Metres in the laboratory frame (z up). No gaps in the markers of the set.
+        Metres in the laboratory frame (z up). No gaps in the required markers of the set; optional
+        ones (fingers, objects) stay NaN where they were unseen for long.
     markers : tuple of str, length M
         Canonical names of the marker set, e.g. ``hand_top``.
     filled : bool array, shape (T, M)
