@@ -179,14 +179,6 @@ def extract_features(
     return np.concatenate(channels, axis=2)
 
 
-def is_seen(recording: LabelledRecording, bounds: npt.ArrayLike, marker: str) -> bool:
-    """Tell whether a marker was seen throughout segments, bounds (S, 2)."""
-    if marker not in recording.markers:
-        return False
-    seen = np.all(np.isfinite(recording.marker(marker)), axis=1)
-    return all(bool(np.all(seen[start:end])) for start, end in np.asarray(bounds))
-
-
 def _needed(
     features: Sequence[str], markers: Sequence[str], objects: Sequence[str]
 ) -> tuple[str, ...]:

@@ -16,7 +16,6 @@ from besman.recognition.features import (
     FEATURE_NAMES,
     OBJECT_FEATURES,
     extract_features,
-    is_seen,
 )
 from besman.recognition.nearest_neighbour import (
     NearestNeighbourModel,
@@ -43,7 +42,8 @@ class RecognizeConfig(Stage):
         Markers whose positions and speeds are features.
     objects : "auto" or tuple of str
         Markers on the object that is handled: distance to the hand and speed become features.
-        ``auto`` takes every marker that is not on the body and was seen in all examples.
+        ``auto`` takes every marker that is not on the body and has no gap in the recordings that
+        are learnt from.
     n_points : int
         Points that every segment is interpolated to.
     idle_s : float
@@ -114,7 +114,7 @@ class RecognizeConfig(Stage):
             candidates[index]
             for index in draw_examples(labels, self.examples_per_class, self.seed, self.classes)
         ]
-        objects = self._find_objects(chosen)
+        objects = self._find_objects([recording for recording, _, _ in candidates])
         features = self.features
         if objects:
             features += tuple(name for name in OBJECT_FEATURES if name not in features)
@@ -193,15 +193,16 @@ class RecognizeConfig(Stage):
             work.progress((index + 1) / len(recordings))
         return tuple(results)
 
-    def _find_objects(
-        self, chosen: Sequence[tuple[LabelledRecording, np.ndarray, str]]
-    ) -> tuple[str, ...]:
+    def _find_objects(self, recordings: Sequence[LabelledRecording]) -> tuple[str, ...]:
         """Return the object's markers."""
         if self.objects != "auto":
             return self.objects
-        names = [name for name in chosen[0][0].markers if name not in BODY_MARKERS]
         return tuple(
             name
-            for name in names
-            if all(is_seen(recording, [bounds], name) for recording, bounds, _ in chosen)
+            for name in recordings[0].markers
+            if name not in BODY_MARKERS
+            and all(
+                name in recording.markers and np.isfinite(recording.marker(name)).all()
+                for recording in recordings
+            )
         )
