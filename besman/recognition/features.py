@@ -120,6 +120,12 @@ FEATURE_NAMES = tuple(_FEATURES)
 OBJECT_FEATURES = ("object_distance", "object_speed")
 
 
+def count_channels(features: Sequence[str], markers: Sequence[str]) -> tuple[int, ...]:
+    """Return how many channels each feature has."""
+    widths = {"positions": 3 * len(markers), "speeds": len(markers), "hand_orientation": 6}
+    return tuple(widths.get(name, 1) for name in features)
+
+
 def extract_features(
     recording: LabelledRecording,
     bounds: npt.ArrayLike,

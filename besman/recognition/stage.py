@@ -15,6 +15,7 @@ from besman.recognition.features import (
     BODY_MARKERS,
     FEATURE_NAMES,
     OBJECT_FEATURES,
+    count_channels,
     extract_features,
 )
 from besman.recognition.nearest_neighbour import (
@@ -124,7 +125,7 @@ class RecognizeConfig(Stage):
                 for recording, bounds, _ in chosen
             ]
         )
-        low, span = fit_scale(values)
+        low, span = fit_scale(values, count_channels(features, self.markers))
         return NearestNeighbourModel(
             examples=scale(values, low, span),
             labels=tuple(label for _, _, label in chosen),
