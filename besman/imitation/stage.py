@@ -68,7 +68,7 @@ class ImitateConfig(Stage):
         )
 
 
-def imitation_results(plans: tuple[MotionPlan, ...]) -> dict[str, Any]:
+def imitate_results(plans: tuple[MotionPlan, ...]) -> dict[str, Any]:
     """Give the stage's figures for ``results.json``: rmse_rad {mean, max}."""
     errors = [plan.rmse for plan in plans]
     return {"rmse_rad": {"mean": float(np.mean(errors)), "max": float(np.max(errors))}}

@@ -19,9 +19,9 @@ NotNegative = Annotated[float, Field(ge=0)]
 class StickConfig(Config):
     """The stick: a rod with round ends and its mass spread evenly."""
 
-    length_m: Annotated[float, Field(gt=0.05, le=2.0)] = 0.3
+    length_m: Annotated[float, Field(gt=0.05, le=2.0)] = 0.45
     radius_m: Annotated[float, Field(gt=0.001, le=0.02)] = 0.006
-    mass_kg: Positive = 0.05
+    mass_kg: Positive = 0.06
 
 
 class HolderConfig(Config):
@@ -135,6 +135,11 @@ class StickThrowConfig(Config):
         """Greatest distance between outcome and target, metres."""
         return self.success.success_radius_m
 
+    @property
+    def rest_s(self) -> float:
+        """How long the simulation goes on after the movement, seconds."""
+        return self.simulation.longest_wait_s
+
 
 class ReachSimulationConfig(Config):
     """How the reaching movement is computed.
@@ -208,6 +213,11 @@ class ReachConfig(Config):
     def success_radius_m(self) -> float:
         """Greatest distance between outcome and target, metres."""
         return self.success.success_radius_m
+
+    @property
+    def rest_s(self) -> float:
+        """How long the simulation goes on after the movement, seconds."""
+        return self.simulation.settling_s
 
 
 TaskConfig = StickThrowConfig | ReachConfig

@@ -211,7 +211,7 @@ def _judge(
     batch, steps, n = movements.positions.shape
     rows = np.arange(batch)
     clear = _is_clear(run, slice(None), task) & (np.arange(steps) <= last[:, None])
-    released = clear.any(axis=1)
+    released = np.asarray(clear.any(axis=1))
     at = np.where(released, clear.argmax(axis=1), np.minimum(run.steps - 1, last))
     position, velocity = run.qpos[rows, at, n : n + 3], run.qvel[rows, at, n : n + 3]
     touchdown = ballistic_touchdown(position, velocity)
@@ -224,9 +224,9 @@ def _judge(
     judged = [
         _failure(bool(released[row]), speed[row], tracking[row], out[row], task) for row in rows
     ]
-    thrown = released & np.isfinite(tracking)
+    thrown = (released & np.isfinite(tracking))[:, None]
     return Episodes(
-        outcomes=np.where(thrown[:, None], touchdown, np.nan),
+        outcomes=np.where(thrown, touchdown, np.nan),
         end_poses=np.concatenate(
             [run.sensors[rows, at, _TCP], run.sensors[rows, at, _TCP_ROTATION]], axis=1
         ),

@@ -1,0 +1,1 @@
+"""Refinement: motion plans are changed by search until the simulated task succeeds."""

@@ -1,0 +1,147 @@
+"""The search for one motion: what was tried, what is best, whether to go on."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from besman.imitation.dmp import roll_out
+from besman.records import MotionPlan, RefinedMotion
+from besman.refinement.plan_space import PlanSpace
+from besman.refinement.search import Search
+from besman.robot.limits import check_limits
+from besman.robot.model import Robot
+from besman.simulation.tasks import StickThrowConfig, TaskConfig
+from besman.simulation.trial import Trial
+
+FloatArray = npt.NDArray[np.float64]
+
+# A search ends when the outcome is this much better than the task asks for.
+_MARGIN = 0.5
+_RATE_HZ = 1000.0
+
+
+class Quest:
+    """The search for one motion, generation by generation.
+
+    Parameters
+    ----------
+    space : PlanSpace
+        Motion plans around the imitation.
+    search : Search
+        Over the space.
+    task : TaskConfig
+        What is to be done.
+    episodes : int
+        Greatest number of episodes, the imitation's own among them.
+    """
+
+    def __init__(self, space: PlanSpace, search: Search, task: TaskConfig, episodes: int) -> None:
+        self._space, self._search, self._task, self._episodes = space, search, task, episodes
+        self._points: FloatArray = np.empty((0, space.dimension))
+        self._plans: list[MotionPlan] = []
+        self._tried: list[MotionPlan] = []
+        self._trials: list[Trial] = []
+
+    def propose(self) -> list[MotionPlan]:
+        """Return the motion plans to try next: first the imitation, then one generation."""
+        if not self._trials:
+            self._points = np.zeros((1, self._space.dimension))
+        else:
+            self._points = self._search.ask()
+        left = self._episodes - len(self._trials)
+        self._plans = [self._space.plan_at(point) for point in self._points[:left]]
+        return self._plans
+
+    def learn(self, trials: list[Trial]) -> None:
+        """Take what came of the plans that were proposed last."""
+        # A generation cut short by the budget is the last one: there is nothing to learn for.
+        if self._trials and len(trials) == len(self._points):
+            self._search.tell(self._points, np.array([trial.reward for trial in trials]))
+        self._tried += self._plans
+        self._trials += trials
+
+    @property
+    def n_episodes(self) -> int:
+        """Episodes tried so far."""
+        return len(self._trials)
+
+    @property
+    def done(self) -> bool:
+        """Whether the search is over: success with a margin, no budget, or no progress."""
+        if len(self._trials) >= self._episodes or self._search.exhausted:
+            return True
+        return succeeds(self._trials[self._best], self._task, _MARGIN)
+
+    @property
+    def _best(self) -> int:
+        """The episode of the best trial, the earliest of equals."""
+        trials = self._trials
+        return max(range(len(trials)), key=lambda at: (trials[at].success, trials[at].reward))
+
+    @property
+    def best_plan(self) -> MotionPlan:
+        """The plan of the best trial."""
+        return self._tried[self._best]
+
+    def result(self, robot: Robot, trial: Trial) -> RefinedMotion:
+        """Sum up the search.
+
+        Parameters
+        ----------
+        robot : Robot
+            To check the limits of the best plan, sample by sample at 1 kHz.
+        trial : Trial
+            The best plan's, with paths.
+
+        Returns
+        -------
+        RefinedMotion
+        """
+        plan, before = self.best_plan, self._trials[0]
+        time = np.arange(int(np.ceil(plan.duration * _RATE_HZ)) + 1) / _RATE_HZ
+        movement = roll_out(plan.weights, plan.start, plan.goal, plan.duration, time)
+        report = check_limits(robot, *movement)
+        within = report.violations == 0 and report.self_collisions == 0
+        misses = [np.nan if tried.failure else tried.miss for tried in self._trials]
+        return RefinedMotion(
+            plan=plan,
+            time=time,
+            positions=movement[0],
+            velocities=movement[1],
+            accelerations=movement[2],
+            returns=np.array([tried.reward for tried in self._trials]),
+            misses=np.array(misses),
+            outcome=trial.outcome,
+            outcome_before=np.full(3, np.nan) if before.failure else before.outcome,
+            object_path=trial.object_path,
+            tool_path=trial.tool_path,
+            success=trial.success and within,
+            miss_before=float(misses[0]),
+            miss=trial.miss,
+            orientation_error=trial.orientation_error,
+            failure=before.failure,
+        )
+
+
+def succeeds(trial: Trial, task: TaskConfig, share: float) -> bool:
+    """Tell whether a trial meets the task's criterion with room to spare.
+
+    Parameters
+    ----------
+    trial : Trial
+        What came of a plan.
+    task : TaskConfig
+        With the criterion.
+    share : float
+        Share of the greatest permitted errors that may be used up.
+
+    Returns
+    -------
+    bool
+    """
+    if not trial.success or trial.miss > share * task.success_radius_m:
+        return False
+    if isinstance(task, StickThrowConfig):
+        return True
+    return trial.orientation_error <= share * np.radians(task.success.success_angle_deg)

@@ -1,0 +1,183 @@
+"""The stage that refines motion plans in simulation."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from besman.exceptions import RefinementError
+from besman.records import MotionPlan, RefinedMotion
+from besman.refinement.search import Part
+from besman.robot.model import Robot
+from besman.simulation.tasks import StickThrowConfig, TaskConfig
+from besman.stage import Config, Stage, Work
+
+if TYPE_CHECKING:
+    from besman.refinement.quest import Quest
+
+
+class UnitsConfig(Config):
+    """What one unit of the search changes; see `besman.refinement.plan_space.Units`."""
+
+    goal_rad: Annotated[float, Field(gt=0)] = 0.1
+    log_duration: Annotated[float, Field(gt=0)] = 0.1
+    shape_rad: Annotated[float, Field(gt=0)] = 0.1
+
+
+class RefineConfig(Stage):
+    """Refine every motion plan by CMA-ES.
+
+    Attributes
+    ----------
+    method : "cma_es"
+    episodes : int
+        Greatest number of episodes per motion, the imitation's own among them.
+    population : int or None
+        Episodes per generation; None for 4 + 3 ln(dimension).
+    sigma : float
+        Initial standard deviation, in units of the search.
+    seed : int
+        Of the search.
+    search : list of "goal", "duration", "weights"
+        What may change.
+    n_shapes : int
+        How many changes of the weights per joint, the smoothest first.
+    units : UnitsConfig
+        What one unit of the search changes.
+    """
+
+    method: Literal["cma_es"] = "cma_es"
+    episodes: Annotated[int, Field(ge=1)] = 300
+    population: Annotated[int, Field(ge=4)] | None = None
+    sigma: Annotated[float, Field(gt=0)] = 0.5
+    seed: Annotated[int, Field(ge=0)] = 0
+    search: Annotated[tuple[Part, ...], Field(min_length=1)] = ("goal", "duration", "weights")
+    n_shapes: Annotated[int, Field(ge=1)] = 2
+    units: UnitsConfig = UnitsConfig()
+
+    def run(
+        self,
+        plans: tuple[MotionPlan, ...],
+        robot: Robot,
+        task: TaskConfig,
+        work: Work = Work(),
+    ) -> tuple[RefinedMotion, ...]:
+        """Refine motion plans until each succeeds with a margin or its episodes are used up.
+
+        Parameters
+        ----------
+        plans : tuple of MotionPlan
+            What imitation gave. Slowed down, where their own movement exceeds a limit.
+        robot : Robot
+            With the task's tool.
+        task : TaskConfig
+            What is to be done.
+        work : Work
+            Threads and progress.
+
+        Returns
+        -------
+        tuple of RefinedMotion
+            In the order of the plans. Each is what it would be if it were refined alone.
+
+        Raises
+        ------
+        RefinementError
+            If a plan and the task or the robot do not belong together.
+        """
+        from besman.simulation.trial import try_plans
+
+        _check(plans, robot, task)
+        quests = [self._quest(plan, robot, task) for plan in plans]
+        active = quests
+        while active:
+            proposals = [quest.propose() for quest in active]
+            flat = [plan for plans_of_one in proposals for plan in plans_of_one]
+            trials = iter(try_plans(robot, task, flat, work.jobs))
+            for quest, proposed in zip(active, proposals, strict=True):
+                quest.learn([next(trials) for _ in proposed])
+            active = [quest for quest in active if not quest.done]
+            spent = sum(quest.n_episodes if quest in active else self.episodes for quest in quests)
+            work.progress(spent / (self.episodes * len(quests)))
+        # Once more, because paths of all episodes would be too much to keep.
+        best = try_plans(robot, task, [quest.best_plan for quest in quests], work.jobs, paths=True)
+        return tuple(quest.result(robot, trial) for quest, trial in zip(quests, best, strict=True))
+
+    def _quest(self, plan: MotionPlan, robot: Robot, task: TaskConfig) -> Quest:
+        """Set up the search for one plan."""
+        from besman.refinement.cma_es import CmaEs
+        from besman.refinement.plan_space import PlanSpace, Units
+        from besman.refinement.quest import Quest
+
+        units = Units(**self.units.model_dump())
+        space = PlanSpace(plan, robot.limits, self.search, self.n_shapes, units)
+        # By name, so that a motion's search does not depend on which others are there.
+        seed = (self.seed, zlib.crc32(plan.name.encode()))
+        search = CmaEs(np.zeros(space.dimension), self.sigma, self.population, seed)
+        return Quest(space, search, task, self.episodes)
+
+
+def _check(plans: tuple[MotionPlan, ...], robot: Robot, task: TaskConfig) -> None:
+    """Refuse plans, robot and task that do not belong together."""
+    if robot.tool.name != task.tool:
+        raise RefinementError(
+            f"task {task.kind}: robot {robot.name} carries tool {robot.tool.name!r}, "
+            f"expected {task.tool!r}"
+        )
+    for plan in plans:
+        if plan.joint_names != robot.joint_names:
+            raise RefinementError(
+                f"{plan.name}: plan for joints {', '.join(plan.joint_names)}; robot "
+                f"{robot.name} has {', '.join(robot.joint_names)}"
+            )
+        wanted = plan.target if isinstance(task, StickThrowConfig) else plan.goal_pose
+        if not np.isfinite(wanted).all():
+            raise RefinementError(
+                f"{plan.name}: task {task.kind} needs a {_WANTED[task.kind]}, got none"
+            )
+
+
+_WANTED = {
+    "stick_throw": "target on the floor (select.object names the thrown object's marker)",
+    "reach": "demonstrated end pose",
+}
+
+
+def refine_results(motions: tuple[RefinedMotion, ...], task: TaskConfig) -> dict[str, Any]:
+    """Give the stage's figures for ``results.json``.
+
+    Parameters
+    ----------
+    motions : tuple of RefinedMotion
+        What refinement gave.
+    task : TaskConfig
+        With the success criterion.
+
+    Returns
+    -------
+    dict
+        n_motions, n_success, n_failed_before (imitations without a valid outcome),
+        success_radius_m, miss_before_m, miss_m and episodes, each {median, max}; null where no
+        motion has a value.
+    """
+    return {
+        "n_motions": len(motions),
+        "n_success": sum(motion.success for motion in motions),
+        "n_failed_before": sum(bool(motion.failure) for motion in motions),
+        "success_radius_m": task.success_radius_m,
+        "miss_before_m": _summary([motion.miss_before for motion in motions]),
+        "miss_m": _summary([motion.miss for motion in motions]),
+        "episodes": _summary([len(motion.returns) for motion in motions]),
+    }
+
+
+def _summary(values: Sequence[float]) -> dict[str, float | None]:
+    """Return median and maximum of what is finite."""
+    finite = np.array([value for value in values if np.isfinite(value)])
+    if not len(finite):
+        return {"median": None, "max": None}
+    return {"median": float(np.median(finite)), "max": float(np.max(finite))}
