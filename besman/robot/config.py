@@ -72,10 +72,11 @@ class ToolConfig(Config):
         Origin of the TCP in the hand frame of the person, metres: what the tool holds moves like
         what the hand holds.
     mass_kg : float
-        Mass, spread evenly along the capsule.
-    capsule_length_m, capsule_radius_m : float
-        Capsule for collisions along TCP z, from the flange to `capsule_length_m` in front of it;
-        no capsule if the radius is 0.
+        Mass, spread evenly along the capsule's axis.
+    capsule_ends_m : pair of triple of float
+        Ends of the axis of a capsule that encloses the tool, in the flange's frame, metres.
+    capsule_radius_m : float
+        Its radius; no capsule if it is 0.
     """
 
     translation_m: Triple = (0.0, 0.0, 0.0)
@@ -83,7 +84,7 @@ class ToolConfig(Config):
     hand_to_tcp_wxyz: Quaternion = (1.0, 0.0, 0.0, 0.0)
     hand_to_tcp_m: Triple = (0.0, 0.0, 0.0)
     mass_kg: NotNegative = 0.0
-    capsule_length_m: NotNegative = 0.0
+    capsule_ends_m: tuple[Triple, Triple] = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     capsule_radius_m: NotNegative = 0.0
 
     @field_validator("rotation_wxyz", "hand_to_tcp_wxyz")

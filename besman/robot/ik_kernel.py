@@ -272,6 +272,9 @@ def sweep(
 ) -> tuple[FloatArray, FloatArray]:
     """Follow a path (T, 4, 4) from its anchor to both ends, each pose from its neighbour's answer.
 
+    What a pose leaves open is settled by home at the anchor and by the neighbour's answer from
+    there on, so that a redundant arm makes no idle motion.
+
     Returns
     -------
     positions : array, shape (T, n)
@@ -282,18 +285,20 @@ def sweep(
     n_poses, n = len(targets), len(start)
     positions, errors = np.empty((n_poses, n)), np.empty((n_poses, 2))
     error = np.empty(6)
-    angles = start.copy()
+    angles, nearby = start.copy(), home.copy()
     for turn in range(2):
         if turn == 1:
             angles[:] = positions[anchor]
+            nearby[:] = angles
         first = anchor if turn == 0 else anchor - 1
         last = n_poses if turn == 0 else -1
         for index in range(first, last, 1 if turn == 0 else -1):
             solve_pose(
-                placements, axes, tip, low, high, home, weights, free_spin,
+                placements, axes, tip, low, high, nearby, weights, free_spin,
                 targets[index], angles, error, rounds, tolerance,
             )  # fmt: skip
             positions[index] = angles
+            nearby[:] = angles
             errors[index, 0] = np.sqrt(np.sum(error[:3] ** 2))
             errors[index, 1] = np.sqrt(np.sum(error[3:] ** 2))
     return positions, errors

@@ -45,6 +45,10 @@ class IkWeights:
     orientation: float = 0.1
     home: float = 1e-3
 
+    def as_array(self) -> FloatArray:
+        """Return the three weights, shape (3,)."""
+        return np.array([self.position, self.orientation, self.home])
+
 
 @dataclass(frozen=True, eq=False)
 class IkPath:
@@ -104,7 +108,7 @@ def solve_path(
     """
     targets = _check(poses)
     anchors = sorted({0, len(targets) // 2, len(targets) - 1})
-    starts = _draw_starts(robot, seed)
+    starts = draw_starts(robot, seed)
     best: IkPath | None = None
     for anchor in anchors:
         for start in find_branches(robot, targets[anchor], starts, weights, free_spin):
@@ -141,7 +145,7 @@ def follow(
     IkPath
     """
     chain = robot.chain
-    low, high = _box(robot)
+    low, high = joint_box(robot)
     positions, errors = sweep(
         chain.placements,
         chain.axes,
@@ -149,7 +153,7 @@ def follow(
         low,
         high,
         robot.home,
-        np.array([weights.position, weights.orientation, weights.home]),
+        weights.as_array(),
         free_spin,
         targets,
         start,
@@ -193,7 +197,7 @@ def find_branches(
         Configurations in the order of their cost, rad.
     """
     chain = robot.chain
-    low, high = _box(robot)
+    low, high = joint_box(robot)
     found, costs = solve_from(
         chain.placements,
         chain.axes,
@@ -201,7 +205,7 @@ def find_branches(
         low,
         high,
         robot.home,
-        np.array([weights.position, weights.orientation, weights.home]),
+        weights.as_array(),
         free_spin,
         target,
         starts,
@@ -219,15 +223,15 @@ def find_branches(
     return np.array(kept)
 
 
-def _draw_starts(robot: Robot, seed: int) -> FloatArray:
+def draw_starts(robot: Robot, seed: int) -> FloatArray:
     """Return home and configurations drawn around it, shape (S, n)."""
     rng = np.random.default_rng(seed)
-    low, high = _box(robot)
+    low, high = joint_box(robot)
     near = robot.home + rng.uniform(-np.pi, np.pi, (_RANDOM_STARTS, robot.n))
     return np.vstack([robot.home, np.clip(near, low, high)])
 
 
-def _box(robot: Robot) -> tuple[FloatArray, FloatArray]:
+def joint_box(robot: Robot) -> tuple[FloatArray, FloatArray]:
     """Return the position limits, a little inside, so that a smoothed path stays within."""
     margin = np.minimum(
         _LIMIT_MARGIN_RAD, (robot.limits.position_max - robot.limits.position_min) / 10

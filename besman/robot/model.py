@@ -55,15 +55,17 @@ class Tool:
         asks for the TCP pose ``hand2world @ tcp2hand``.
     mass : float
         kg, part of the Pinocchio model's last body.
-    capsule_length, capsule_radius : float
-        Capsule along TCP z from the flange, metres; radius 0 for none.
+    capsule_ends : array, shape (2, 3)
+        Ends of the axis of the capsule around the tool, in the flange's frame, metres.
+    capsule_radius : float
+        Metres; 0 for no capsule.
     """
 
     name: str
     tcp2flange: FloatArray
     tcp2hand: FloatArray
     mass: float
-    capsule_length: float
+    capsule_ends: FloatArray
     capsule_radius: float
 
 
@@ -313,6 +315,6 @@ def _tool(name: str, config: ToolConfig) -> Tool:
         tcp2flange=read_only(tcp2flange),
         tcp2hand=read_only(tcp2hand),
         mass=config.mass_kg,
-        capsule_length=config.capsule_length_m,
+        capsule_ends=read_only(config.capsule_ends_m),
         capsule_radius=config.capsule_radius_m,
     )

@@ -147,11 +147,13 @@ def _attach(model: Any, tip: str, tool: Tool, path: Path) -> int:
         raise RobotError(f"{path}: tip: link {tip!r} does not hang on the last joint")
     tcp = flange.placement * pinocchio.SE3(tool.tcp2flange)
     if tool.mass > 0:
+        start, end = tool.capsule_ends
+        length = float(np.linalg.norm(end - start))
         radius = max(tool.capsule_radius, 0.01)
-        length = max(tool.capsule_length, radius)
-        body = pinocchio.Inertia.FromCylinder(tool.mass, radius, length)
-        start = flange.placement * pinocchio.SE3(tool.tcp2flange[:3, :3], np.zeros(3))
-        middle = start * pinocchio.SE3(np.eye(3), np.array([0.0, 0.0, length / 2]))
+        body = pinocchio.Inertia.FromCylinder(tool.mass, radius, max(length, radius))
+        along = (end - start) / length if length > 0 else np.array([0.0, 0.0, 1.0])
+        turn = pinocchio.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), along)
+        middle = flange.placement * pinocchio.SE3(turn.matrix(), (start + end) / 2)
         model.appendBodyToJoint(flange.parentJoint, body, middle)
     frame = pinocchio.Frame(
         "tcp",
@@ -200,9 +202,8 @@ def build_chain(
         height = max(config.mounting.height_m - radius, 0.0)
         capsules.append(("pedestal", -1, np.array([[0.0, 0.0, 0.0], [0.0, 0.0, height]]), radius))
     if tool.capsule_radius > 0:
-        flange = model.frames[model.getFrameId(config.tip)].placement.homogeneous
-        along = flange[:3, :3] @ tool.tcp2flange[:3, 2]
-        axis = flange[:3, 3] + np.outer([0.0, tool.capsule_length], along)
+        flange = model.frames[model.getFrameId(config.tip)].placement
+        axis = tool.capsule_ends @ flange.rotation.T + flange.translation
         capsules.append(("tool", model.njoints - 2, axis, tool.capsule_radius))
     links = [link for link, *_ in capsules]
     joints = [joint for _, joint, *_ in capsules]

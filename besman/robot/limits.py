@@ -1,0 +1,141 @@
+"""What a joint trajectory asks of an arm: time stretch, interpolation and the check of limits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.interpolate import BPoly
+
+from besman.robot.collision import distances
+from besman.robot.model import JointLimits, Robot
+
+FloatArray = npt.NDArray[np.float64]
+
+# Rounding must not turn a trajectory at its limit into one beyond it.
+_TOLERANCE = 1e-9
+
+
+@dataclass(frozen=True)
+class LimitReport:
+    """What a joint trajectory violates.
+
+    Attributes
+    ----------
+    samples : int
+        How many were checked.
+    position, velocity, acceleration : int
+        Samples at which some joint exceeds the limit.
+    self_collisions : int
+        Samples at which the arm touches itself, its pedestal or the floor.
+    position_excess, velocity_ratio, acceleration_ratio : float
+        Greatest excess beyond a position limit (rad), greatest share of the other two.
+    least_distance : float
+        Metres to itself, its pedestal or the floor.
+    """
+
+    samples: int
+    position: int
+    velocity: int
+    acceleration: int
+    self_collisions: int
+    position_excess: float
+    velocity_ratio: float
+    acceleration_ratio: float
+    least_distance: float
+
+    @property
+    def violations(self) -> int:
+        """Samples beyond a limit of position, velocity or acceleration, each counted."""
+        return self.position + self.velocity + self.acceleration
+
+
+def check_limits(
+    robot: Robot, positions: FloatArray, velocities: FloatArray, accelerations: FloatArray
+) -> LimitReport:
+    """Check every sample of a joint trajectory.
+
+    Parameters
+    ----------
+    robot : Robot
+    positions, velocities, accelerations : array, shape (T, n)
+        rad, rad/s, rad/s^2; sampled at 1 kHz by convention, see `resample`.
+
+    Returns
+    -------
+    LimitReport
+    """
+    limits = robot.limits
+    excess = np.maximum(limits.position_min - positions, positions - limits.position_max)
+    speed = np.abs(velocities) / limits.velocity
+    pull = np.abs(accelerations) / limits.acceleration
+    distance = distances(robot.chain, positions).min(axis=1)
+    return LimitReport(
+        samples=len(positions),
+        # Written so that NaN is a violation.
+        position=int(np.sum(~np.all(excess <= _TOLERANCE, axis=1))),
+        velocity=int(np.sum(~np.all(speed <= 1.0 + _TOLERANCE, axis=1))),
+        acceleration=int(np.sum(~np.all(pull <= 1.0 + _TOLERANCE, axis=1))),
+        self_collisions=int(np.sum(~(distance > 0.0))),
+        position_excess=float(max(np.max(excess), 0.0)),
+        velocity_ratio=float(np.max(speed)),
+        acceleration_ratio=float(np.max(pull)),
+        least_distance=float(np.min(distance)),
+    )
+
+
+def time_stretch(limits: JointLimits, velocities: FloatArray, accelerations: FloatArray) -> float:
+    """Find by how much a movement must be slowed down evenly.
+
+    Stretching time by s divides velocities by s and accelerations by s^2.
+
+    Parameters
+    ----------
+    limits : JointLimits
+    velocities, accelerations : array, shape (..., n)
+        rad/s, rad/s^2.
+
+    Returns
+    -------
+    float
+        Smallest stretch that meets both limits everywhere; below 1 if there is room.
+    """
+    speed = float(np.max(np.abs(velocities) / limits.velocity))
+    pull = float(np.max(np.abs(accelerations) / limits.acceleration))
+    return max(speed, float(np.sqrt(pull)))
+
+
+def resample(
+    time: FloatArray,
+    positions: FloatArray,
+    velocities: FloatArray,
+    accelerations: FloatArray,
+    rate_hz: float = 1000.0,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Interpolate a joint trajectory by the quintic polynomials that its samples define.
+
+    Twice continuously differentiable; exact where the trajectory is a spline of degree five or
+    less with its knots at samples.
+
+    Parameters
+    ----------
+    time : array, shape (T,)
+        Seconds.
+    positions, velocities, accelerations : array, shape (T, n)
+        rad, rad/s, rad/s^2.
+    rate_hz : float
+        Samples per second of the result.
+
+    Returns
+    -------
+    time : array, shape (R,)
+        From the first to the last sample, seconds.
+    positions, velocities, accelerations : array, shape (R, n)
+    """
+    pieces = BPoly.from_derivatives(time, np.stack([positions, velocities, accelerations], axis=1))
+    count = int(np.floor((time[-1] - time[0]) * rate_hz + 1e-9)) + 1
+    dense = np.minimum(time[0] + np.arange(count) / rate_hz, time[-1])
+    if dense[-1] < time[-1] - 1e-9:
+        dense = np.append(dense, time[-1])
+    return dense, pieces(dense), pieces.derivative()(dense), pieces.derivative(2)(dense)
