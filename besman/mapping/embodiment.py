@@ -1,0 +1,296 @@
+"""Embodiment mapping: demonstrations as joint trajectories that an arm can run.
+
+References
+----------
+L. Gutzeit: From human movement recordings to robot behavior, thesis, section 7.1.
+L. Gutzeit, A. Fabisch, M. Otto, J. H. Metzen, J. Hansen, F. Kirchner, E. A. Kirchner: The BesMan
+learning platform for automated robot skill learning, 2018. doi:10.3389/frobt.2018.00043
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from besman.exceptions import MappingError
+from besman.frames import quaternion_to_rotation, rotation_to_quaternion
+from besman.mapping.placement import TermWeights, find_placement
+from besman.mapping.time_scaling import ScaledPath, scale_path
+from besman.records import HandTrajectory, JointTrajectory
+from besman.robot.inverse_kinematics import IkWeights, solve_path
+from besman.robot.kinematics import forward_kinematics
+from besman.robot.limits import LimitReport, check_limits, resample
+from besman.robot.model import Robot
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class MappingSettings:
+    """How demonstrations are mapped.
+
+    Attributes
+    ----------
+    terms : TermWeights
+        What a good placement is.
+    ik : IkWeights
+        Position before orientation.
+    free_spin : bool
+        The rotation about the tool's axis does not matter.
+    evaluations, seed : int
+        Of the search for the placement.
+    knot_spacing_s : float
+        Of the joint splines, seconds.
+    least_duration_s : float
+        Shorter movements are stretched to this duration, seconds.
+    greatest_error_m : float
+        Beyond this position error a demonstration is not transferred, metres.
+    """
+
+    terms: TermWeights = field(default_factory=TermWeights)
+    ik: IkWeights = field(default_factory=IkWeights)
+    free_spin: bool = False
+    evaluations: int = 300
+    seed: int = 0
+    knot_spacing_s: float = 0.05
+    least_duration_s: float = 0.0
+    greatest_error_m: float = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class Mapping:
+    """All demonstrations of a class in the workspace of one arm.
+
+    Attributes
+    ----------
+    trajectories : tuple of JointTrajectory
+        Those that the arm can run; none violates a limit at 1 kHz.
+    placement : array, shape (4, 4)
+        Back frame to the robot's world frame, metres.
+    failed : tuple of str
+        ``name: reason`` of those that it cannot.
+    terms : dict of float
+        Cost terms of the placement.
+    limit_violations, self_collisions : int
+        Samples at 1 kHz, over all trajectories.
+    """
+
+    trajectories: tuple[JointTrajectory, ...]
+    placement: FloatArray
+    failed: tuple[str, ...]
+    terms: dict[str, float]
+    limit_violations: int
+    self_collisions: int
+
+
+def map_embodiment(
+    demonstrations: tuple[HandTrajectory, ...],
+    robot: Robot,
+    settings: MappingSettings,
+    *,
+    jobs: int = 1,
+    progress: Callable[[float], None] = lambda done: None,
+) -> Mapping:
+    """Map demonstrations to an arm: one placement for all, then joint angles, then time.
+
+    Parameters
+    ----------
+    demonstrations : tuple of HandTrajectory
+        Of one class.
+    robot : Robot
+        The arm with its tool.
+    settings : MappingSettings
+    jobs : int
+        Threads; does not change the result.
+    progress : callable
+        Called with the share done.
+
+    Returns
+    -------
+    Mapping
+
+    Raises
+    ------
+    MappingError
+        If there is no demonstration, one is not finite, or none can be transferred.
+    """
+    _check(demonstrations)
+    paths = [tool_poses(one, robot) for one in demonstrations]
+    placement = find_placement(
+        robot,
+        [(one.time, path) for one, path in zip(demonstrations, paths, strict=True)],
+        weights=settings.terms,
+        ik_weights=settings.ik,
+        free_spin=settings.free_spin,
+        evaluations=settings.evaluations,
+        seed=settings.seed,
+        jobs=jobs,
+        progress=lambda done: progress(0.7 * done),
+    )
+    with ThreadPoolExecutor(max_workers=jobs) as threads:
+        mapped = list(
+            threads.map(
+                lambda pair: _map_one(pair[0], placement.pose @ pair[1], robot, settings),
+                zip(demonstrations, paths, strict=True),
+            )
+        )
+    targets = [place_target(one.target, placement.pose) for one in demonstrations]
+    trajectories, failed, reports, worst = [], [], [], (0.0, "")
+    aimed = any(np.isfinite(target).all() for target in targets)
+    for one, target, (trajectory, report) in zip(demonstrations, targets, mapped, strict=True):
+        reason = _reason(trajectory, report, settings)
+        if aimed and not np.isfinite(target).all():
+            reason = "the flight of the thrown object was not seen, so there is no target"
+        error = float(trajectory.position_error.max())
+        worst = max(worst, (error, f"{one.name}: {reason}"))
+        if reason:
+            failed.append(f"{one.name}: {reason}")
+        else:
+            trajectories.append(replace(trajectory, target=target))
+            reports.append(report)
+    progress(1.0)
+    if not trajectories:
+        raise MappingError(
+            f"none of {len(demonstrations)} demonstrations can be transferred to {robot.name} "
+            f"(tool {robot.tool.name}); the worst: {worst[1]}"
+        )
+    return Mapping(
+        trajectories=tuple(trajectories),
+        placement=placement.pose,
+        failed=tuple(failed),
+        terms=placement.terms,
+        limit_violations=sum(report.violations for report in reports),
+        self_collisions=sum(report.self_collisions for report in reports),
+    )
+
+
+def tool_poses(demonstration: HandTrajectory, robot: Robot) -> FloatArray:
+    """Return the poses that the hand asks of the tool centre point, in the back frame.
+
+    Returns
+    -------
+    array, shape (T, 4, 4)
+        Metres.
+    """
+    hand2back = np.tile(np.eye(4), (len(demonstration.time), 1, 1))
+    hand2back[:, :3, :3] = quaternion_to_rotation(demonstration.poses[:, 3:])
+    hand2back[:, :3, 3] = demonstration.poses[:, :3]
+    poses: FloatArray = hand2back @ robot.tool.tcp2hand
+    return poses
+
+
+def place_target(target: FloatArray, placement: FloatArray) -> FloatArray:
+    """Bring a target into the robot's world; it lies on the floor there, as it did before."""
+    placed: FloatArray = placement[:3, :3] @ target + placement[:3, 3]
+    placed[2] += 0.0 if np.isnan(placed[2]) else -placed[2]
+    return placed
+
+
+def _check(demonstrations: tuple[HandTrajectory, ...]) -> None:
+    """Refuse what cannot be mapped at all."""
+    if not demonstrations:
+        raise MappingError("map: expected at least one demonstration, got none")
+    for one in demonstrations:
+        if len(one.time) < 3:
+            raise MappingError(
+                f"{one.name}: expected a demonstration of at least three poses, got {len(one.time)}"
+            )
+        if not (np.isfinite(one.poses).all() and np.all(np.diff(one.time) > 0)):
+            raise MappingError(
+                f"{one.name}: expected finite poses and rising times, got NaN or times that fall"
+            )
+        if np.any(np.linalg.norm(one.poses[:, 3:], axis=1) < 1e-6):
+            raise MappingError(f"{one.name}: got a quaternion of zero")
+
+
+def _map_one(
+    demonstration: HandTrajectory, poses: FloatArray, robot: Robot, settings: MappingSettings
+) -> tuple[JointTrajectory, LimitReport]:
+    """Solve, smooth and slow down one demonstration, and check it at 1 kHz."""
+    path = solve_path(
+        robot, poses, weights=settings.ik, free_spin=settings.free_spin, seed=settings.seed
+    )
+    scaled = scale_path(
+        demonstration.time,
+        path.positions,
+        robot.limits,
+        knot_spacing_s=settings.knot_spacing_s,
+        least_duration_s=settings.least_duration_s,
+    )
+    position_error, orientation_error = pose_errors(
+        forward_kinematics(robot.chain, scaled.positions), poses, free_spin=settings.free_spin
+    )
+    trajectory = JointTrajectory(
+        time=scaled.time,
+        positions=scaled.positions,
+        velocities=scaled.velocities,
+        accelerations=scaled.accelerations,
+        joint_names=robot.joint_names,
+        poses=np.hstack([poses[:, :3, 3], rotation_to_quaternion(poses[:, :3, :3])]),
+        position_error=position_error,
+        orientation_error=orientation_error,
+        time_stretch=scaled.stretch,
+        target=np.full(3, np.nan),
+        name=demonstration.name,
+        label=demonstration.label,
+    )
+    return trajectory, _check_scaled(robot, scaled)
+
+
+def _check_scaled(robot: Robot, scaled: ScaledPath) -> LimitReport:
+    """Check a scaled path at 1 kHz."""
+    _, *dense = resample(scaled.time, scaled.positions, scaled.velocities, scaled.accelerations)
+    return check_limits(robot, *dense)
+
+
+def pose_errors(
+    reached: FloatArray, asked: FloatArray, *, free_spin: bool = False
+) -> tuple[FloatArray, FloatArray]:
+    """Compare poses.
+
+    Parameters
+    ----------
+    reached, asked : array, shape (T, 4, 4)
+        Metres.
+    free_spin : bool
+        Compare only where the tools point (their z axes).
+
+    Returns
+    -------
+    position : array, shape (T,)
+        Metres.
+    orientation : array, shape (T,)
+        Radians.
+    """
+    position: FloatArray = np.linalg.norm(reached[:, :3, 3] - asked[:, :3, 3], axis=1)
+    if free_spin:
+        first, second = reached[:, :3, 2], asked[:, :3, 2]
+        sine = np.linalg.norm(np.cross(first, second), axis=1)
+        return position, np.arctan2(sine, np.sum(first * second, axis=1))
+    turn = np.swapaxes(asked[:, :3, :3], 1, 2) @ reached[:, :3, :3]
+    quaternion = rotation_to_quaternion(turn)
+    angle = 2 * np.arctan2(np.linalg.norm(quaternion[:, 1:], axis=1), np.abs(quaternion[:, 0]))
+    return position, angle
+
+
+def _reason(trajectory: JointTrajectory, report: LimitReport, settings: MappingSettings) -> str:
+    """Say why a demonstration cannot be transferred; empty if it can."""
+    row = int(np.argmax(trajectory.position_error))
+    error = float(trajectory.position_error[row])
+    if error > settings.greatest_error_m:
+        place = ", ".join(f"{value:.2f}" for value in trajectory.poses[row, :3])
+        return (
+            f"position error {error:.3f} m at {trajectory.time[row]:.2f} s, where the hand is at "
+            f"({place}) m; at most greatest_error_m {settings.greatest_error_m:g}"
+        )
+    if report.self_collisions:
+        return f"the arm touches itself, its pedestal or the floor ({report.self_collisions} ms)"
+    if report.position:
+        return f"a joint exceeds its position limit by {report.position_excess:.3f} rad"
+    if report.violations:
+        return f"limits of speed or acceleration are exceeded in {report.violations} samples"
+    return ""
