@@ -49,22 +49,6 @@ class VmciModel(NamedTuple):
     speed_weight_variance: float = 100.0
 
 
-class Tables(NamedTuple):
-    """What depends on nothing but the length n of a segment; entry 0 is not used.
-
-    Attributes
-    ----------
-    prior : array, shape (L + 1,)
-        Log-probability of the length and of one of the models.
-    position, speed : array, shape (L + 1,)
-        Factors of the evidence of positions and speed that do not depend on the data.
-    """
-
-    prior: FloatArray
-    position: FloatArray
-    speed: FloatArray
-
-
 @dataclass(frozen=True)
 class ChangePoints:
     """The most probable segmentation.
@@ -125,13 +109,11 @@ def find_change_points(
 
     model = model or VmciModel()
     y, v = check_data(positions, speeds)
-    tables = make_tables(len(y), y.shape[1], v.shape[1], border_probability, longest, model)
+    factor = tabulate_lengths(len(y), y.shape[1], v.shape[1], border_probability, longest, model)
     best, previous = run_viterbi(
         y,
-        np.ascontiguousarray(v.T),
-        tables.prior,
-        tables.position,
-        tables.speed,
+        np.ascontiguousarray(np.pad(v, ((factor.size - 1, 0), (0, 0))).T),
+        factor,
         model.n_centres,
         model.bell_width,
         model.weight_variance,
@@ -157,15 +139,18 @@ def check_data(positions: npt.ArrayLike, speeds: npt.ArrayLike) -> tuple[FloatAr
     return y, v
 
 
-def make_tables(
+def tabulate_lengths(
     n_samples: int,
     d_position: int,
     d_speed: int,
     border_probability: float,
     longest: int | None,
     model: VmciModel,
-) -> Tables:
-    """Compute what depends on nothing but the length of a segment, eq. (4.6), (A.16), (A.17).
+) -> FloatArray:
+    """Sum what depends on nothing but the length n of a segment, shape (L + 1,).
+
+    The log-probability of the length and of one of the models, eq. (4.6), and the factors of the
+    evidence of positions and speed without data, eq. (A.16) and (A.17). Entry 0 is not used.
 
     The printed evidence lacks the factor 2^{(n + nu) d / 2} of the Wishart integral; it turns
     (2 pi)^{-n d / 2} into pi^{-n d / 2}. The prior's nu is d + 2 and its S is the variance of the
@@ -185,7 +170,7 @@ def make_tables(
         prior -= np.log(-np.expm1(longest * np.log1p(-border_probability)))
     position = _length_factor(n, d_position) - 0.5 * d_position**2 * np.log(model.weight_variance)
     speed = _length_factor(n, d_speed) - d_speed * np.log(model.speed_weight_variance)
-    return Tables(prior - np.log(model.n_centres), position, speed)
+    return prior - np.log(model.n_centres) + position + speed
 
 
 def _length_factor(n: FloatArray, d: int) -> FloatArray:

@@ -17,10 +17,8 @@ _BLOCK = 512
 @njit(cache=True, nogil=True)
 def run_viterbi(
     positions: FloatArray,
-    speeds: FloatArray,
-    prior: FloatArray,
-    position_factor: FloatArray,
-    speed_factor: FloatArray,
+    padded: FloatArray,
+    factor: FloatArray,
     n_centres: int,
     bell_width: float,
     weight_variance: float,
@@ -32,10 +30,12 @@ def run_viterbi(
     ----------
     positions : array, shape (T, d)
         Scaled positions.
-    speeds : array, shape (s, T)
-        Scaled speeds, one row for each sensor.
-    prior, position_factor, speed_factor : array, shape (L + 1,)
-        See `besman.segmentation.vmci.Tables`; L is the longest segment.
+    padded : array, shape (s, L + T)
+        Scaled speeds after L zeros, one row for each sensor, so that windows that reach beyond the
+        first sample need no case of their own.
+    factor : array, shape (L + 1,)
+        What depends on nothing but the length of a segment, see `besman.segmentation.vmci`; L is
+        the longest.
     n_centres, bell_width, weight_variance, speed_weight_variance
         See `besman.segmentation.vmci.VmciModel`.
 
@@ -47,10 +47,7 @@ def run_viterbi(
         Start of its last segment.
     """
     n_samples, d = positions.shape
-    n_sensors = speeds.shape[0]
-    longest = prior.shape[0] - 1
-    padded = np.zeros((n_sensors, longest + n_samples))
-    padded[:, longest:] = speeds
+    longest = factor.shape[0] - 1
     block = min(_BLOCK, n_samples)
     evidence = np.empty((block, longest + 1))
     root = np.empty((2 * d, 2 * d))
@@ -66,37 +63,53 @@ def run_viterbi(
         for b in range(width):
             end = first + 1 + b
             _start_root(root, weight_variance)
-            for n in range(1, min(longest, end) + 1):
-                start = end - n
-                for k in range(d):
-                    row[k] = positions[max(start - 1, 0), k]
-                    row[d + k] = positions[start, k]
-                _rotate_into(root, row)
-                weights = 1.0
-                noise = 1.0
-                for k in range(d):
-                    weights *= root[k, k]
-                    noise *= root[d + k, d + k]
-                value = (
-                    best[start]
-                    + prior[n]
-                    + position_factor[n]
-                    + speed_factor[n]
-                    + evidence[b, n]
-                    - d * math.log(weights)
-                    - (n + d + 2) * math.log(noise)
-                )
-                if value > best[end]:
-                    best[end] = value
-                    previous[end] = start
+            best[end], previous[end] = _search_starts(
+                positions, end, best, factor, evidence[b], root, row
+            )
     return best, previous
+
+
+@njit(cache=True, nogil=True)
+def _search_starts(
+    positions: FloatArray,
+    end: int,
+    best: FloatArray,
+    factor: FloatArray,
+    speed_evidence: FloatArray,
+    root: FloatArray,
+    row: FloatArray,
+) -> tuple[float, int]:  # pragma: no cover
+    """Find the most probable start of a segment that ends before sample `end`, eq. (4.8).
+
+    The start moves backwards, so that each segment is the one before and one sample more.
+    """
+    d = positions.shape[1]
+    highest, at = -math.inf, 0
+    for n in range(1, min(factor.shape[0] - 1, end) + 1):
+        start = end - n
+        for k in range(d):
+            row[k] = positions[max(start - 1, 0), k]
+            row[d + k] = positions[start, k]
+        _rotate_into(root, row)
+        weights = 1.0
+        noise = 1.0
+        for k in range(d):
+            weights *= root[k, k]
+            noise *= root[d + k, d + k]
+        value = best[start] + factor[n] + speed_evidence[n]
+        value -= d * math.log(weights) + (n + d + 2) * math.log(noise)
+        if value > highest:
+            highest, at = value, start
+    return highest, at
 
 
 @njit(cache=True, nogil=True)
 def _start_root(root: FloatArray, weight_variance: float) -> None:  # pragma: no cover
     """Start the triangular root of [H Y]'[H Y] + diag(1/D, S) from the prior alone."""
     d = root.shape[0] // 2
-    root[:] = 0.0
+    for i in range(2 * d):
+        for k in range(2 * d):
+            root[i, k] = 0.0
     for k in range(d):
         root[k, k] = 1.0 / math.sqrt(weight_variance)
         root[d + k, d + k] = 1.0
@@ -150,7 +163,8 @@ def _speed_evidence(
             for other in range(m + 1):
                 for b in range(width):
                     squares[m, other, b] += padded[m, at + b] * padded[other, at + b]
-        evidence[:width, n] = -np.inf if n_sensors else 0.0
+        for b in range(width):
+            evidence[b, n] = -np.inf if n_sensors else 0.0
         for c in range(n_centres if n_sensors else 0):
             total, total_squares = _shape_bell(bell, n, (c + 1) / (n_centres + 1), bell_width)
             for m in range(n_sensors):
@@ -204,7 +218,8 @@ def _correlate(
     reordering any sum.
     """
     width = products.shape[0]
-    products[:] = 0.0
+    for b in range(width):
+        products[b] = 0.0
     fours = n - n % 4
     for i in range(0, fours, 4):
         w0, w1, w2, w3 = bell[i], bell[i + 1], bell[i + 2], bell[i + 3]

@@ -12,7 +12,7 @@ from besman.segmentation.vmci import (
     ChangePoints,
     VmciModel,
     check_data,
-    make_tables,
+    tabulate_lengths,
     trace_back,
 )
 
@@ -29,18 +29,13 @@ def find_change_points_plainly(
     """Do what `besman.segmentation.vmci.find_change_points` does; same arguments and result."""
     model = model or VmciModel()
     y, v = check_data(positions, speeds)
-    tables = make_tables(len(y), y.shape[1], v.shape[1], border_probability, longest, model)
-    evidence = (
-        tables.prior
-        + tables.position
-        + tables.speed
-        + evaluate_segments(y, v, tables.prior.size - 1, model)
-    )
+    factor = tabulate_lengths(len(y), y.shape[1], v.shape[1], border_probability, longest, model)
+    evidence = factor + evaluate_segments(y, v, factor.size - 1, model)
     best = np.full(len(y) + 1, -np.inf)
     best[0] = -np.log(model.n_centres)
     previous = np.zeros(len(y) + 1, dtype=np.int64)
     for end in range(1, len(y) + 1):
-        lengths = np.arange(1, min(end, tables.prior.size - 1) + 1)
+        lengths = np.arange(1, min(end, factor.size - 1) + 1)
         values = best[end - lengths] + evidence[end, lengths]
         previous[end] = end - lengths[np.argmax(values)]
         best[end] = values.max()
