@@ -78,6 +78,11 @@ class Person:
     back: FloatArray
 
     @property
+    def hips(self) -> FloatArray:
+        """Point about which the torso turns and leans, metres in the torso frame."""
+        return np.array([0.0, 0.0, 0.53 * self.height_m])
+
+    @property
     def reach_m(self) -> float:
         """Distance of the hand from the shoulder with the arm stretched, metres."""
         return self.upper_arm_m + self.forearm_m + float(self.wrist_to_hand[0])
@@ -98,20 +103,35 @@ def draw_person(rng: np.random.Generator) -> Person:
     )
 
 
+def see_from_torso(person: Person, hand: FloatArray, torso2body: Rotation) -> FloatArray:
+    """Express a hand position in the axes of a torso that has turned about the hips.
+
+    Parameters
+    ----------
+    person : Person
+    hand : array, shape (T, 3)
+        From where the shoulder is with the torso upright, metres.
+    torso2body : Rotation of length T
+
+    Returns
+    -------
+    array, shape (T, 3)
+        From the shoulder, metres in the torso's axes.
+    """
+    shoulder = person.shoulder - person.hips
+    return torso2body.inv().apply(hand + shoulder) - shoulder
+
+
 def solve_arm(
-    person: Person,
-    shoulder: FloatArray,
-    hand: FloatArray,
-    hand2torso: FloatArray,
-    pole: FloatArray,
+    person: Person, hand: FloatArray, hand2torso: FloatArray, pole: FloatArray
 ) -> FloatArray:
     """Inverse kinematics of the arm, closed form: seven joints from hand pose and elbow side.
 
     Parameters
     ----------
     person : Person
-    shoulder, hand : array, shape (T, 3)
-        Shoulder joint and centroid of the hand markers, metres in the torso's axes.
+    hand : array, shape (T, 3)
+        Centroid of the hand markers from the shoulder joint, metres in the torso's axes.
     hand2torso : array, shape (T, 3, 3)
         Orientation of the hand frame.
     pole : array, shape (T, 3)
@@ -127,8 +147,7 @@ def solve_arm(
     ReachError
         If the wrist would have to be farther away, or nearer, than the arm allows.
     """
-    wrist = hand - np.einsum("tij,j->ti", hand2torso, person.wrist_to_hand)
-    line = wrist - shoulder
+    line = hand - hand2torso @ person.wrist_to_hand
     distance = np.linalg.norm(line, axis=1)
     upper, fore = person.upper_arm_m, person.forearm_m
     cosine = (upper**2 + distance**2 - fore**2) / (2.0 * upper * distance)
@@ -159,9 +178,61 @@ def solve_arm(
     return np.unwrap(joints, axis=0)
 
 
+def reach_with(
+    person: Person, hand: FloatArray, wrist_joints: FloatArray, pole: FloatArray
+) -> FloatArray:
+    """Inverse kinematics of shoulder and elbow, closed form, with given forearm and wrist joints.
+
+    Parameters
+    ----------
+    person : Person
+    hand : array, shape (T, 3)
+        Centroid of the hand markers from the shoulder joint, metres in the torso's axes.
+    wrist_joints : array, shape (T, 3)
+        The last three joint angles of `JOINT_NAMES`, rad.
+    pole : array, shape (T, 3)
+        Direction to which the elbow points.
+
+    Returns
+    -------
+    array, shape (T, 7)
+        Joint angles in rad, in the order of `JOINT_NAMES`.
+
+    Raises
+    ------
+    ReachError
+        If the hand would have to be farther away, or nearer, than the arm allows.
+    """
+    upper = np.array([person.upper_arm_m, 0.0, 0.0])
+    # Forearm and hand are one rigid link while the wrist keeps its angles.
+    link = Rotation.from_euler("XYZ", wrist_joints).apply(person.wrist_to_hand)
+    link[:, 0] += person.forearm_m
+    distance = np.linalg.norm(hand, axis=1)
+    lever = np.hypot(link[:, 0], link[:, 2])
+    cosine = (distance**2 - upper[0] ** 2 - (link**2).sum(axis=1)) / (2.0 * upper[0] * lever)
+    if np.any(np.abs(cosine) >= 1.0):
+        raise ReachError(
+            f"the hand is {distance.min():.3f} to {distance.max():.3f} m from the shoulder, "
+            f"the arm reaches {person.reach_m:.3f} m"
+        )
+    elbow = np.arccos(cosine) - np.arctan2(link[:, 2], link[:, 0])
+    in_upper = upper + Rotation.from_euler("Y", -elbow[:, np.newaxis]).apply(link)
+    upper2torso = _swivel(hand, pole) @ np.swapaxes(_swivel(in_upper, np.sign(upper)), 1, 2)
+    shoulder = Rotation.from_matrix(upper2torso).as_euler("YZX")
+    return np.column_stack([np.unwrap(shoulder, axis=0), elbow, wrist_joints])
+
+
+def _swivel(line: FloatArray, side: FloatArray) -> FloatArray:
+    """Frames, shape (T, 3, 3), with x along a line and y towards a side of it."""
+    x = line / np.linalg.norm(line, axis=1)[:, np.newaxis]
+    y = side - (side * x).sum(axis=1)[:, np.newaxis] * x
+    y /= np.linalg.norm(y, axis=1)[:, np.newaxis]
+    return np.stack([x, y, np.cross(x, y)], axis=-1)
+
+
 @dataclass(frozen=True)
 class ArmPose:
-    """Where the parts of the arm are, in the torso's axes.
+    """Where the parts of the arm are, from the shoulder joint, in the torso's axes.
 
     Attributes
     ----------
@@ -181,14 +252,12 @@ class ArmPose:
     hand2torso: FloatArray
 
 
-def move_arm(person: Person, shoulder: FloatArray, joints: FloatArray) -> ArmPose:
+def move_arm(person: Person, joints: FloatArray) -> ArmPose:
     """Forward kinematics of the arm.
 
     Parameters
     ----------
     person : Person
-    shoulder : array, shape (T, 3)
-        Shoulder joint, metres in the torso's axes.
     joints : array, shape (T, 7)
         Joint angles in rad, in the order of `JOINT_NAMES`; with all at zero the arm points
         forward, its elbow axis left.
@@ -200,7 +269,7 @@ def move_arm(person: Person, shoulder: FloatArray, joints: FloatArray) -> ArmPos
     upper2torso = Rotation.from_euler("YZX", joints[:, :3])
     fore2torso = upper2torso * Rotation.from_euler("Y", -joints[:, 3:4])
     hand2torso = fore2torso * Rotation.from_euler("XYZ", joints[:, 4:])
-    elbow = shoulder + upper2torso.apply([person.upper_arm_m, 0.0, 0.0])
+    elbow = upper2torso.apply([person.upper_arm_m, 0.0, 0.0])
     wrist = elbow + fore2torso.apply([person.forearm_m, 0.0, 0.0])
     return ArmPose(
         elbow=elbow,

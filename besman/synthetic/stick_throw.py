@@ -20,7 +20,8 @@ from besman.synthetic.person import (
     Person,
     draw_person,
     move_arm,
-    solve_arm,
+    reach_with,
+    see_from_torso,
 )
 from besman.synthetic.throw_motion import (
     STICK_IN_HAND,
@@ -173,30 +174,21 @@ def _draw_throws(
 
 def _place_markers(person: Person, stance: _Stance, throw: _Throw, time: FloatArray) -> FloatArray:
     """Markers without noise, shape (T, M, 3), metres in the laboratory; the stick in the hand."""
-    hand, hand2body, pole = move_hand(throw.rest, throw.strokes, time)
-    twist, lean = move_torso(throw.strokes, time)
-    torso2body = Rotation.from_euler("ZY", np.column_stack([twist, lean]))
-    # The torso turns and leans about the hips; the hand's goal stays where it is in the room.
-    hips = np.array([0.0, 0.0, 0.53 * person.height_m])
-    shoulder = np.tile(person.shoulder - hips, (len(time), 1))
-    joints = solve_arm(
-        person,
-        shoulder,
-        torso2body.inv().apply(hand + person.shoulder - hips),
-        (torso2body.inv() * hand2body).as_matrix(),
-        torso2body.inv().apply(pole),
-    )
-    arm = move_arm(person, shoulder, joints)
-    points = [
-        np.tile(person.back - hips + offset, (len(time), 1)) for offset in BACK_MARKERS.values()
-    ]
-    points += [shoulder + SHOULDER_MARKER, arm.elbow + arm.upper2torso @ ELBOW_MARKER]
+    hand, wrist_joints, pole = move_hand(throw.rest, throw.strokes, time)
+    torso2body = Rotation.from_euler("ZY", np.column_stack(move_torso(throw.strokes, time)))
+    # The torso turns; the hand's goal stays where it is in the room.
+    seen = see_from_torso(person, hand, torso2body)
+    arm = move_arm(person, reach_with(person, seen, wrist_joints, torso2body.inv().apply(pole)))
+    still = np.zeros((len(time), 3))
+    points = [still + person.back - person.shoulder + offset for offset in BACK_MARKERS.values()]
+    points += [still + SHOULDER_MARKER, arm.elbow + arm.upper2torso @ ELBOW_MARKER]
     points += [
         arm.hand + arm.hand2torso @ offset for offset in (*HAND_MARKERS.values(), STICK_IN_HAND)
     ]
     waves = np.sin(2.0 * np.pi * stance.sway_hz * time[:, None, None] + stance.sway_phase)
     sway = (waves * stance.sway_m).sum(axis=1)
-    body = [torso2body.apply(point) + hips + sway for point in points]
+    from_hips = person.shoulder - person.hips
+    body = [torso2body.apply(point + from_hips) + person.hips + sway for point in points]
     return np.stack([stance.heading.apply(point) + stance.place for point in body], axis=1)
 
 

@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from besman.synthetic.bells import Bell
-from besman.synthetic.person import Person
+from besman.synthetic.person import Person, move_arm, reach_with, see_from_torso, solve_arm
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -24,23 +24,29 @@ So a dart is held between thumb and fingertips: with the forearm upright the sti
 STICK_IN_HAND = np.array([0.045, 0.010, -0.045])
 """The stick's point of balance, which carries its marker, in the hand frame, metres."""
 
+# Share of the reach beyond which the elbow would lock.
+_GREATEST_REACH = 0.93
+# Where the elbow points, beside the head and with the arm forward.
+_STRIKE_POLE = np.array([0.25, -0.60, -0.80])
+_THROW_POLE = np.array([0.30, -0.10, -0.90])
+
 
 @dataclass(frozen=True)
 class Pose:
-    """A pose of hand and elbow between two movements.
+    """A pose of the arm between two movements.
 
     Attributes
     ----------
     hand : array, shape (3,)
         Centroid of the hand markers from the shoulder at rest, metres (x forward, y left, z up).
-    hand2body : Rotation
-        Orientation of the hand frame.
+    wrist_joints : array, shape (3,)
+        Forearm rotation, wrist flexion and deviation, rad.
     pole : array, shape (3,)
         Where the elbow points.
     """
 
     hand: FloatArray
-    hand2body: Rotation
+    wrist_joints: FloatArray
     pole: FloatArray
 
 
@@ -93,17 +99,17 @@ class Style:
 def draw_style(rng: np.random.Generator) -> Style:
     """Draw how a person throws: pace, amplitude, symmetry of the bells, posture."""
     return Style(
-        strike_pose=np.array([-0.15, -0.28, 0.10]) + rng.uniform(-0.03, 0.03, 3),
-        throw_pose=np.array([0.65, -0.20, 0.61]) + rng.uniform(-0.025, 0.025, 3),
-        rest_pose=np.array([0.09, -0.08, -0.955]) + rng.uniform(-0.015, 0.015, 3),
-        speed_mps=rng.uniform(2.55, 2.90),
+        strike_pose=np.array([-0.16, -0.31, 0.10]) + rng.uniform(-0.03, 0.03, 3),
+        throw_pose=np.array([0.65, -0.24, 0.61]) + rng.uniform(-0.025, 0.025, 3),
+        rest_pose=np.array([0.10, -0.08, -0.93]) + rng.uniform(-0.015, 0.015, 3),
+        speed_mps=rng.uniform(2.45, 2.80),
         strike_s=rng.uniform(0.9, 1.15),
         hold_s=rng.uniform(-0.02, 0.10),
-        swing_s=rng.uniform(0.9, 1.15),
+        swing_s=rng.uniform(1.05, 1.3),
         idle_s=rng.uniform(1.9, 2.3),
         overlap=rng.uniform(0.16, 0.30),
         peaks=np.array([0.44, 0.57, 0.42]) + rng.uniform(-0.04, 0.04, 3),
-        sharpness=rng.uniform(4.3, 5.0),
+        sharpness=rng.uniform(4.5, 5.3),
         stick_elevation_deg=np.array([48.0, 10.0]) + rng.uniform(-5.0, 5.0, 2),
         twist=np.deg2rad(rng.uniform(4.0, 10.0)),
     )
@@ -111,11 +117,18 @@ def draw_style(rng: np.random.Generator) -> Style:
 
 def draw_rest(person: Person, style: Style, rng: np.random.Generator) -> Pose:
     """Draw how the arm hangs before or after a throw."""
-    hand = style.rest_pose * person.reach_m + rng.normal(0.0, 0.008, 3)
-    fingers = np.array([0.10, 0.03, -1.0]) + rng.normal(0.0, 0.03, 3)
-    # Between palm to the thigh and palm to the back, as a relaxed arm hangs.
-    back_of_hand = np.array([0.75, -0.65, 0.0]) + rng.normal(0.0, 0.05, 3)
-    return Pose(hand, orient_hand(fingers, back_of_hand), np.array([-0.80, -0.60, -0.60]))
+    hand = _draw_hand(person, style.rest_pose, 0.008, rng)
+    # Palm between thigh and back, as a relaxed arm hangs.
+    wrist_joints = np.deg2rad(np.array([58.0, 10.0, -4.0]) + rng.normal(0.0, 2.0, 3))
+    return Pose(hand, wrist_joints, np.array([-0.80, -0.60, -0.60]))
+
+
+def _draw_hand(
+    person: Person, pose: FloatArray, spread_m: float, rng: np.random.Generator
+) -> FloatArray:
+    """Draw a hand position near a pose, with the arm never quite stretched."""
+    hand = pose * person.reach_m + rng.normal(0.0, spread_m, 3)
+    return hand * min(1.0, _GREATEST_REACH * person.reach_m / float(np.linalg.norm(hand)))
 
 
 def draw_strokes(
@@ -138,15 +151,13 @@ def draw_strokes(
     tuple of three Stroke
     """
     reach = person.reach_m
-    strike = style.strike_pose * reach + rng.normal(0.0, 0.012, 3)
-    throw = style.throw_pose * reach + rng.normal(0.0, 0.012, 3)
+    strike = _draw_hand(person, style.strike_pose, 0.012, rng)
+    throw = _draw_hand(person, style.throw_pose, 0.012, rng)
     raised, lowered = style.stick_elevation_deg + rng.normal(0.0, 1.5, 2)
     azimuth = rng.normal(0.0, 1.5)
-    strike_pose = Pose(strike, aim_stick(raised, azimuth, 25.0), np.array([0.45, -0.35, -0.85]))
-    throw_pose = Pose(throw, aim_stick(lowered, azimuth, 8.0), np.array([0.30, -0.60, -0.75]))
-    pace = rng.normal(1.0, 0.035, 3)
+    strike_pace, swing_pace = rng.normal(1.0, 0.035, 2)
     peaks = style.peaks + rng.normal(0.0, 0.012, 3)
-    first = Bell(start, style.strike_s * pace[0], peaks[0], style.sharpness)
+    first = Bell(start, style.strike_s * strike_pace, peaks[0], style.sharpness)
     unit = Bell(0.0, 1.0, peaks[1], style.sharpness)
     speed = style.speed_mps * rng.normal(1.0, 0.02)
     duration = unit.peak_rate * float(np.linalg.norm(throw - strike)) / speed
@@ -154,12 +165,21 @@ def draw_strokes(
         first.end + style.hold_s + rng.normal(0.0, 0.01), duration, peaks[1], style.sharpness
     )
     third = Bell(
-        second.end - style.overlap * duration, style.swing_s * pace[2], peaks[2], style.sharpness
+        second.end - style.overlap * duration, style.swing_s * swing_pace, peaks[2], style.sharpness
     )
     bends = rng.normal(0.0, 0.01, (3, 3)) + reach * np.array(
         [[0.38, -0.05, 0.00], [-0.02, -0.02, 0.05], [0.36, -0.06, 0.10]]
     )
-    twist = style.twist * pace[1]
+    twist = style.twist * rng.normal(1.0, 0.05)
+    raised_torso, forward_torso = Rotation.from_euler(
+        "ZY", [[-twist, -0.25 * twist], [twist, 0.5 * twist]]
+    )
+    strike_pose = _hold_stick(
+        person, strike, aim_stick(raised, azimuth, 10.0), _STRIKE_POLE, raised_torso
+    )
+    throw_pose = _hold_stick(
+        person, throw, aim_stick(lowered, azimuth, 8.0), _THROW_POLE, forward_torso
+    )
     return (
         Stroke("strike_out", first, strike_pose, bends[0], -twist, -0.25 * twist),
         Stroke("throw", second, throw_pose, bends[1], 2.0 * twist, 0.75 * twist),
@@ -167,9 +187,23 @@ def draw_strokes(
     )
 
 
+def _hold_stick(
+    person: Person, hand: FloatArray, hand2body: Rotation, pole: FloatArray, torso2body: Rotation
+) -> Pose:
+    """Find the wrist joints with which the hand has an orientation."""
+    seen = see_from_torso(person, hand[np.newaxis], torso2body)
+    hand2torso = (torso2body.inv() * hand2body).as_matrix()[np.newaxis]
+    side = elbow = torso2body.inv().apply(pole)[np.newaxis]
+    for _ in range(5):
+        # The pole is seen from the hand, but the orientation fixes the wrist.
+        joints = solve_arm(person, seen, hand2torso, elbow)
+        elbow = move_arm(person, reach_with(person, seen, joints[:, 4:], side)).elbow
+    return Pose(hand, joints[0, 4:], pole)
+
+
 def move_hand(
     rest: Pose, strokes: tuple[Stroke, ...], time: FloatArray
-) -> tuple[FloatArray, Rotation, FloatArray]:
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Add up the strokes of a throw.
 
     Parameters
@@ -184,22 +218,24 @@ def move_hand(
     -------
     hand : array, shape (T, 3)
         From the shoulder at rest, metres.
-    hand2body : Rotation of length T
+    wrist_joints : array, shape (T, 3)
+        Forearm rotation, wrist flexion and deviation, rad.
     pole : array, shape (T, 3)
         Where the elbow points.
     """
-    hand = np.tile(rest.hand, (len(time), 1))
-    pole = np.tile(rest.pole, (len(time), 1))
-    turned = Rotation.from_matrix(np.tile(rest.hand2body.as_matrix(), (len(time), 1, 1)))
+    hand, wrist_joints, pole = (
+        np.tile(start, (len(time), 1)) for start in (rest.hand, rest.wrist_joints, rest.pole)
+    )
     before = rest
     for stroke in strokes:
         share = stroke.bell.progress(time)[:, np.newaxis]
-        along = _even_pace(share, stroke.to.hand - before.hand, stroke.bend)
-        hand += along * (stroke.to.hand - before.hand) + 4.0 * along * (1.0 - along) * stroke.bend
+        chord = stroke.to.hand - before.hand
+        along = _even_pace(share, chord, stroke.bend)
+        hand += along * chord + 4.0 * along * (1.0 - along) * stroke.bend
+        wrist_joints += share * (stroke.to.wrist_joints - before.wrist_joints)
         pole += share * (stroke.to.pole - before.pole)
-        turned = turned * Rotation.from_rotvec(share * _turn(before.hand2body, stroke.to.hand2body))
         before = stroke.to
-    return hand, turned, pole
+    return hand, wrist_joints, pole
 
 
 def _even_pace(share: FloatArray, chord: FloatArray, bend: FloatArray) -> FloatArray:
@@ -208,15 +244,6 @@ def _even_pace(share: FloatArray, chord: FloatArray, bend: FloatArray) -> FloatA
     pace = np.linalg.norm(chord + 4.0 * (1.0 - 2.0 * parameter)[:, np.newaxis] * bend, axis=1)
     length = CubicSpline(parameter, pace).antiderivative()(parameter)
     return CubicSpline(length / length[-1], parameter)(share)
-
-
-def _turn(before: Rotation, after: Rotation) -> FloatArray:
-    """Rotation vector from one orientation to another, on the side where fingers pass forward."""
-    turn = (before.inv() * after).as_rotvec()
-    half_way = before * Rotation.from_rotvec(turn / 2.0)
-    if np.linalg.norm(turn) > np.pi / 2 and half_way.apply([1.0, 0.0, 0.0])[0] < 0.0:
-        turn = turn * (1.0 - 2.0 * np.pi / np.linalg.norm(turn))
-    return turn
 
 
 def move_torso(strokes: tuple[Stroke, ...], time: FloatArray) -> tuple[FloatArray, FloatArray]:
