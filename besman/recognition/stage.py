@@ -75,7 +75,10 @@ class RecognizeConfig(Stage):
         return features
 
     def train(
-        self, recordings: tuple[LabelledRecording, ...], truth: tuple[LabelledSegments, ...]
+        self,
+        recordings: tuple[LabelledRecording, ...],
+        truth: tuple[LabelledSegments, ...],
+        work: Work = Work(),
     ) -> NearestNeighbourModel:
         """Learn from manual segments.
 
@@ -85,6 +88,8 @@ class RecognizeConfig(Stage):
             Recordings; those without manual segments teach nothing.
         truth : tuple of LabelledSegments
             Manual segments of some of the recordings, matched by source.
+        work : Work
+            How to run.
 
         Returns
         -------

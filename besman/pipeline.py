@@ -1,0 +1,345 @@
+"""The way of the data: every stage once, top to bottom."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Annotated, Any
+
+import yaml
+from pydantic import Field, field_validator
+
+from besman.config_file import load_config, parse_config, read_yaml
+from besman.exceptions import BesmanError, ConfigError, RecognitionError, RunError, nearest
+from besman.imitation.stage import ImitateConfig, imitate_results
+from besman.inputs import Inputs, read_inputs
+from besman.labelling.marker_set import MarkerSet, load_marker_set
+from besman.labelling.stage import LabelConfig, label_results
+from besman.mapping.stage import MapConfig, SelectConfig, map_results
+from besman.recognition.stage import RecognizeConfig
+from besman.record_files import load_record, save_record
+from besman.records import LabelledRecording, LabelledSegments
+from besman.refinement.stage import RefineConfig, refine_results
+from besman.results import recognize_results, segment_results, write_exports
+from besman.run import Display, Run
+from besman.segmentation.stage import SegmentConfig
+from besman.stage import Config
+
+
+class PipelineConfig(Config):
+    """One complete recipe: recordings, robot, and the stages in their order.
+
+    Attributes
+    ----------
+    name : str
+        Name of the run folder.
+    recordings : tuple of str
+        Files or folders; relative to the YAML file.
+    training : tuple of str
+        Recordings with a segments file beside them, from which labelled examples are taken;
+        none given: the recordings themselves.
+    robot, tool : str
+        A robot of ``robots/`` or the path of a robot.yaml, and one of its tools.
+    task : str
+        A task of ``configs/tasks/`` or a path.
+    margin_s : float
+        Greatest distance of a found border to a manual one that counts as found, where there are
+        manual segments.
+    label, segment, recognize, select, map, imitate, refine
+        The stages.
+    """
+
+    name: Annotated[str, Field(pattern=r"^[\w.-]+$")]
+    recordings: Annotated[tuple[str, ...], Field(min_length=1)]
+    training: tuple[str, ...] = ()
+    robot: str
+    tool: str
+    task: str
+    margin_s: Annotated[float, Field(gt=0)] = 0.3
+    label: LabelConfig = LabelConfig()
+    segment: SegmentConfig = SegmentConfig()
+    recognize: RecognizeConfig = RecognizeConfig()
+    select: SelectConfig
+    map: MapConfig = MapConfig()
+    imitate: ImitateConfig = ImitateConfig()
+    refine: RefineConfig = RefineConfig()
+
+    @field_validator("recordings", "training", mode="before")
+    @classmethod
+    def _one_or_many(cls, value: Any) -> Any:
+        """Accept a single path in place of a list of one."""
+        return (value,) if isinstance(value, str) else value
+
+
+def load_pipeline(path: Path, settings: tuple[str, ...] = ()) -> PipelineConfig:
+    """Read a pipeline and make its paths absolute.
+
+    Parameters
+    ----------
+    path : Path
+        The YAML file.
+    settings : tuple of str
+        ``KEY=VALUE`` with a dotted key and a YAML value; paths in them are relative to the
+        working directory.
+
+    Returns
+    -------
+    PipelineConfig
+
+    Raises
+    ------
+    ConfigError
+        For anything in the file or the settings that does not fit.
+    """
+    content, lines = read_yaml(path)
+    for key in ("recordings", "training"):
+        if key in content:
+            content[key] = _absolute(content[key], path.resolve().parent)
+    for key in ("robot", "task"):
+        content[key] = _own_file(content.get(key), path.resolve().parent)
+    for setting in settings:
+        _apply(content, setting)
+    return parse_config(
+        {k: v for k, v in content.items() if v is not None}, PipelineConfig, path, lines
+    )
+
+
+def _apply(content: dict[str, Any], setting: str) -> None:
+    """Put one ``KEY=VALUE`` into a pipeline's content."""
+    key, equals, text = setting.partition("=")
+    if not equals or not key:
+        raise ConfigError(f"--set: got {setting!r}, expected KEY=VALUE, e.g. segment.rate_hz=20")
+    try:
+        value = yaml.safe_load(text)
+    except yaml.YAMLError:
+        raise ConfigError(f"--set {key}: got {text!r}, which is not a YAML value") from None
+    if key in ("recordings", "training"):
+        value = _absolute(value, Path.cwd())
+    if key in ("robot", "task"):
+        value = _own_file(value, Path.cwd())
+    *parents, last = key.split(".")
+    for parent in parents:
+        content = content.setdefault(parent, {})
+        if not isinstance(content, dict):
+            raise ConfigError(f"--set {key}: {parent!r} is a value and has no keys below it")
+    content[last] = value
+
+
+def _absolute(paths: Any, folder: Path) -> Any:
+    """Make paths absolute; what is no path is left for the config's own check."""
+    if isinstance(paths, str):
+        return str((folder / paths).resolve())
+    if isinstance(paths, list):
+        return [_absolute(path, folder) for path in paths]
+    return paths
+
+
+def _own_file(name: Any, folder: Path) -> Any:
+    """Make the path of a user's own file absolute; a resource's name stays as it is."""
+    is_path = isinstance(name, str) and name.endswith(".yaml")
+    return str((folder / name).resolve()) if is_path else name
+
+
+def pipeline_yaml(config: PipelineConfig) -> str:
+    """Return a pipeline with every default written out."""
+    return yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False, allow_unicode=True)
+
+
+def run_pipeline(
+    config: PipelineConfig,
+    folder: Path,
+    *,
+    jobs: int = 1,
+    fresh: str | None = None,
+    display: Display | None = None,
+    trained_in: Path | None = None,
+) -> Path:
+    """Run every stage that is not cached, and write results and exports.
+
+    Parameters
+    ----------
+    config : PipelineConfig
+        The recipe.
+    folder : Path
+        The run folder; made if need be.
+    jobs : int
+        Threads to use; never changes a result.
+    fresh : str, optional
+        Stage to compute anew.
+    display : callable, optional
+        Shows progress.
+    trained_in : Path, optional
+        A finished run whose trained model is used in place of labelled examples.
+
+    Returns
+    -------
+    Path
+        The run folder.
+
+    Raises
+    ------
+    BesmanError
+        As the stages say. The run's status is then ``failed``.
+    """
+    from threadpoolctl import threadpool_limits
+
+    if fresh is not None and fresh not in STAGES:
+        raise RunError(f"--fresh: no stage {fresh!r}; {nearest(fresh, STAGES)}")
+    wall, cpu = time.perf_counter(), time.process_time()
+    inputs = read_inputs(config.recordings)
+    run = Run(folder, config.name, jobs=jobs, fresh=fresh, display=display)
+    run.start(pipeline_yaml(config), inputs.checksums)
+    run.record_time("read", wall, cpu, items=len(inputs.recordings), unit="recordings")
+    try:
+        # Many small matrices: threads inside BLAS cost more than they bring.
+        with threadpool_limits(limits=1, user_api="blas"):
+            _run_stages(config, run, inputs, trained_in)
+    except BesmanError as error:
+        run.finish("failed", str(error))
+        raise
+    except BaseException as error:
+        run.finish("failed", f"{type(error).__name__}: {error}")
+        raise
+    run.finish()
+    return folder
+
+
+STAGES = ("label", "segment", "train", "recognize", "select", "map", "imitate", "refine")
+
+
+def _run_stages(config: PipelineConfig, run: Run, inputs: Inputs, trained_in: Path | None) -> None:
+    """Run the stages in their order."""
+    recordings, truth = inputs.recordings, inputs.truth
+    save_record(truth, run.folder / "truth.npz")
+    markers = load_marker_set(config.label.markers)
+
+    n = len(recordings)
+    labelled = run.step("label", config.label, recordings, markers, items=n, unit="recordings")
+    run.results["label"] = label_results(recordings, labelled, markers)
+
+    segments = run.step("segment", config.segment, labelled, items=n, unit="recordings")
+    run.results["segment"] = segment_results(
+        segments, truth, config.segment.markers[0], config.margin_s
+    )
+
+    model = _train(config, run, labelled, truth, markers, trained_in)
+    n = sum(len(found.bounds) for found in segments)
+    recognized = run.step(
+        "recognize", config.recognize, labelled, segments, model, items=n, unit="segments"
+    )
+    run.results["recognize"] = recognize_results(
+        config.recognize, labelled, recognized, truth, model
+    )
+
+    n = sum(found.labels.count(config.select.label) for found in recognized)
+    demonstrations = run.step(
+        "select", config.select, labelled, recognized, items=n, unit="segments"
+    )
+
+    robot = _load_robot(config)
+    n = len(demonstrations)
+    mapping = run.step("map", config.map, demonstrations, robot, items=n, unit="demonstrations")
+    run.results["map"] = map_results(mapping)
+
+    n = len(mapping.trajectories)
+    plans = run.step("imitate", config.imitate, mapping.trajectories, items=n, unit="motions")
+    run.results["imitate"] = imitate_results(plans)
+
+    task = _load_task(config)
+    motions = run.step("refine", config.refine, plans, robot, task, items=n, unit="motions")
+    run.results["refine"] = refine_results(motions, task)
+    write_exports(motions, run.folder / "exports")
+
+
+def _train(
+    config: PipelineConfig,
+    run: Run,
+    labelled: tuple[LabelledRecording, ...],
+    truth: tuple[LabelledSegments | None, ...],
+    markers: MarkerSet,
+    trained_in: Path | None,
+) -> Any:
+    """Return the trained model: another run's, or one of the labelled examples at hand."""
+    if trained_in is not None:
+        return trained_model(trained_in)
+    if config.training:
+        inputs = read_inputs(config.training)
+        n = len(inputs.recordings)
+        labelled = run.step(
+            "label_training", config.label, inputs.recordings, markers, items=n, unit="recordings"
+        )
+        truth = inputs.truth
+    manual = tuple(segments for segments in truth if segments is not None)
+    if not manual:
+        raise RecognitionError(
+            f"recognize: no labelled examples: none of {len(truth)} recordings has a segments file "
+            "beside it (STEM_manually_segmented.json); name recordings that have with training:"
+        )
+    n = config.recognize.examples_per_class
+    return run.step(
+        "train",
+        config.recognize,
+        labelled,
+        manual,
+        items=n,
+        unit="examples a class",
+        method="train",
+    )
+
+
+def trained_model(folder: Path) -> Any:
+    """Load the trained model of a run.
+
+    Raises
+    ------
+    RunError
+        If the folder is not a run, or its training has not been done.
+    """
+    places = sorted(folder.glob("[0-9][0-9]_train"))
+    if not places:
+        raise RunError(f"{folder}: no trained model here: expected a run folder with NN_train")
+    return load_record(places[-1] / "record.npz")
+
+
+def retarget_pipeline(
+    folder: Path, recordings: list[Path], robot: str | None = None
+) -> PipelineConfig:
+    """Return a finished run's recipe for other recordings, and maybe another robot.
+
+    Parameters
+    ----------
+    folder : Path
+        The run.
+    recordings : list of Path
+        Files or folders.
+    robot : str, optional
+        A robot's name or the path of a robot.yaml.
+
+    Raises
+    ------
+    RunError, ConfigError
+        If the folder is not a run or the robot is not there.
+    """
+    if not (folder / "pipeline.yaml").is_file():
+        raise RunError(f"{folder}: not a run: pipeline.yaml is missing")
+    trained_model(folder)
+    config = load_config(folder / "pipeline.yaml", PipelineConfig)
+    changes: dict[str, Any] = {
+        "recordings": tuple(str(path.resolve()) for path in recordings),
+        "training": (),
+    }
+    if robot is not None:
+        changes["robot"] = _own_file(robot, Path.cwd())
+    return config.model_copy(update=changes)
+
+
+def _load_robot(config: PipelineConfig) -> Any:
+    from besman.robot.model import load_robot
+
+    return load_robot(config.robot, config.tool)
+
+
+def _load_task(config: PipelineConfig) -> Any:
+    from besman.simulation.tasks import load_task
+
+    return load_task(config.task)
