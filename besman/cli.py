@@ -101,8 +101,8 @@ def segment(
     """Find the borders of the building blocks in recordings."""
     from rich.console import Console
 
-    from besman.quick_segmentation import segment_files, segment_table
     from besman.run import write_json
+    from besman.segment_files import segment_files, segment_table
 
     found = segment_files(recordings, method, markers, rate_hz)
     if json_file is not None:

@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from besman.imitation.dmp import fit_weights, roll_out
+from besman.imitation.leads import add_leads
 from besman.records import JointTrajectory, MotionPlan
 from besman.stage import Stage, Work
 
@@ -21,10 +22,16 @@ class ImitateConfig(Stage):
         One DMP for all joints of the arm.
     n_weights : int
         Weights per joint.
+    lead_in_s, lead_out_s : float
+        A motion plan starts and ends at rest, a demonstration need not: the plan speeds up and
+        slows down in this time before and after it. With 0 it does so within the demonstration,
+        and is then at the demonstration's own start and end.
     """
 
     method: Literal["joint_dmp"] = "joint_dmp"
     n_weights: Annotated[int, Field(ge=6, le=100)] = 20
+    lead_in_s: Annotated[float, Field(ge=0, le=2)] = 0.1
+    lead_out_s: Annotated[float, Field(ge=0, le=2)] = 0.2
 
     def run(
         self, trajectories: tuple[JointTrajectory, ...], work: Work = Work()
@@ -50,14 +57,21 @@ class ImitateConfig(Stage):
         return tuple(plans)
 
     def _imitate(self, trajectory: JointTrajectory) -> MotionPlan:
-        time = trajectory.time - trajectory.time[0]
-        start, goal = trajectory.positions[0], trajectory.positions[-1]
-        weights = fit_weights(time, trajectory.positions, self.n_weights)
-        imitated, _, _ = roll_out(weights, start, goal, time[-1], time)
+        time, positions = add_leads(
+            trajectory.time,
+            trajectory.positions,
+            trajectory.velocities,
+            self.lead_in_s,
+            self.lead_out_s,
+        )
+        weights = fit_weights(time, positions, self.n_weights)
+        imitated, _, _ = roll_out(
+            weights, positions[0], positions[-1], time[-1], trajectory.time + self.lead_in_s
+        )
         return MotionPlan(
             weights=weights,
-            start=start,
-            goal=goal,
+            start=positions[0],
+            goal=positions[-1],
             duration=float(time[-1]),
             joint_names=trajectory.joint_names,
             rmse=float(np.sqrt(np.mean((imitated - trajectory.positions) ** 2))),

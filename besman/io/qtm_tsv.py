@@ -15,7 +15,7 @@ from besman.records import Recording
 FloatArray = npt.NDArray[np.float64]
 
 _KEY = re.compile(r"[A-Z][A-Z_]+")
-_EMPTY_CELL = re.compile(r"\t[ \t]*(?=\t)")
+_EMPTY_CELL = re.compile(r"\t *(?=\t)")
 _MISSING = re.compile(r"\bnull\b", re.IGNORECASE)
 # Rows that are formatted at once; bounds the memory of the format string.
 _ROWS_AT_ONCE = 4096
@@ -126,8 +126,9 @@ def _read_lines(path: Path) -> list[str]:
     except UnicodeDecodeError:
         # Older exports are written in the code page of the recording computer.
         text = content.decode("latin-1")
-    lines = text.replace("\r\n", "\n").rstrip().split("\n")
-    if lines == [""]:
+    # Tabs at the end of the last line may be gaps, so only blanks and line ends go.
+    lines = text.replace("\r\n", "\n").rstrip(" \n").split("\n")
+    if not any(line.strip() for line in lines):
         raise RecordingError(f"{path}: the file is empty; expected a Qualisys TSV recording")
     return lines
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 import numpy.typing as npt
 
-from besman.mapping.placement_kernel import placement_terms
-from besman.robot.inverse_kinematics import IkWeights, draw_starts, find_branches, joint_box
+from besman.robot.collision import distances
+from besman.robot.inverse_kinematics import IkWeights, draw_starts, find_branches, follow_all
 from besman.robot.kinematics import forward_kinematics, manipulability
 from besman.robot.model import Robot
 
@@ -196,6 +196,62 @@ def _search_grid(
     return grid[order[0]], replace(cost, starts=cost.starts[np.sort(branches[most])])
 
 
+def path_terms(
+    robot: Robot,
+    positions: FloatArray,
+    errors: FloatArray,
+    targets: FloatArray,
+    step_s: FloatArray,
+) -> FloatArray:
+    """Compute the cost terms of paths in joint space.
+
+    Parameters
+    ----------
+    robot : Robot
+    positions : array, shape (..., P, n)
+        rad.
+    errors : array, shape (..., P, 2)
+        Position (m) and orientation (rad).
+    targets : array, shape (..., P, 4, 4)
+        Poses asked for, metres.
+    step_s : array, shape (..., 1, 1)
+        Seconds between poses.
+
+    Returns
+    -------
+    array, shape (..., 6)
+        In the order of `TermWeights`.
+    """
+    limits = robot.limits
+    rms = np.sqrt(np.mean(errors**2, axis=-2)) / (POSITION_SCALE_M, ORIENTATION_SCALE_RAD)
+    usable = _SINGULAR_SHARE * max(float(manipulability(robot.chain, robot.home)), 1e-6)
+    singular = np.maximum(0.0, 1.0 - manipulability(robot.chain, positions) / usable) ** 2
+    nearest = distances(robot.chain, positions).min(axis=-1)
+    near = np.maximum(0.0, 1.0 - nearest / SAFE_DISTANCE_M)
+    steps = np.diff(positions, axis=-2) / step_s
+    speed = np.max(np.abs(steps) / limits.velocity, axis=(-2, -1))
+    pull = np.max(np.abs(np.diff(steps, axis=-2)) / step_s / limits.acceleration, axis=(-2, -1))
+    tips = forward_kinematics(robot.chain, positions)[..., :3, 3]
+    used, asked = _length(tips), _length(targets[..., :3, 3])
+    return np.stack(
+        [
+            rms[..., 0],
+            rms[..., 1],
+            np.mean(singular, axis=-1),
+            np.mean(near, axis=-1),
+            np.maximum(0.0, np.maximum(speed, np.sqrt(pull)) - 1.0),
+            np.maximum(0.0, 1.0 - used / np.maximum(asked, 1e-9)),
+        ],
+        axis=-1,
+    )
+
+
+def _length(points: FloatArray) -> FloatArray:
+    """Return the lengths of polylines (..., P, 3), metres."""
+    lengths: FloatArray = np.linalg.norm(np.diff(points, axis=-2), axis=-1).sum(axis=-1)
+    return lengths
+
+
 @dataclass(frozen=True, eq=False)
 class _Cost:
     """The weighted sum of terms as a function of (x, y, z, yaw) of the demonstrations' centre."""
@@ -216,33 +272,17 @@ class _Cost:
         return replace(self, paths=self.paths[chosen], steps_s=self.steps_s[chosen])
 
     def terms(self, parameters: FloatArray) -> tuple[FloatArray, npt.NDArray[np.int64]]:
-        """Return terms (D, 6) and branch (D,) of every demonstration."""
-        robot, chain = self.robot, self.robot.chain
-        low, high = joint_box(robot)
-        usable = _SINGULAR_SHARE * float(manipulability(chain, robot.home))
-        scales = (POSITION_SCALE_M, ORIENTATION_SCALE_RAD, max(usable, 1e-6), SAFE_DISTANCE_M)
-        return placement_terms(
-            chain.placements,
-            chain.axes,
-            chain.tip,
-            chain.capsule_joints,
-            chain.capsule_ends,
-            chain.capsule_radii,
-            chain.capsule_pairs,
-            low,
-            high,
-            robot.home,
-            robot.limits.velocity,
-            robot.limits.acceleration,
-            self.ik_weights.as_array(),
-            self.free_spin,
-            np.array(scales),
-            self.weights.as_array(),
-            self.starts,
-            self.paths,
-            self.steps_s,
-            pose_of(parameters, self.centre),
+        """Return terms (D, 6) and cheapest branch (D,) of every demonstration."""
+        targets = pose_of(parameters, self.centre) @ self.paths
+        positions, errors = follow_all(
+            self.robot, targets, self.starts, _POSES // 2, self.ik_weights, self.free_spin,
+            rounds=25, tolerance=1e-5,
+        )  # fmt: skip
+        terms = path_terms(
+            self.robot, positions, errors, targets[:, None], self.steps_s[:, None, None, None]
         )
+        branches = np.argmin(terms @ self.weights.as_array(), axis=1)
+        return terms[np.arange(len(branches)), branches], branches
 
     def __call__(self, parameters: FloatArray) -> float:
         """Return the mean cost over the demonstrations."""

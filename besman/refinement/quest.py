@@ -9,6 +9,7 @@ from besman.imitation.dmp import roll_out
 from besman.records import MotionPlan, RefinedMotion
 from besman.refinement.plan_space import PlanSpace
 from besman.refinement.search import Search
+from besman.robot.kinematics import forward_kinematics
 from besman.robot.limits import check_limits
 from besman.robot.model import Robot
 from besman.simulation.tasks import StickThrowConfig, TaskConfig
@@ -115,7 +116,7 @@ class Quest:
             outcome=trial.outcome,
             outcome_before=np.full(3, np.nan) if before.failure else before.outcome,
             object_path=trial.object_path,
-            tool_path=trial.tool_path,
+            tool_path=forward_kinematics(robot.chain, movement[0])[:, :3, 3],
             success=trial.success and within,
             miss_before=float(misses[0]),
             miss=trial.miss,

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
-from besman.robot.kinematics import as_rows, fill_frames
+from besman.robot.kinematics import as_rows, compiled, fill_frames
 from besman.robot.model import Chain
 
 FloatArray = npt.NDArray[np.float64]
@@ -65,7 +64,7 @@ def distances(chain: Chain, positions: npt.ArrayLike) -> FloatArray:
     return result.reshape(*shape, 2)
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def place_capsules(
     joints: IntArray,
     ends: FloatArray,
@@ -89,7 +88,7 @@ def place_capsules(
                     )
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def segment_distance(p0: FloatArray, p1: FloatArray, q0: FloatArray, q1: FloatArray) -> float:
     """Compute the distance between two segments in space, which may be points.
 
@@ -122,7 +121,7 @@ def segment_distance(p0: FloatArray, p1: FloatArray, q0: FloatArray, q1: FloatAr
     return float(np.sqrt(d0 * d0 + d1 * d1 + d2 * d2))
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def least_distances(
     joints: IntArray, placed: FloatArray, radii: FloatArray, pairs: IntArray
 ) -> tuple[float, float]:
@@ -142,7 +141,7 @@ def least_distances(
     return nearest, lowest
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def _distances(
     placements: FloatArray,
     axes: FloatArray,

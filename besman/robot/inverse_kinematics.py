@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from besman.exceptions import RobotError
 from besman.robot.collision import distances
-from besman.robot.ik_kernel import solve_from, sweep
+from besman.robot.ik_kernel import follow_paths
 from besman.robot.model import Robot
 
 FloatArray = npt.NDArray[np.float64]
@@ -144,25 +144,12 @@ def follow(
     -------
     IkPath
     """
-    chain = robot.chain
-    low, high = joint_box(robot)
-    positions, errors = sweep(
-        chain.placements,
-        chain.axes,
-        chain.tip,
-        low,
-        high,
-        robot.home,
-        weights.as_array(),
-        free_spin,
-        targets,
-        start,
-        anchor,
-        60,
-        1e-12,
+    found, all_errors = follow_all(
+        robot, targets[None], start[None], anchor, weights, free_spin, rounds=60, tolerance=1e-12
     )
+    positions, errors = found[0, 0], all_errors[0, 0]
     steps = np.diff(positions, axis=0)
-    near = np.maximum(0.0, 1.0 - distances(chain, positions).min(axis=1) / _SAFE_DISTANCE_M)
+    near = np.maximum(0.0, 1.0 - distances(robot.chain, positions).min(axis=1) / _SAFE_DISTANCE_M)
     cost = (
         np.mean((weights.position * errors[:, 0]) ** 2 + (weights.orientation * errors[:, 1]) ** 2)
         + weights.home**2 * np.mean((positions - robot.home) ** 2)
@@ -170,6 +157,60 @@ def follow(
         + np.mean(near)
     )
     return IkPath(positions, errors[:, 0], errors[:, 1], float(cost))
+
+
+def follow_all(
+    robot: Robot,
+    targets: FloatArray,
+    starts: FloatArray,
+    anchor: int,
+    weights: IkWeights,
+    free_spin: bool,
+    *,
+    rounds: int,
+    tolerance: float,
+) -> tuple[FloatArray, FloatArray]:
+    """Follow many paths from many starts; see `besman.robot.ik_kernel.follow_paths`.
+
+    Parameters
+    ----------
+    robot : Robot
+    targets : array, shape (D, T, 4, 4)
+        Poses of D paths, metres.
+    starts : array, shape (K, n)
+        Where to start at the anchor, rad.
+    anchor : int
+        Index of the pose to start from.
+    weights, free_spin
+        As in `solve_path`.
+    rounds, tolerance : int, float
+        Greatest number of steps a pose, and the relative improvement that ends them.
+
+    Returns
+    -------
+    positions : array, shape (D, K, T, n)
+        rad.
+    errors : array, shape (D, K, T, 2)
+        Position (m) and orientation (rad).
+    """
+    chain = robot.chain
+    low, high = joint_box(robot)
+    # Fresh copies are writable; read-only arrays would be compiled for once more.
+    return follow_paths(
+        chain.placements,
+        chain.axes,
+        chain.tip,
+        low,
+        high,
+        np.array(robot.home),
+        weights.as_array(),
+        free_spin,
+        np.array(targets, order="C"),
+        np.array(starts, order="C"),
+        anchor,
+        rounds,
+        tolerance,
+    )
 
 
 def find_branches(
@@ -196,21 +237,14 @@ def find_branches(
     array, shape (K, n)
         Configurations in the order of their cost, rad.
     """
-    chain = robot.chain
-    low, high = joint_box(robot)
-    found, costs = solve_from(
-        chain.placements,
-        chain.axes,
-        chain.tip,
-        low,
-        high,
-        robot.home,
-        weights.as_array(),
-        free_spin,
-        target,
-        starts,
-        100,
-        1e-10,
+    paths, errors = follow_all(
+        robot, target[None, None], starts, 0, weights, free_spin, rounds=100, tolerance=1e-10
+    )
+    found = paths[0, :, 0]
+    costs = (
+        (weights.position * errors[0, :, 0, 0]) ** 2
+        + (weights.orientation * errors[0, :, 0, 1]) ** 2
+        + weights.home**2 * np.sum((found - robot.home) ** 2, axis=1)
     )
     order = np.argsort(costs, kind="stable")
     # Others than the best are worth following only if they come near the pose at all.

@@ -11,6 +11,9 @@ from besman.robot.model import Chain
 
 FloatArray = npt.NDArray[np.float64]
 
+# Kernels write loops out: array expressions would multiply the time to compile them.
+compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
+
 
 def forward_kinematics(chain: Chain, positions: npt.ArrayLike) -> FloatArray:
     """Compute the pose of the tool centre point.
@@ -33,7 +36,7 @@ def forward_kinematics(chain: Chain, positions: npt.ArrayLike) -> FloatArray:
         If the last axis is not n long.
     """
     rows, shape = as_rows(chain, positions)
-    poses = _forward(chain.placements, chain.axes, chain.tip, rows)
+    poses, _ = _tip_motion(chain.placements, chain.axes, chain.tip, rows)
     return poses.reshape(*shape, 4, 4)
 
 
@@ -58,7 +61,7 @@ def jacobian(chain: Chain, positions: npt.ArrayLike) -> FloatArray:
         If the last axis is not n long.
     """
     rows, shape = as_rows(chain, positions)
-    jacobians = _jacobians(chain.placements, chain.axes, chain.tip, rows)
+    _, jacobians = _tip_motion(chain.placements, chain.axes, chain.tip, rows)
     return jacobians.reshape(*shape, 6, len(chain.axes))
 
 
@@ -99,10 +102,11 @@ def as_rows(chain: Chain, positions: npt.ArrayLike) -> tuple[FloatArray, tuple[i
     n = len(chain.axes)
     if array.ndim == 0 or array.shape[-1] != n:
         raise RobotError(f"joint angles must have shape (..., {n}), got {array.shape}")
-    return np.ascontiguousarray(array.reshape(-1, n)), array.shape[:-1]
+    # Always a fresh, writable copy: a read-only array would be another type to the compiler.
+    return np.array(array.reshape(-1, n), order="C"), array.shape[:-1]
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def fill_frames(
     placements: FloatArray,
     axes: FloatArray,
@@ -123,106 +127,104 @@ def fill_frames(
     origins : array, shape (n, 3)
         Written: metres in the world.
     """
-    base = np.eye(3)
-    position = np.zeros(3)
-    turn = np.empty((3, 3))
     for joint in range(len(angles)):
-        if joint > 0:
-            base = rotations[joint - 1]
-            position = origins[joint - 1]
         x, y, z = axes[joint, 0], axes[joint, 1], axes[joint, 2]
         c, s = np.cos(angles[joint]), np.sin(angles[joint])
         v = 1.0 - c
-        turn[0, 0], turn[0, 1], turn[0, 2] = c + x * x * v, x * y * v - z * s, x * z * v + y * s
-        turn[1, 0], turn[1, 1], turn[1, 2] = x * y * v + z * s, c + y * y * v, y * z * v - x * s
-        turn[2, 0], turn[2, 1], turn[2, 2] = x * z * v - y * s, y * z * v + x * s, c + z * z * v
         for row in range(3):
-            p0 = base[row, 0] * placements[joint, 0, 0] + base[row, 1] * placements[joint, 1, 0]
-            p0 += base[row, 2] * placements[joint, 2, 0]
-            p1 = base[row, 0] * placements[joint, 0, 1] + base[row, 1] * placements[joint, 1, 1]
-            p1 += base[row, 2] * placements[joint, 2, 1]
-            p2 = base[row, 0] * placements[joint, 0, 2] + base[row, 1] * placements[joint, 1, 2]
-            p2 += base[row, 2] * placements[joint, 2, 2]
-            shift = base[row, 0] * placements[joint, 0, 3] + base[row, 1] * placements[joint, 1, 3]
-            shift += base[row, 2] * placements[joint, 2, 3]
-            origins[joint, row] = position[row] + shift
-            for column in range(3):
-                rotations[joint, row, column] = (
-                    p0 * turn[0, column] + p1 * turn[1, column] + p2 * turn[2, column]
+            p0, p1, p2 = (
+                placements[joint, row, 0],
+                placements[joint, row, 1],
+                placements[joint, row, 2],
+            )
+            shift = placements[joint, row, 3]
+            if joint > 0:
+                a, b, d = (
+                    rotations[joint - 1, row, 0],
+                    rotations[joint - 1, row, 1],
+                    rotations[joint - 1, row, 2],
                 )
+                p0 = (
+                    a * placements[joint, 0, 0]
+                    + b * placements[joint, 1, 0]
+                    + d * placements[joint, 2, 0]
+                )
+                p1 = (
+                    a * placements[joint, 0, 1]
+                    + b * placements[joint, 1, 1]
+                    + d * placements[joint, 2, 1]
+                )
+                p2 = (
+                    a * placements[joint, 0, 2]
+                    + b * placements[joint, 1, 2]
+                    + d * placements[joint, 2, 2]
+                )
+                shift = (
+                    origins[joint - 1, row]
+                    + a * placements[joint, 0, 3]
+                    + b * placements[joint, 1, 3]
+                    + d * placements[joint, 2, 3]
+                )
+            origins[joint, row] = shift
+            # The columns of Rodrigues' rotation about the axis.
+            rotations[joint, row, 0] = (
+                p0 * (c + x * x * v) + p1 * (x * y * v + z * s) + p2 * (x * z * v - y * s)
+            )
+            rotations[joint, row, 1] = (
+                p0 * (x * y * v - z * s) + p1 * (c + y * y * v) + p2 * (y * z * v + x * s)
+            )
+            rotations[joint, row, 2] = (
+                p0 * (x * z * v + y * s) + p1 * (y * z * v - x * s) + p2 * (c + z * z * v)
+            )
 
 
-@numba.njit(cache=True, nogil=True)
-def fill_tip(
-    tip: FloatArray,
-    last_rotation: FloatArray,
-    last_origin: FloatArray,
-    rotation: FloatArray,
-    origin: FloatArray,
-) -> None:
-    """Write the pose of the tool centre point into the last two arrays."""
+@compiled
+def fill_tip(tip: FloatArray, rotations: FloatArray, origins: FloatArray, pose: FloatArray) -> None:
+    """Write the pose of the tool centre point (4, 4), upper three rows, from the joints' frames."""
+    last = len(origins) - 1
     for row in range(3):
-        a, b, c = last_rotation[row, 0], last_rotation[row, 1], last_rotation[row, 2]
-        for column in range(3):
-            rotation[row, column] = a * tip[0, column] + b * tip[1, column] + c * tip[2, column]
-        origin[row] = last_origin[row] + a * tip[0, 3] + b * tip[1, 3] + c * tip[2, 3]
+        a, b, d = rotations[last, row, 0], rotations[last, row, 1], rotations[last, row, 2]
+        for column in range(4):
+            pose[row, column] = a * tip[0, column] + b * tip[1, column] + d * tip[2, column]
+        pose[row, 3] += origins[last, row]
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def fill_jacobian(
     axes: FloatArray,
     rotations: FloatArray,
     origins: FloatArray,
-    point: FloatArray,
+    pose: FloatArray,
     result: FloatArray,
 ) -> None:
-    """Write the geometric Jacobian of a point of the last body into `result`, shape (6, n)."""
+    """Write the geometric Jacobian (6, n) of the tool centre point at `pose` into `result`."""
     for joint in range(len(axes)):
-        axis = np.empty(3)
         for row in range(3):
-            axis[row] = (
+            result[3 + row, joint] = (
                 rotations[joint, row, 0] * axes[joint, 0]
                 + rotations[joint, row, 1] * axes[joint, 1]
                 + rotations[joint, row, 2] * axes[joint, 2]
             )
-        x = point[0] - origins[joint, 0]
-        y = point[1] - origins[joint, 1]
-        z = point[2] - origins[joint, 2]
-        result[0, joint] = axis[1] * z - axis[2] * y
-        result[1, joint] = axis[2] * x - axis[0] * z
-        result[2, joint] = axis[0] * y - axis[1] * x
-        result[3:, joint] = axis
+        a, b, d = result[3, joint], result[4, joint], result[5, joint]
+        x = pose[0, 3] - origins[joint, 0]
+        y = pose[1, 3] - origins[joint, 1]
+        z = pose[2, 3] - origins[joint, 2]
+        result[0, joint] = b * z - d * y
+        result[1, joint] = d * x - a * z
+        result[2, joint] = a * y - b * x
 
 
-@numba.njit(cache=True, nogil=True)
-def _forward(
+@compiled
+def _tip_motion(
     placements: FloatArray, axes: FloatArray, tip: FloatArray, rows: FloatArray
-) -> FloatArray:
-    """Compute the poses of the tool centre point, shape (B, 4, 4)."""
+) -> tuple[FloatArray, FloatArray]:
+    """Compute poses (B, 4, 4) and Jacobians (B, 6, n) of the tool centre point."""
     n = len(axes)
     rotations, origins = np.empty((n, 3, 3)), np.empty((n, 3))
-    poses = np.zeros((len(rows), 4, 4))
-    rotation, origin = np.empty((3, 3)), np.empty(3)
+    poses, jacobians = np.zeros((len(rows), 4, 4)), np.empty((len(rows), 6, n))
     for index in range(len(rows)):
         fill_frames(placements, axes, rows[index], rotations, origins)
-        fill_tip(tip, rotations[n - 1], origins[n - 1], rotation, origin)
-        poses[index, :3, :3] = rotation
-        poses[index, :3, 3] = origin
+        fill_tip(tip, rotations, origins, poses[index])
+        fill_jacobian(axes, rotations, origins, poses[index], jacobians[index])
         poses[index, 3, 3] = 1.0
-    return poses
-
-
-@numba.njit(cache=True, nogil=True)
-def _jacobians(
-    placements: FloatArray, axes: FloatArray, tip: FloatArray, rows: FloatArray
-) -> FloatArray:
-    """Compute the Jacobians of the tool centre point, shape (B, 6, n)."""
-    n = len(axes)
-    rotations, origins = np.empty((n, 3, 3)), np.empty((n, 3))
-    rotation, origin = np.empty((3, 3)), np.empty(3)
-    result = np.empty((len(rows), 6, n))
-    for index in range(len(rows)):
-        fill_frames(placements, axes, rows[index], rotations, origins)
-        fill_tip(tip, rotations[n - 1], origins[n - 1], rotation, origin)
-        fill_jacobian(axes, rotations, origins, origin, result[index])
-    return result
+    return poses, jacobians

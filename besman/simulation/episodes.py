@@ -45,8 +45,8 @@ class Episodes:
         How far a failed episode was from being none, 0 to 1; 0 where nothing failed.
     failures : tuple of str, length B
         Why an episode failed; "" if it did not.
-    tool_paths, object_paths : tuple of arrays, shape (T, 3) and (F, 3)
-        Paths of tool centre point and object, metres; empty unless asked for.
+    object_paths : tuple of arrays, shape (F, 3)
+        Paths of what is thrown, metres; empty unless asked for.
     """
 
     outcomes: FloatArray
@@ -54,5 +54,4 @@ class Episodes:
     tracking_errors: FloatArray
     shortfalls: FloatArray
     failures: tuple[str, ...]
-    tool_paths: tuple[FloatArray, ...] = field(default=())
     object_paths: tuple[FloatArray, ...] = field(default=())

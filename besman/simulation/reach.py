@@ -14,13 +14,13 @@ from besman.simulation.episodes import Episodes, Movements
 from besman.simulation.physics import Run, run_physics
 from besman.simulation.tasks import ReachConfig
 
-# Columns of the sensors: position and orientation (wxyz) of the tool centre point in the world.
-_TCP, _POSE = slice(0, 3), slice(0, 7)
-
 
 @lru_cache(maxsize=8)
 def reach_model(robot: Robot, task: ReachConfig) -> mujoco.MjModel:
-    """Build the scene: the arm alone."""
+    """Build the scene: the arm alone.
+
+    Sensors: position (3) and orientation (4, wxyz) of the tool centre point in the world.
+    """
     spec, _ = arm_spec(robot, task.simulation.time_step_s)
     site, kinds = mujoco.mjtObj.mjOBJ_SITE, mujoco.mjtSensor
     spec.add_sensor(name="tcp", type=kinds.mjSENS_FRAMEPOS, objtype=site, objname="tcp")
@@ -28,9 +28,7 @@ def reach_model(robot: Robot, task: ReachConfig) -> mujoco.MjModel:
     return spec.compile()
 
 
-def simulate_reaching(
-    robot: Robot, task: ReachConfig, movements: Movements, paths: bool = False
-) -> Episodes:
+def simulate_reaching(robot: Robot, task: ReachConfig, movements: Movements) -> Episodes:
     """Reach.
 
     Parameters
@@ -41,8 +39,6 @@ def simulate_reaching(
         Scene and criteria.
     movements : Movements
         Sampled at the task's time step, for at least `settling_s` after they end.
-    paths : bool
-        Whether to give the path of the tool.
 
     Returns
     -------
@@ -64,7 +60,7 @@ def simulate_reaching(
     deviation = np.nan_to_num(np.abs(run.qpos - wanted).max(axis=2), nan=np.inf)
     during = np.arange(deviation.shape[1]) <= last[:, None]
     tracking = np.where(during, deviation, 0.0).max(axis=1)
-    poses = run.sensors[rows, last, _POSE]
+    poses = run.sensors[rows, last]
     failures = tuple(_failure(error, task) for error in tracking)
     return Episodes(
         outcomes=np.where(np.isfinite(tracking)[:, None], poses[:, :3], np.nan),
@@ -72,8 +68,6 @@ def simulate_reaching(
         tracking_errors=tracking,
         shortfalls=np.array([float(failure != "") for failure in failures]),
         failures=failures,
-        tool_paths=tuple(run.sensors[i, : last[i] + 1, _TCP] for i in rows) if paths else (),
-        object_paths=tuple(np.empty((0, 3)) for _ in rows) if paths else (),
     )
 
 

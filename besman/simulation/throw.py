@@ -155,7 +155,7 @@ def simulate_throws(
     movements : Movements
         Sampled at the task's time step, for at least `longest_wait_s` after they end.
     paths : bool
-        Whether to give the paths of tool and stick.
+        Whether to give the stick's path.
 
     Returns
     -------
@@ -233,7 +233,6 @@ def _judge(
         tracking_errors=tracking,
         shortfalls=np.array([shortfall for _, shortfall in judged]),
         failures=tuple(failure for failure, _ in judged),
-        tool_paths=tuple(run.sensors[i, : at[i] + 1, _TCP] for i in rows) if paths else (),
         object_paths=tuple(
             np.concatenate([run.qpos[i, : at[i] + 1, n : n + 3], flight(position[i], velocity[i])])
             for i in rows

@@ -44,8 +44,8 @@ class Trial:
         "" if nothing failed.
     success : bool
         The task's criterion is met and nothing failed.
-    tool_path, object_path : array, shape (T, 3) and (F, 3)
-        Metres; empty unless asked for.
+    object_path : array, shape (F, 3)
+        Path of what is thrown, metres; empty unless asked for.
     """
 
     reward: float
@@ -54,7 +54,6 @@ class Trial:
     outcome: FloatArray
     failure: str
     success: bool
-    tool_path: FloatArray
     object_path: FloatArray
 
 
@@ -78,7 +77,7 @@ def try_plans(
     jobs : int
         Threads; results do not depend on it.
     paths : bool
-        Whether to give the paths of tool and object.
+        Whether to give the paths of what is thrown.
 
     Returns
     -------
@@ -119,7 +118,7 @@ def simulate(robot: Robot, task: TaskConfig, movements: Movements, paths: bool) 
     """Simulate movements in the scene of their task."""
     if isinstance(task, StickThrowConfig):
         return simulate_throws(robot, task, movements, paths)
-    return simulate_reaching(robot, task, movements, paths)
+    return simulate_reaching(robot, task, movements)
 
 
 def _score(
@@ -175,7 +174,6 @@ def _score_one(
         outcome=outcome,
         failure=failure,
         success=bool(success),
-        tool_path=episodes.tool_paths[index] if episodes.tool_paths else np.empty((0, 3)),
         object_path=episodes.object_paths[index] if episodes.object_paths else np.empty((0, 3)),
     )
 

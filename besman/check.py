@@ -1,0 +1,84 @@
+"""Everything that can be known about a pipeline before it runs."""
+
+from __future__ import annotations
+
+from besman.exceptions import ConfigError, RecognitionError, RefinementError, nearest
+from besman.inputs import Inputs, read_inputs
+from besman.labelling.marker_set import load_marker_set
+from besman.manual_segments import complete_truth
+from besman.pipeline import PipelineConfig, load_pipeline
+from besman.resources import find_resource
+from besman.robot.model import load_robot
+from besman.simulation.tasks import load_task
+
+
+def check_pipeline(name: str, settings: tuple[str, ...] = ()) -> list[str]:
+    """Check a pipeline's config, recordings, markers, labelled examples, robot and task.
+
+    Parameters
+    ----------
+    name : str
+        A YAML file, or the name of a pipeline.
+    settings : tuple of str
+        ``KEY=VALUE``, as of ``besman run --set``.
+
+    Returns
+    -------
+    list of str
+        One line for each thing that was found good.
+
+    Raises
+    ------
+    BesmanError
+        For the first thing that would stop a run.
+    """
+    path = find_resource("pipelines", name)
+    config = load_pipeline(path, settings)
+    lines = [f"config: {path} is complete"]
+    lines += _check_recordings(config)
+    robot = load_robot(config.robot, config.tool)
+    task = load_task(config.task)
+    if task.tool != robot.tool.name:
+        raise RefinementError(
+            f"task {config.task}: needs tool {task.tool!r}, got tool: {robot.tool.name!r}"
+        )
+    lines.append(f"robot: {robot.name} with {robot.tool.name}, {robot.n} joints")
+    lines.append(f"task: {config.task}, success within {100 * task.success_radius_m:g} cm")
+    return lines
+
+
+def _check_recordings(config: PipelineConfig) -> list[str]:
+    """Read the recordings, match their markers and look for examples of the class selected."""
+    inputs = read_inputs(config.recordings)
+    markers = load_marker_set(config.label.markers)
+    for recording in inputs.recordings:
+        markers.match(recording.names, recording.source)
+    seconds = sum(len(recording.time) / recording.rate_hz for recording in inputs.recordings)
+    n = len(inputs.recordings)
+    lines = [f"recordings: {n}, {seconds:.0f} s, all markers of {markers.name} there"]
+    lines.append(
+        _check_examples(config, read_inputs(config.training) if config.training else inputs)
+    )
+    return lines
+
+
+def _check_examples(config: PipelineConfig, inputs: Inputs) -> str:
+    """Count the labelled examples."""
+    counts: dict[str, int] = {}
+    for recording, manual in zip(inputs.recordings, inputs.truth, strict=True):
+        if manual is None:
+            continue
+        for label in complete_truth(manual, len(recording.time), config.recognize.idle_s).labels:
+            counts[label] = counts.get(label, 0) + 1
+    if not counts:
+        raise RecognitionError(
+            "recognize: no labelled examples: no recording has a segments file beside it "
+            "(STEM_manually_segmented.json); name recordings that have with training:"
+        )
+    if config.select.label not in counts:
+        raise ConfigError(
+            f"select.label: got {config.select.label!r}, which has no labelled example; "
+            f"{nearest(config.select.label, counts)}"
+        )
+    listed = ", ".join(f"{label} {count}" for label, count in sorted(counts.items()))
+    return f"labelled examples: {listed}"
