@@ -218,10 +218,11 @@ def _find_time_columns(
         return (frame, time), len(columns)
     if data_line >= len(lines):
         return (None, None), n_positions
-    n_cells = len(lines[data_line].rstrip("\t").split("\t"))
-    n_full = len(lines[data_line].split("\t"))
+    n_cells = lines[data_line].count("\t") + 1
+    # A tab at the end may stand for an empty cell or for nothing.
+    possible = {n_cells, n_cells - 1} if lines[data_line].endswith("\t") else {n_cells}
     for n_extra, found in ((0, (None, None)), (2, (0, 1))):
-        if n_positions + n_extra in {n_cells, n_full, n_full - 1}:
+        if n_positions + n_extra in possible:
             return found, n_positions + n_extra
     raise RecordingError(
         f"{path}:{data_line + 1}: got {n_cells} columns, expected {n_positions} for "
