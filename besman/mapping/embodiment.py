@@ -54,7 +54,7 @@ class MappingSettings:
     terms: TermWeights = field(default_factory=TermWeights)
     ik: IkWeights = field(default_factory=IkWeights)
     free_spin: bool = False
-    evaluations: int = 300
+    evaluations: int = 200
     seed: int = 0
     knot_spacing_s: float = 0.05
     least_duration_s: float = 0.0
@@ -128,6 +128,7 @@ def map_embodiment(
         free_spin=settings.free_spin,
         evaluations=settings.evaluations,
         seed=settings.seed,
+        back_height=_back_height(demonstrations),
         jobs=jobs,
         progress=lambda done: progress(0.7 * done),
     )
@@ -166,6 +167,12 @@ def map_embodiment(
         limit_violations=sum(report.violations for report in reports),
         self_collisions=sum(report.self_collisions for report in reports),
     )
+
+
+def _back_height(demonstrations: tuple[HandTrajectory, ...]) -> float | None:
+    """Return how high the back is above the floor, known where a target on the floor is."""
+    heights = [-one.target[2] for one in demonstrations if np.isfinite(one.target).all()]
+    return float(np.mean(heights)) if heights else None
 
 
 def tool_poses(demonstration: HandTrajectory, robot: Robot) -> FloatArray:
@@ -212,7 +219,12 @@ def _map_one(
 ) -> tuple[JointTrajectory, LimitReport]:
     """Solve, smooth and slow down one demonstration, and check it at 1 kHz."""
     path = solve_path(
-        robot, poses, weights=settings.ik, free_spin=settings.free_spin, seed=settings.seed
+        robot,
+        poses,
+        weights=settings.ik,
+        free_spin=settings.free_spin,
+        step_s=float(demonstration.time[1] - demonstration.time[0]),
+        seed=settings.seed,
     )
     scaled = scale_path(
         demonstration.time,

@@ -20,6 +20,7 @@ FloatArray = npt.NDArray[np.float64]
 POSITION_SCALE_M = 0.01
 ORIENTATION_SCALE_RAD = np.radians(10.0)
 SAFE_DISTANCE_M = 0.03
+HEIGHT_SCALE_M = 0.1
 _SINGULAR_SHARE = 0.3  # of the manipulability at home
 _POSES = 12
 _GREATEST_BRANCHES = 8
@@ -51,6 +52,9 @@ class TermWeights:
         By how much the movement must be stretched to keep velocity and acceleration limits.
     workspace : float
         Share of the demonstrated path length that the arm does not use.
+    height : float
+        Distance from the height at which the movement was demonstrated, per 10 cm; a throw from
+        another height lands elsewhere. Only where that height is known.
     """
 
     position: float = 1.0
@@ -59,9 +63,10 @@ class TermWeights:
     collision: float = 3.0
     speed: float = 3.0
     workspace: float = 1.0
+    height: float = 0.3
 
     def as_array(self) -> FloatArray:
-        """Return the weights in the order of the fields, shape (6,)."""
+        """Return the weights in the order of the fields, shape (7,)."""
         return np.array([getattr(self, field.name) for field in fields(self)])
 
 
@@ -96,6 +101,7 @@ def find_placement(
     free_spin: bool,
     evaluations: int,
     seed: int,
+    back_height: float | None = None,
     jobs: int = 1,
     progress: Callable[[float], None] = lambda done: None,
 ) -> Placement:
@@ -114,6 +120,8 @@ def find_placement(
         Placements to try after a coarse grid.
     seed : int
         Of the search and of the configurations it starts from.
+    back_height : float, optional
+        Height of the back frame's origin above the floor in the demonstrations, metres.
     jobs : int
         Threads; does not change the result.
     progress : callable
@@ -128,7 +136,7 @@ def find_placement(
     paths, steps_s = _thin_out(demonstrations)
     centre = paths[:, :, :3, 3].mean(axis=(0, 1))
     starts = _find_starts(robot, paths, ik_weights, free_spin, seed)
-    cost = _Cost(robot, paths, steps_s, centre, weights, ik_weights, free_spin, starts)
+    cost = _Cost(robot, paths, steps_s, centre, weights, ik_weights, free_spin, starts, back_height)
     with ThreadPoolExecutor(max_workers=jobs) as threads:
         start, cost = _search_grid(robot, cost, threads)
         # The library takes 0 for "draw a seed".
@@ -220,7 +228,7 @@ def path_terms(
     Returns
     -------
     array, shape (..., 6)
-        In the order of `TermWeights`.
+        In the order of `TermWeights`, without height.
     """
     limits = robot.limits
     rms = np.sqrt(np.mean(errors**2, axis=-2)) / (POSITION_SCALE_M, ORIENTATION_SCALE_RAD)
@@ -264,6 +272,7 @@ class _Cost:
     ik_weights: IkWeights
     free_spin: bool
     starts: FloatArray
+    back_height: float | None
 
     def sample(self, number: int) -> _Cost:
         """Return the cost of some of the demonstrations, evenly spaced in their order."""
@@ -272,8 +281,9 @@ class _Cost:
         return replace(self, paths=self.paths[chosen], steps_s=self.steps_s[chosen])
 
     def terms(self, parameters: FloatArray) -> tuple[FloatArray, npt.NDArray[np.int64]]:
-        """Return terms (D, 6) and cheapest branch (D,) of every demonstration."""
-        targets = pose_of(parameters, self.centre) @ self.paths
+        """Return terms (D, 7) and cheapest branch (D,) of every demonstration."""
+        placement = pose_of(parameters, self.centre)
+        targets = placement @ self.paths
         positions, errors = follow_all(
             self.robot, targets, self.starts, _POSES // 2, self.ik_weights, self.free_spin,
             rounds=25, tolerance=1e-5,
@@ -281,6 +291,9 @@ class _Cost:
         terms = path_terms(
             self.robot, positions, errors, targets[:, None], self.steps_s[:, None, None, None]
         )
+        height = placement[2, 3] if self.back_height is None else self.back_height
+        off = np.full((*terms.shape[:-1], 1), abs(placement[2, 3] - height) / HEIGHT_SCALE_M)
+        terms = np.concatenate([terms, off], axis=-1)
         branches = np.argmin(terms @ self.weights.as_array(), axis=1)
         return terms[np.arange(len(branches)), branches], branches
 

@@ -85,6 +85,7 @@ class PlacementWeights(Config):
     collision: NotNegative = 3.0
     speed: NotNegative = 3.0
     workspace: NotNegative = 1.0
+    height: NotNegative = 0.3
 
 
 class MapConfig(Stage):
@@ -115,7 +116,7 @@ class MapConfig(Stage):
     weights: PlacementWeights = PlacementWeights()
     orientation_weight_m_rad: Positive = 0.1
     free_axis_spin: bool = False
-    evaluations: Annotated[int, Field(ge=1)] = 300
+    evaluations: Annotated[int, Field(ge=1)] = 200
     seed: Annotated[int, Field(ge=0)] = 0
     knot_spacing_s: Positive = 0.05
     minimum_duration_s: NotNegative = 0.0

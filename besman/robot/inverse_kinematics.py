@@ -10,6 +10,7 @@ import numpy.typing as npt
 from besman.exceptions import RobotError
 from besman.robot.collision import distances
 from besman.robot.ik_kernel import follow_paths
+from besman.robot.limits import time_stretch
 from besman.robot.model import Robot
 
 FloatArray = npt.NDArray[np.float64]
@@ -34,6 +35,9 @@ class IkWeights:
         Per radian.
     home : float
         Per radian from the home configuration; small: it decides only what the pose leaves open.
+    stretch : float
+        Per unit of time stretch that a branch needs beyond 1 to keep velocity and acceleration
+        limits; compares branches where the time between poses is known.
 
     References
     ----------
@@ -44,9 +48,10 @@ class IkWeights:
     position: float = 1.0
     orientation: float = 0.1
     home: float = 1e-3
+    stretch: float = 0.05
 
     def as_array(self) -> FloatArray:
-        """Return the three weights, shape (3,)."""
+        """Return the weights of one pose, shape (3,)."""
         return np.array([self.position, self.orientation, self.home])
 
 
@@ -76,6 +81,7 @@ def solve_path(
     *,
     weights: IkWeights = IkWeights(),
     free_spin: bool = False,
+    step_s: float | None = None,
     seed: int = 0,
 ) -> IkPath:
     """Find joint angles that follow a path of poses.
@@ -94,6 +100,8 @@ def solve_path(
         Position before orientation.
     free_spin : bool
         The rotation about the tool's z axis does not matter.
+    step_s : float, optional
+        Seconds between poses; with it, branches that need less time are preferred.
     seed : int
         Of the drawn configurations.
 
@@ -112,7 +120,7 @@ def solve_path(
     best: IkPath | None = None
     for anchor in anchors:
         for start in find_branches(robot, targets[anchor], starts, weights, free_spin):
-            path = follow(robot, targets, start, anchor, weights, free_spin)
+            path = follow(robot, targets, start, anchor, weights, free_spin, step_s)
             if best is None or path.cost < best.cost:
                 best = path
     assert best is not None
@@ -126,6 +134,7 @@ def follow(
     anchor: int,
     weights: IkWeights,
     free_spin: bool,
+    step_s: float | None = None,
 ) -> IkPath:
     """Follow one branch from an anchor pose in both directions.
 
@@ -137,7 +146,7 @@ def follow(
         Configuration at the anchor, rad.
     anchor : int
         Index of the pose to start from.
-    weights, free_spin
+    weights, free_spin, step_s
         As in `solve_path`.
 
     Returns
@@ -156,6 +165,9 @@ def follow(
         + (10 * weights.home) ** 2 * np.sum(np.linalg.norm(steps, axis=1)) ** 2
         + np.mean(near)
     )
+    if step_s is not None and len(steps) > 1:
+        stretch = time_stretch(robot.limits, steps / step_s, np.diff(steps, axis=0) / step_s**2)
+        cost += (weights.stretch * max(stretch - 1.0, 0.0)) ** 2
     return IkPath(positions, errors[:, 0], errors[:, 1], float(cost))
 
 

@@ -131,40 +131,17 @@ def fill_frames(
         x, y, z = axes[joint, 0], axes[joint, 1], axes[joint, 2]
         c, s = np.cos(angles[joint]), np.sin(angles[joint])
         v = 1.0 - c
+        place = placements[joint]
         for row in range(3):
-            p0, p1, p2 = (
-                placements[joint, row, 0],
-                placements[joint, row, 1],
-                placements[joint, row, 2],
-            )
-            shift = placements[joint, row, 3]
+            p0, p1, p2, shift = place[row, 0], place[row, 1], place[row, 2], place[row, 3]
             if joint > 0:
-                a, b, d = (
-                    rotations[joint - 1, row, 0],
-                    rotations[joint - 1, row, 1],
-                    rotations[joint - 1, row, 2],
-                )
-                p0 = (
-                    a * placements[joint, 0, 0]
-                    + b * placements[joint, 1, 0]
-                    + d * placements[joint, 2, 0]
-                )
-                p1 = (
-                    a * placements[joint, 0, 1]
-                    + b * placements[joint, 1, 1]
-                    + d * placements[joint, 2, 1]
-                )
-                p2 = (
-                    a * placements[joint, 0, 2]
-                    + b * placements[joint, 1, 2]
-                    + d * placements[joint, 2, 2]
-                )
-                shift = (
-                    origins[joint - 1, row]
-                    + a * placements[joint, 0, 3]
-                    + b * placements[joint, 1, 3]
-                    + d * placements[joint, 2, 3]
-                )
+                before = rotations[joint - 1]
+                a, b, d = before[row, 0], before[row, 1], before[row, 2]
+                p0 = a * place[0, 0] + b * place[1, 0] + d * place[2, 0]
+                p1 = a * place[0, 1] + b * place[1, 1] + d * place[2, 1]
+                p2 = a * place[0, 2] + b * place[1, 2] + d * place[2, 2]
+                shift = a * place[0, 3] + b * place[1, 3] + d * place[2, 3]
+                shift += origins[joint - 1, row]
             origins[joint, row] = shift
             # The columns of Rodrigues' rotation about the axis.
             rotations[joint, row, 0] = (
