@@ -94,12 +94,14 @@ def test_beside_the_recording(tmp_path):
         ([ROWS[0], {"start index": 3}], r"segment 2: got .* expected the keys"),
         ([{**ROWS[0], "label": 3}], "segment 1: got .* expected two frame numbers and a label"),
         ([{**ROWS[0], "start index": 1.5}], "expected two frame numbers"),
-        ([{**ROWS[0], "start index": 3}], r"\(reach\): frames 3 to 720 do not lie in the recording's"
-         r" frames 690 to 789"),
+        (
+            [{**ROWS[0], "start index": 3}],
+            r"\(reach\): frames 3 to 720 do not lie .* 690 to 789",
+        ),
         ([{**ROWS[0], "end index": 791}], "frames 700 to 791 do not lie"),
         ([{**ROWS[0], "end index": 700}], "frames 700 to 700 .* or end before they start"),
     ],
-)  # fmt: skip
+)
 def test_bad_files(tmp_path, content, message):
     with pytest.raises(RecordingError, match=message):
         read_segments(write(tmp_path, content), RECORDING)
