@@ -238,7 +238,7 @@ def _run_stages(config: PipelineConfig, run: Run, inputs: Inputs, trained_in: Pa
 
     robot = _load_robot(config)
     n = len(demonstrations)
-    mapping = run.step("map", config.map, demonstrations, robot, items=n, unit="demonstrations")
+    mapping = run.step("map", config.map, demonstrations, robot, items=n, unit="demos")
     run.results["map"] = map_results(mapping)
 
     n = len(mapping.trajectories)
@@ -282,7 +282,7 @@ def _train(
         labelled,
         manual,
         items=n,
-        unit="examples a class",
+        unit="a class",
         method="train",
     )
 

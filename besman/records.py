@@ -6,6 +6,7 @@ Arrays are copied, made read-only and checked once, at construction.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -26,7 +27,8 @@ def _freeze(record: object, shapes: dict[str, tuple[int | str, ...]], **dtypes: 
     """
     lengths: dict[str, int] = {}
     for name, shape in shapes.items():
-        array = np.array(getattr(record, name), dtype=dtypes.get(name, np.float64))
+        dtype = dtypes.get(name, np.float64)
+        array: npt.NDArray[Any] = np.array(getattr(record, name), dtype=dtype)
         if array.size == 0 and 0 not in array.shape[: len(shape)]:
             array = array.reshape([0 if isinstance(side, str) else side for side in shape])
         expected = [lengths.get(side, side) if isinstance(side, str) else side for side in shape]

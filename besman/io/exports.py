@@ -1,4 +1,4 @@
-"""Joint trajectories for the real arm: CSV and ROS 2 ``trajectory_msgs/JointTrajectory`` as JSON."""
+"""Joint trajectories for the real arm: CSV and ROS 2 ``JointTrajectory`` as JSON."""
 
 from __future__ import annotations
 

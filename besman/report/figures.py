@@ -26,15 +26,10 @@ LONGEST_CURVE = 2000
 
 
 def _figure(width: float, height: float) -> Figure:
-    """Make a figure without a screen, transparent, in a tone read on white and on black."""
-    import matplotlib
-
-    matplotlib.use("Agg", force=False)
-    from matplotlib import rc_context
+    """Make a figure without a screen, on a transparent ground."""
     from matplotlib.figure import Figure
 
-    with rc_context({"svg.hashsalt": "besman"}):
-        figure = Figure(figsize=(width, height), layout="constrained")
+    figure = Figure(figsize=(width, height), layout="constrained")
     figure.patch.set_alpha(0)
     return figure
 
@@ -46,9 +41,10 @@ def _style(axes: object) -> None:
     for side, spine in axes.spines.items():  # type: ignore[attr-defined]
         spine.set_visible(side in ("left", "bottom"))
         spine.set_color(INK)
-    for label in (axes.xaxis.label, axes.yaxis.label, axes.title):  # type: ignore[attr-defined]
+    for label in (axes.xaxis.label, axes.yaxis.label):  # type: ignore[attr-defined]
         label.set_color(INK)
         label.set_fontsize(9)
+    axes.set_title(axes.get_title(loc="left"), loc="left", color=INK, fontsize=9)  # type: ignore[attr-defined]
 
 
 def svg(figure: Figure) -> str:
@@ -232,8 +228,8 @@ def outcome_scatter(motions: Sequence[RefinedMotion], targets: FloatArray, radiu
     axes.axhline(0, color=INK, linewidth=0.4)
     axes.axvline(0, color=INK, linewidth=0.4)
     axes.set_aspect("equal", adjustable="datalim")
-    axes.set_xlabel("too far [cm]")
-    axes.set_ylabel("to the left [cm]")
+    axes.set_xlabel("forward of the target [cm]")
+    axes.set_ylabel("left of the target [cm]")
     axes.legend(fontsize=7, frameon=False, labelcolor=INK)
     _style(axes)
     return svg(figure)

@@ -30,7 +30,8 @@ h1 { font-size: 1.5rem; margin: 0 } h2 { font-size: 1.1rem; margin: 2.2rem 0 .6r
 .card { background: var(--card); border-radius: .5rem; padding: .7rem 1rem; min-width: 9rem }
 .card b { display: block; font-size: 1.4rem }
 .scroll { overflow-x: auto }
-table { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nums }
+table { border-collapse: collapse; width: 100%; font-size: .87rem;
+  font-variant-numeric: tabular-nums }
 th, td { padding: .25rem .6rem; border-bottom: 1px solid var(--line); text-align: right;
   white-space: nowrap }
 th { color: var(--soft); font-weight: 600 } th:first-child, td:first-child { text-align: left }
@@ -90,6 +91,8 @@ def _records(folder: Path) -> dict[str, Any]:
     for place in sorted(folder.glob("[0-9][0-9]_*")):
         if (place / "record.npz").is_file():
             found[place.name[3:]] = load_record(place / "record.npz")
+    if (folder / "truth.npz").is_file():
+        found["truth"] = load_record(folder / "truth.npz")
     return found
 
 
@@ -152,9 +155,9 @@ def _stage_table(timing: dict[str, Any], results: dict[str, Any]) -> str:
     return (
         "<h2>What every stage cost</h2>"
         + _table(header, rows)
-        + '<p class="soft">Per item: of the computation, also where it was cached. Thesis: table 7.1 '
-        f"(8 throws), scaled to the {n} demonstrations here; its labelling began with unnamed dots, "
-        "and its imitation covers select, map and imitate.</p>"
+        + '<p class="soft">Per item: of the computation, also where it was cached. Thesis: table '
+        f"7.1 (8 throws), scaled to the {n} demonstrations here; its labelling began with unnamed "
+        "dots, and its imitation covers select, map and imitate.</p>"
     )
 
 
@@ -163,7 +166,7 @@ def _recordings(records: dict[str, Any], results: dict[str, Any]) -> str:
     if "recognize" not in records:
         return ""
     labelled, found = records["label"], records["recognize"]
-    truth = records.get("read", (None,) * len(found))
+    truth = records.get("truth", (None,) * len(found))
     labels = [name for part in (*found, *truth) if part is not None for name in part.labels]
     colours = figures.label_colours(labels)
     key = "".join(
@@ -176,8 +179,9 @@ def _recordings(records: dict[str, Any], results: dict[str, Any]) -> str:
         for recording, segments, manual in zip(labelled, found, truth, strict=True)
     )
     return (
-        f'<h2>Segments and their labels</h2><p class="key">{key}</p>{plots}<figcaption>Speed of the '
-        "hand, found segments shaded by label, manual segments in the strip below.</figcaption>"
+        f'<h2>Segments and their labels</h2><p class="key">{key}</p>{plots}<figcaption>Speed of '
+        "the hand, found segments shaded by label, manual segments in the strip below."
+        "</figcaption>"
     )
 
 
@@ -190,8 +194,8 @@ def _motions(records: dict[str, Any], results: dict[str, Any]) -> str:
     targets = np.array([_target(motion) for motion in motions]).reshape(-1, 3)
     return (
         "<h2>Demonstrated and executed paths</h2>"
-        f"<figure>{figures.paths(records['map'].trajectories, motions)}<figcaption>Path of the tool "
-        "centre point in the robot's frame (floor below the base).</figcaption></figure>"
+        f"<figure>{figures.paths(records['map'].trajectories, motions)}<figcaption>Path of the "
+        "tool centre point in the robot's frame (floor below the base).</figcaption></figure>"
         "<h2>Refinement in simulation</h2>"
         f'<div class="pair"><figure>{figures.learning_curve(motions, radius)}<figcaption>Best miss '
         "so far of every motion.</figcaption></figure>"

@@ -26,18 +26,20 @@ def print_report(folder: Path, console: Console) -> None:
     RunError
         If the folder is not a run.
     """
+    from rich.box import SIMPLE
     from rich.table import Table
 
     state = read_json(folder / "run.json")
     timing = read_json(folder / "timing.json")
     results = read_json(folder / "results.json")
     n = results.get("map", {}).get("n_demonstrations", 0)
-    table = Table(title=f"{state['name']}: {state['status']}", caption=_caption(n))
-    table.add_column("stage")
-    for name in ("wall", "CPU", "items", "per item", "thesis"):
-        table.add_column(name, justify="right")
-    table.add_column("by")
-    table.add_column("cached")
+    table = Table(
+        title=f"{state['name']}: {state['status']}", caption=_caption(n), box=SIMPLE, pad_edge=False
+    )
+    table.add_column("stage", no_wrap=True)
+    for name in ("wall", "CPU", "items", "each", "thesis"):
+        table.add_column(name, justify="right", no_wrap=True)
+    table.add_column("by", no_wrap=True)
     for row in stage_rows(timing, n):
         table.add_row(
             row["name"],
@@ -46,14 +48,13 @@ def print_report(folder: Path, console: Console) -> None:
             f"{row['items']} {row['unit']}" if row["items"] else "",
             seconds(row["per_item_s"]) if row["per_item_s"] is not None else "",
             seconds(row["thesis_s"]) if row["thesis_s"] is not None else "",
-            "human" if row["human"] else "machine",
-            "yes" if row["cached"] else "",
+            "cached" if row["cached"] else "human" if row["human"] else "machine",
         )
     table.add_section()
     table.add_row("total", seconds(timing["total_wall_s"]))
     console.print(table)
     for line in outcome_lines(results):
-        console.print(line, highlight=False)
+        console.print(line, highlight=False, soft_wrap=True)
 
 
 def _caption(n: int) -> str:
