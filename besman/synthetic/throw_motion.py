@@ -29,6 +29,11 @@ _GREATEST_REACH = 0.93
 # Where the elbow points, beside the head and with the arm forward.
 _STRIKE_POLE = np.array([0.25, -0.60, -0.80])
 _THROW_POLE = np.array([0.30, -0.10, -0.90])
+# How far the hand is rolled inwards about the stick, degrees.
+_STRIKE_ROLL_DEG = 10.0
+_THROW_ROLL_DEG = 0.0
+# How paths bulge half-way, as shares of the reach: strike out and swing out go round the front.
+_BENDS = np.array([[0.38, -0.05, 0.00], [-0.02, -0.02, 0.05], [0.36, -0.06, 0.10]])
 
 
 @dataclass(frozen=True)
@@ -79,7 +84,30 @@ class Stroke:
 
 @dataclass(frozen=True)
 class Style:
-    """How one person throws; drawn once per person. Lengths are shares of the reach."""
+    """How one person throws; drawn once per person.
+
+    Attributes
+    ----------
+    strike_pose, throw_pose, rest_pose : array, shape (3,)
+        Hand from the shoulder at the end of strike out, throw and swing out, as shares of the
+        reach (x forward, y left, z up).
+    speed_mps : float
+        Greatest hand speed of the throw.
+    strike_s, swing_s, idle_s : float
+        Durations of strike out, swing out and the rest between throws.
+    hold_s : float
+        Rest between strike out and throw; negative if they overlap.
+    overlap : float
+        Share of the throw's duration that the swing out begins before its end.
+    peaks : array, shape (3,)
+        Share of the duration at which strike out, throw and swing out are fastest.
+    sharpness : float
+        As in `Bell`.
+    stick_elevation_deg : array, shape (2,)
+        How steeply the stick points up at the start and the end of the throw.
+    twist : float
+        Half of what the torso turns during the throw, rad.
+    """
 
     strike_pose: FloatArray
     throw_pose: FloatArray
@@ -150,7 +178,6 @@ def draw_strokes(
     -------
     tuple of three Stroke
     """
-    reach = person.reach_m
     strike = _draw_hand(person, style.strike_pose, 0.012, rng)
     throw = _draw_hand(person, style.throw_pose, 0.012, rng)
     raised, lowered = style.stick_elevation_deg + rng.normal(0.0, 1.5, 2)
@@ -167,18 +194,16 @@ def draw_strokes(
     third = Bell(
         second.end - style.overlap * duration, style.swing_s * swing_pace, peaks[2], style.sharpness
     )
-    bends = rng.normal(0.0, 0.01, (3, 3)) + reach * np.array(
-        [[0.38, -0.05, 0.00], [-0.02, -0.02, 0.05], [0.36, -0.06, 0.10]]
-    )
+    bends = rng.normal(0.0, 0.01, (3, 3)) + person.reach_m * _BENDS
     twist = style.twist * rng.normal(1.0, 0.05)
     raised_torso, forward_torso = Rotation.from_euler(
         "ZY", [[-twist, -0.25 * twist], [twist, 0.5 * twist]]
     )
     strike_pose = _hold_stick(
-        person, strike, aim_stick(raised, azimuth, 10.0), _STRIKE_POLE, raised_torso
+        person, strike, aim_stick(raised, azimuth, _STRIKE_ROLL_DEG), _STRIKE_POLE, raised_torso
     )
     throw_pose = _hold_stick(
-        person, throw, aim_stick(lowered, azimuth, 8.0), _THROW_POLE, forward_torso
+        person, throw, aim_stick(lowered, azimuth, _THROW_ROLL_DEG), _THROW_POLE, forward_torso
     )
     return (
         Stroke("strike_out", first, strike_pose, bends[0], -twist, -0.25 * twist),
