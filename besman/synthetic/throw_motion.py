@@ -30,7 +30,7 @@ _GREATEST_REACH = 0.93
 _STRIKE_POLE = np.array([0.25, -0.60, -0.80])
 _THROW_POLE = np.array([0.30, -0.10, -0.90])
 # How far the hand is rolled inwards about the stick, degrees.
-_STRIKE_ROLL_DEG = 10.0
+_STRIKE_ROLL_DEG = 3.0
 _THROW_ROLL_DEG = 0.0
 # How paths bulge half-way, as shares of the reach: strike out and swing out go round the front.
 _BENDS = np.array([[0.38, -0.05, 0.00], [-0.02, -0.02, 0.05], [0.36, -0.06, 0.10]])
