@@ -70,9 +70,7 @@ def test_optional_marker_keeps_its_long_gaps():
 
 
 def test_missing_marker():
-    with pytest.raises(
-        LabellingError, match=r"run.tsv: marker 'elbow' of two is not .* got: a"
-    ):
+    with pytest.raises(LabellingError, match=r"run.tsv: marker 'elbow' of two is not .* got: a"):
         LabelConfig().run((make(("a",)),), MARKERS)
 
 
