@@ -49,7 +49,8 @@ def distances(chain: Chain, positions: npt.ArrayLike) -> FloatArray:
     Returns
     -------
     array, shape (..., 2)
-        Self-distance and floor distance, metres; infinite where there are no capsules.
+        Self-distance and floor distance, metres; infinite where there are no capsules, NaN where
+        the angles are not finite.
     """
     rows, shape = as_rows(chain, positions)
     result = _distances(
@@ -61,6 +62,7 @@ def distances(chain: Chain, positions: npt.ArrayLike) -> FloatArray:
         chain.capsule_pairs,
         rows,
     )
+    result[~np.isfinite(rows).all(axis=1)] = np.nan
     return result.reshape(*shape, 2)
 
 
