@@ -1,0 +1,129 @@
+"""Inverse kinematics in poses a second, beside mink and Pinocchio, measured in one run.
+
+The same 20 paths of 100 poses for the UR5 with its stick holder, full orientation, warm-started
+from the pose before. One thread. mink is used if it is installed (``pip install mink daqp``).
+
+    python benchmarks/inverse_kinematics.py
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+import pinocchio
+from scipy.spatial.transform import Rotation
+
+from besman.robot.inverse_kinematics import IkWeights, find_branches, follow_all, solve_path
+from besman.robot.kinematics import forward_kinematics
+from besman.robot.model import Robot, load_robot
+
+N_PATHS, N_POSES = 20, 100
+TOLERANCE_M = 1e-4
+
+
+def make_paths() -> np.ndarray:
+    """Forward pushes that bend and turn, poses (20, 100, 4, 4)."""
+    rng = np.random.default_rng(0)
+    u = np.linspace(0, 1, N_POSES)
+    u = 10 * u**3 - 15 * u**4 + 6 * u**5
+    paths = np.tile(np.eye(4), (N_PATHS, N_POSES, 1, 1))
+    for path in paths:
+        start = np.array([0.2, -0.4, 1.3]) + rng.normal(0, 0.03, 3)
+        way = np.array([0.35, 0.1, 0.15]) + rng.normal(0, 0.03, 3)
+        path[:, :3, 3] = start + np.outer(u, way)
+        pitch = np.radians(60 + 40 * u) + rng.normal(0, 0.05)
+        path[:, :3, :3] = Rotation.from_rotvec(np.outer(pitch, [0, 1, 0])).as_matrix()
+    return paths
+
+
+def with_besman(robot: Robot, targets: np.ndarray, start: np.ndarray) -> np.ndarray:
+    """Levenberg-Marquardt, to the same accuracy as the others."""
+    paths, _ = follow_all(
+        robot, targets[None], start[None], 0, IkWeights(), False, rounds=100, tolerance=1e-3
+    )
+    return paths[0, 0]
+
+
+def with_pinocchio(robot: Robot, targets: np.ndarray, start: np.ndarray) -> np.ndarray:
+    """Damped least squares as in Pinocchio's own example."""
+    data, angles, answers = robot.model.createData(), start.copy(), []
+    for target in targets:
+        goal = pinocchio.SE3(target)
+        for _ in range(100):
+            pinocchio.framesForwardKinematics(robot.model, data, angles)
+            error = pinocchio.log6(data.oMf[robot.tip_frame].actInv(goal)).vector
+            if np.linalg.norm(error) < TOLERANCE_M:
+                break
+            jacobian = pinocchio.computeFrameJacobian(robot.model, data, angles, robot.tip_frame)
+            square = jacobian @ jacobian.T + 1e-6 * np.eye(6)
+            angles = angles + jacobian.T @ np.linalg.solve(square, error)
+        answers.append(angles)
+    return np.array(answers)
+
+
+def make_mink(robot: Robot) -> Callable[[Robot, np.ndarray, np.ndarray], np.ndarray] | None:
+    """Set up mink on the MuJoCo model of the same arm."""
+    try:
+        import mink
+    except ImportError:
+        return None
+    from besman.robot.mujoco_model import arm_spec
+
+    spec, _ = arm_spec(robot, 0.001)
+    configuration = mink.Configuration(spec.compile())
+    task = mink.FrameTask("tcp", "site", position_cost=1.0, orientation_cost=1.0, lm_damping=1e-6)
+
+    def solve(robot: Robot, targets: np.ndarray, start: np.ndarray) -> np.ndarray:
+        configuration.update(start)
+        answers = []
+        for target in targets:
+            task.set_target(mink.SE3.from_matrix(target))
+            for _ in range(100):
+                if np.linalg.norm(task.compute_error(configuration)) < TOLERANCE_M:
+                    break
+                velocity = mink.solve_ik(configuration, [task], 1.0, solver="daqp", damping=1e-9)
+                configuration.integrate_inplace(velocity, 1.0)
+            answers.append(configuration.q.copy())
+        return np.array(answers)
+
+    return solve
+
+
+def main() -> None:
+    robot, paths = load_robot("ur5", "stick_holder"), make_paths()
+    starts = [
+        find_branches(robot, path[0], robot.home[None], IkWeights(), False)[0] for path in paths
+    ]
+    methods = {"besman": with_besman, "pinocchio loop": with_pinocchio}
+    mink = make_mink(robot)
+    if mink is not None:
+        methods["mink"] = mink
+    speeds = {}
+    print(f"{'method':>16} {'poses/s':>10} {'worst error':>12}")
+    for name, method in methods.items():
+        method(robot, paths[0], starts[0])
+        best, worst = np.inf, 0.0
+        for _ in range(3):
+            begin = time.perf_counter()
+            answers = [
+                method(robot, path, start) for path, start in zip(paths, starts, strict=True)
+            ]
+            best = min(best, time.perf_counter() - begin)
+        for path, answer in zip(paths, answers, strict=True):
+            reached = forward_kinematics(robot.chain, answer)[:, :3, 3]
+            worst = max(worst, float(np.linalg.norm(reached - path[:, :3, 3], axis=1).max()))
+        speeds[name] = N_PATHS * N_POSES / best
+        print(f"{name:>16} {speeds[name]:10.0f} {worst * 1000:9.3f} mm")
+    for name in list(speeds)[1:]:
+        print(f"besman : {name} = {speeds['besman'] / speeds[name]:.0f} : 1")
+    begin = time.perf_counter()
+    for path in paths:
+        solve_path(robot, path)
+    spent = (time.perf_counter() - begin) / N_PATHS
+    print(f"all branches searched and compared: {spent * 1000:.0f} ms a path")
+
+
+if __name__ == "__main__":
+    main()
