@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from besman.exceptions import MappingError
 from besman.frames import quaternion_to_rotation, rotation_to_quaternion
-from besman.mapping.placement import TermWeights, find_placement
+from besman.mapping.placement import Placement, TermWeights, find_placement
 from besman.mapping.time_scaling import ScaledPath, scale_path
 from besman.records import HandTrajectory, JointTrajectory
 from besman.robot.inverse_kinematics import IkWeights, solve_path
@@ -140,23 +140,33 @@ def map_embodiment(
             )
         )
     targets = [place_target(one.target, placement.pose) for one in demonstrations]
-    trajectories, failed, reports, worst = [], [], [], (0.0, "")
+    progress(1.0)
+    return _sort_out(mapped, targets, placement, robot, settings)
+
+
+def _sort_out(
+    mapped: list[tuple[JointTrajectory, LimitReport]],
+    targets: list[FloatArray],
+    placement: Placement,
+    robot: Robot,
+    settings: MappingSettings,
+) -> Mapping:
+    """Keep what the arm can run; list the rest with its reason."""
+    trajectories, failed, reports, worst = [], [], [], (-1.0, "")
     aimed = any(np.isfinite(target).all() for target in targets)
-    for one, target, (trajectory, report) in zip(demonstrations, targets, mapped, strict=True):
+    for (trajectory, report), target in zip(mapped, targets, strict=True):
         reason = _reason(trajectory, report, settings)
         if aimed and not np.isfinite(target).all():
             reason = "the flight of the thrown object was not seen, so there is no target"
-        error = float(trajectory.position_error.max())
-        worst = max(worst, (error, f"{one.name}: {reason}"))
         if reason:
-            failed.append(f"{one.name}: {reason}")
+            failed.append(f"{trajectory.name}: {reason}")
+            worst = max(worst, (float(trajectory.position_error.max()), failed[-1]))
         else:
             trajectories.append(replace(trajectory, target=target))
             reports.append(report)
-    progress(1.0)
     if not trajectories:
         raise MappingError(
-            f"none of {len(demonstrations)} demonstrations can be transferred to {robot.name} "
+            f"none of {len(mapped)} demonstrations can be transferred to {robot.name} "
             f"(tool {robot.tool.name}); the worst: {worst[1]}"
         )
     return Mapping(

@@ -47,6 +47,17 @@ def _pose_error(pose: FloatArray, target: FloatArray, free_spin: bool, error: Fl
 
 
 @compiled
+def _cost(error: FloatArray, angles: FloatArray, nearby: FloatArray, weights: FloatArray) -> float:
+    """Sum the weighted squares of pose error and distance from the preferred angles."""
+    total = 0.0
+    for i in range(len(angles)):
+        total += (weights[2] * (angles[i] - nearby[i])) ** 2
+    for row in range(6):
+        total += ((weights[0] if row < 3 else weights[1]) * error[row]) ** 2
+    return total
+
+
+@compiled
 def _solve_linear(matrix: FloatArray, vector: FloatArray, solution: FloatArray) -> None:
     """Solve a small symmetric positive definite system by Cholesky; overwrites `matrix`."""
     n = len(vector)
@@ -122,6 +133,20 @@ def _fill_damped(
 
 
 @compiled
+def _take_step(
+    angles: FloatArray, step: FloatArray, low: FloatArray, high: FloatArray, trial: FloatArray
+) -> float:
+    """Write the next trial, within the box and not too far; return the greatest step asked for."""
+    greatest = 0.0
+    for i in range(len(step)):
+        greatest = max(greatest, abs(step[i]))
+    shrink = min(1.0, _GREATEST_STEP_RAD / greatest) if greatest > 0.0 else 1.0
+    for i in range(len(step)):
+        trial[i] = min(max(angles[i] + shrink * step[i], low[i]), high[i])
+    return greatest
+
+
+@compiled
 def _free_spin(jacobian: FloatArray, pose: FloatArray) -> None:
     """Take the rotation about the tool's z axis out of a Jacobian."""
     for i in range(jacobian.shape[1]):
@@ -187,11 +212,7 @@ def solve_pose(
         fill_frames(placements, axes, trial, rotations, origins)
         fill_tip(tip, rotations, origins, pose)
         _pose_error(pose, target, free_spin, trial_error)
-        new_cost = 0.0
-        for i in range(n):
-            new_cost += (weights[2] * (trial[i] - nearby[i])) ** 2
-        for row in range(6):
-            new_cost += ((weights[0] if row < 3 else weights[1]) * trial_error[row]) ** 2
+        new_cost = _cost(trial_error, trial, nearby, weights)
         if new_cost < cost:
             gain = cost - new_cost
             cost = new_cost
@@ -212,12 +233,7 @@ def solve_pose(
                 break
         _fill_damped(matrix, gradient, angles, low, high, damping, damped)
         _solve_linear(damped, gradient, step)
-        greatest = 0.0
-        for i in range(n):
-            greatest = max(greatest, abs(step[i]))
-        shrink = min(1.0, _GREATEST_STEP_RAD / greatest) if greatest > 0.0 else 1.0
-        for i in range(n):
-            trial[i] = min(max(angles[i] + shrink * step[i], low[i]), high[i])
+        greatest = _take_step(angles, step, low, high, trial)
     return cost
 
 
