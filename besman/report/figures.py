@@ -25,7 +25,7 @@ INK = "#7a7f87"
 LONGEST_CURVE = 2000
 
 
-def _figure(width: float, height: float) -> Figure:
+def new_figure(width: float, height: float) -> Figure:
     """Make a figure without a screen, on a transparent ground."""
     from matplotlib.figure import Figure
 
@@ -34,7 +34,7 @@ def _figure(width: float, height: float) -> Figure:
     return figure
 
 
-def _style(axes: object) -> None:
+def style(axes: object) -> None:
     """Give axes the report's look."""
     axes.patch.set_alpha(0)  # type: ignore[attr-defined]
     axes.tick_params(colors=INK, labelsize=8)  # type: ignore[attr-defined]
@@ -91,7 +91,7 @@ def speed_profile(
     str
         SVG.
     """
-    figure = _figure(10, 2.6)
+    figure = new_figure(10, 2.6)
     axes = figure.add_subplot()
     time = recording.time - recording.time[0]
     speed = np.linalg.norm(np.gradient(recording.marker(marker), time, axis=0), axis=1)
@@ -114,7 +114,7 @@ def speed_profile(
     axes.set_xlabel("time [s]")
     axes.set_ylabel(f"speed of {marker} [m/s]")
     axes.set_title(recording.source, loc="left")
-    _style(axes)
+    style(axes)
     return svg(figure)
 
 
@@ -135,7 +135,7 @@ def paths(trajectories: Sequence[JointTrajectory], motions: Sequence[RefinedMoti
     str
         SVG; robot's world frame, metres.
     """
-    figure = _figure(10, 4.2)
+    figure = new_figure(10, 4.2)
     for place, (across, up, title) in enumerate(((0, 2, "from the side"), (0, 1, "from above"))):
         axes = figure.add_subplot(1, 2, place + 1)
         for trajectory in trajectories:
@@ -154,7 +154,7 @@ def paths(trajectories: Sequence[JointTrajectory], motions: Sequence[RefinedMoti
         axes.set_xlabel("x forward [m]")
         axes.set_ylabel("z up [m]" if up == 2 else "y left [m]")
         axes.set_title(title, loc="left")
-        _style(axes)
+        style(axes)
         if place == 0:
             axes.plot([], [], color=COLOURS[1], label="demonstrated, placed")
             axes.plot([], [], color=COLOURS[0], label="robot, refined")
@@ -170,7 +170,7 @@ def learning_curve(motions: Sequence[RefinedMotion], radius_m: float) -> str:
     str
         SVG; logarithmic centimetres.
     """
-    figure = _figure(5, 3.4)
+    figure = new_figure(5, 3.4)
     axes = figure.add_subplot()
     longest = max((len(motion.misses) for motion in motions), default=1)
     best = np.full((len(motions), longest), np.nan)
@@ -187,7 +187,7 @@ def learning_curve(motions: Sequence[RefinedMotion], radius_m: float) -> str:
     axes.set_xlabel("episode")
     axes.set_ylabel("best miss so far [cm]")
     axes.legend(fontsize=7, frameon=False, labelcolor=INK)
-    _style(axes)
+    style(axes)
     return svg(figure)
 
 
@@ -210,7 +210,7 @@ def outcome_scatter(motions: Sequence[RefinedMotion], targets: FloatArray, radiu
     """
     from matplotlib.patches import Circle
 
-    figure = _figure(5, 3.4)
+    figure = new_figure(5, 3.4)
     axes = figure.add_subplot()
     before = 100 * (np.array([m.outcome_before for m in motions]).reshape(-1, 3) - targets)
     after = 100 * (np.array([m.outcome for m in motions]).reshape(-1, 3) - targets)
@@ -231,5 +231,5 @@ def outcome_scatter(motions: Sequence[RefinedMotion], targets: FloatArray, radiu
     axes.set_xlabel("forward of the target [cm]")
     axes.set_ylabel("left of the target [cm]")
     axes.legend(fontsize=7, frameon=False, labelcolor=INK)
-    _style(axes)
+    style(axes)
     return svg(figure)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from besman.config_file import read_yaml
 from besman.exceptions import RunError
 from besman.record_files import load_record
 from besman.report import figures
@@ -69,6 +70,7 @@ def write_page(folder: Path) -> Path:
     records = _records(folder)
     body = [
         _head(state, timing, results),
+        _overview(folder, records),
         _stage_table(timing, results),
         _recordings(records, results),
         _motions(records, results),
@@ -119,6 +121,34 @@ def _head(state: dict[str, Any], timing: dict[str, Any], results: dict[str, Any]
     return (
         f'<h1>{html.escape(state["name"])} <span class="{tone}">{status}</span></h1>{error}'
         f'<div class="cards">{boxes}</div><ul>{lines}</ul>'
+    )
+
+
+def _overview(folder: Path, records: dict[str, Any]) -> str:
+    """Draw the demonstration that was refined first; keep the drawing beside the page too."""
+    if not records.get("refine"):
+        return ""
+    from besman.report.overview import overview
+    from besman.robot.model import load_robot
+
+    config, _ = read_yaml(folder / "pipeline.yaml")
+    motion = records["refine"][0]
+    source, _, segment = motion.plan.name.rpartition(":")
+    sources = [recording.source for recording in records["label"]]
+    at = sources.index(source)
+    drawing = overview(
+        records["label"][at],
+        tuple(records["recognize"][at].bounds[int(segment)]),
+        config["select"].get("object"),
+        load_robot(config["robot"], config["tool"]),
+        motion,
+        records["map"].placement,
+    )
+    write_text(folder / "overview.svg", drawing)
+    return (
+        f"<figure>{drawing}<figcaption>{html.escape(motion.plan.name)} from the side: the person's "
+        "arm and the robot at instants evenly spread in time, later ones stronger; dotted: the "
+        "thrown object.</figcaption></figure>"
     )
 
 
