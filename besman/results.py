@@ -129,7 +129,8 @@ def write_exports(motions: tuple[RefinedMotion, ...], folder: Path) -> None:
     """
     folder.mkdir(exist_ok=True)
     for motion in motions:
-        name = motion.plan.name.replace(":", "_")
+        source, _, segment = motion.plan.name.rpartition(":")
+        name = f"{Path(source).stem}_{segment}"
         trajectory = (
             motion.time,
             motion.positions,

@@ -25,7 +25,7 @@ from besman.stage import Stage, Work
 # Called with the stage's name; returns the progress callback and a function that ends the display.
 Display = Callable[[str], tuple[Callable[[float], None], Callable[[bool], None]]]
 
-_LIBRARIES = ("numpy", "scipy", "numba", "pin", "mujoco", "cma", "scikit-learn", "pydantic")
+_LIBRARIES = ("numpy", "scipy", "numba", "pin", "mujoco", "cma", "pydantic")
 
 
 def write_json(path: Path, content: Any) -> None:
