@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from besman.config_file import parse_config, read_yaml
 from besman.exceptions import ConfigError, nearest
@@ -61,6 +61,15 @@ class ThrowSimulationConfig(Config):
     contact_time_s: Positive = 0.002
     clear_distance_m: Positive = 0.15
     longest_wait_s: NotNegative = 0.3
+
+    @model_validator(mode="after")
+    def _contacts_are_resolved(self) -> Self:
+        """Refuse contacts that the integrator cannot resolve."""
+        if self.contact_time_s < 2 * self.time_step_s:
+            raise ValueError(
+                f"contact_time_s must be at least two time steps of {self.time_step_s:g} s"
+            )
+        return self
 
 
 class ThrowRewardConfig(Config):

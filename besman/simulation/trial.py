@@ -23,7 +23,9 @@ FloatArray = npt.NDArray[np.float64]
 # Small enough to share the work between threads, large enough to leave Python's lock alone.
 _BLOCK = 8
 # Positions are compared with limits and obstacles at this interval during the search.
-_CHECK_S = 0.008
+_CHECK_S = 0.004
+# Closer than this counts as touching, because the arm moves between two checks.
+_CLEARANCE_M = 0.002
 
 
 @dataclass(frozen=True)
@@ -134,7 +136,7 @@ def _score(
     limits = robot.limits
     excess = np.maximum(limits.position_min - positions, positions - limits.position_max)
     excess = np.maximum(excess, 0.0).max(axis=1).sum(axis=1)
-    depth = np.maximum(-distances(robot.chain, positions).min(axis=(1, 2)), 0.0)
+    depth = np.maximum(_CLEARANCE_M - distances(robot.chain, positions).min(axis=(1, 2)), 0.0)
     return [
         _score_one(task, plan, episodes, index, float(excess[index]), float(depth[index]))
         for index, plan in enumerate(plans)

@@ -1,0 +1,23 @@
+import numpy as np
+import pinocchio
+
+from besman.robot.dynamics import inverse_dynamics
+from besman.robot.model import load_robot
+
+ROBOT = load_robot("ur5", "stick_holder")
+
+
+def test_agrees_with_pinocchio():
+    data = ROBOT.model.createData()
+    q, dq, ddq = np.random.default_rng(0).normal(scale=2, size=(3, 50, 6))
+    expected = [pinocchio.rnea(ROBOT.model, data, *state) for state in zip(q, dq, ddq, strict=True)]
+    np.testing.assert_allclose(inverse_dynamics(ROBOT, q, dq, ddq), expected, atol=1e-10)
+
+
+def test_keeps_the_shape_of_a_batch():
+    q, dq, ddq = np.random.default_rng(0).normal(size=(3, 2, 5, 6))
+    torques = inverse_dynamics(ROBOT, q, dq, ddq)
+    assert torques.shape == (2, 5, 6)
+    np.testing.assert_array_equal(
+        torques[1, 3], inverse_dynamics(ROBOT, q[1, 3], dq[1, 3], ddq[1, 3])
+    )
