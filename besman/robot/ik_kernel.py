@@ -191,15 +191,8 @@ def solve_pose(
         Start, overwritten by the answer, rad.
     error : array, shape (6,)
         Written: remaining position error (m) and rotation vector (rad).
-    rounds : int
-        Greatest number of steps.
-    tolerance : float
-        Relative improvement below which the search ends.
-
-    Returns
-    -------
-    float
-        Weighted sum of squares.
+    rounds, tolerance : int, float
+        Greatest number of steps, and the relative improvement below which the search ends.
     """
     n = len(angles)
     rotations, origins, pose = np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((4, 4))
