@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 
@@ -31,14 +33,19 @@ class Quest:
         Motion plans around the imitation.
     search : Search
         Over the space.
+    robot : Robot
+        Whose limits count.
     task : TaskConfig
         What is to be done.
     episodes : int
         Greatest number of episodes, the imitation's own among them.
     """
 
-    def __init__(self, space: PlanSpace, search: Search, task: TaskConfig, episodes: int) -> None:
-        self._space, self._search, self._task, self._episodes = space, search, task, episodes
+    def __init__(
+        self, space: PlanSpace, search: Search, robot: Robot, task: TaskConfig, episodes: int
+    ) -> None:
+        self._space, self._search, self._robot = space, search, robot
+        self._task, self._episodes = task, episodes
         self._points: FloatArray = np.empty((0, space.dimension))
         self._plans: list[MotionPlan] = []
         self._tried: list[MotionPlan] = []
@@ -56,6 +63,7 @@ class Quest:
 
     def learn(self, trials: list[Trial]) -> None:
         """Take what came of the plans that were proposed last."""
+        trials = [self._verify(*pair) for pair in zip(self._plans, trials, strict=True)]
         # A generation cut short by the budget is the last one: there is nothing to learn for.
         if self._trials and len(trials) == len(self._points):
             self._search.tell(self._points, np.array([trial.reward for trial in trials]))
@@ -85,13 +93,23 @@ class Quest:
         """The plan of the best trial."""
         return self._tried[self._best]
 
-    def result(self, robot: Robot, trial: Trial) -> RefinedMotion:
+    def _verify(self, plan: MotionPlan, trial: Trial) -> Trial:
+        """Check the limits of a success sample by sample at 1 kHz: nothing less is exported."""
+        if not trial.success:
+            return trial
+        report = check_limits(self._robot, *_sample(plan)[1:])
+        if report.violations == 0 and report.self_collisions == 0:
+            return trial
+        penalty = self._task.reward.failure
+        return replace(
+            trial, success=False, failure="limit exceeded", reward=trial.reward - penalty
+        )
+
+    def result(self, trial: Trial) -> RefinedMotion:
         """Sum up the search.
 
         Parameters
         ----------
-        robot : Robot
-            To check the limits of the best plan, sample by sample at 1 kHz.
         trial : Trial
             The best plan's, with paths.
 
@@ -99,30 +117,33 @@ class Quest:
         -------
         RefinedMotion
         """
-        plan, before = self.best_plan, self._trials[0]
-        time = np.arange(int(np.ceil(plan.duration * _RATE_HZ)) + 1) / _RATE_HZ
-        movement = roll_out(plan.weights, plan.start, plan.goal, plan.duration, time)
-        report = check_limits(robot, *movement)
-        within = report.violations == 0 and report.self_collisions == 0
+        plan, before, best = self.best_plan, self._trials[0], self._trials[self._best]
+        time, positions, velocities, accelerations = _sample(plan)
         misses = [np.nan if tried.failure else tried.miss for tried in self._trials]
         return RefinedMotion(
             plan=plan,
             time=time,
-            positions=movement[0],
-            velocities=movement[1],
-            accelerations=movement[2],
+            positions=positions,
+            velocities=velocities,
+            accelerations=accelerations,
             returns=np.array([tried.reward for tried in self._trials]),
             misses=np.array(misses),
-            outcome=trial.outcome,
+            outcome=best.outcome,
             outcome_before=np.full(3, np.nan) if before.failure else before.outcome,
             object_path=trial.object_path,
-            tool_path=forward_kinematics(robot.chain, movement[0])[:, :3, 3],
-            success=trial.success and within,
+            tool_path=forward_kinematics(self._robot.chain, positions)[:, :3, 3],
+            success=best.success,
             miss_before=float(misses[0]),
-            miss=trial.miss,
-            orientation_error=trial.orientation_error,
+            miss=best.miss,
+            orientation_error=best.orientation_error,
             failure=before.failure,
         )
+
+
+def _sample(plan: MotionPlan) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Roll out a plan at 1 kHz: time, positions, velocities, accelerations."""
+    time = np.arange(int(np.ceil(plan.duration * _RATE_HZ)) + 1) / _RATE_HZ
+    return time, *roll_out(plan.weights, plan.start, plan.goal, plan.duration, time)
 
 
 def succeeds(trial: Trial, task: TaskConfig, share: float) -> bool:

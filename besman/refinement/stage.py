@@ -56,7 +56,7 @@ class RefineConfig(Stage):
     sigma: Annotated[float, Field(gt=0)] = 0.5
     seed: Annotated[int, Field(ge=0)] = 0
     search: Annotated[tuple[Part, ...], Field(min_length=1)] = ("goal", "duration", "weights")
-    n_shapes: Annotated[int, Field(ge=1)] = 2
+    n_shapes: Annotated[int, Field(ge=1)] = 4
     units: UnitsConfig = UnitsConfig()
 
     def run(
@@ -105,7 +105,7 @@ class RefineConfig(Stage):
             work.progress(spent / (self.episodes * len(quests)))
         # Once more, because paths of all episodes would be too much to keep.
         best = try_plans(robot, task, [quest.best_plan for quest in quests], work.jobs, paths=True)
-        return tuple(quest.result(robot, trial) for quest, trial in zip(quests, best, strict=True))
+        return tuple(quest.result(trial) for quest, trial in zip(quests, best, strict=True))
 
     def _quest(self, plan: MotionPlan, robot: Robot, task: TaskConfig) -> Quest:
         """Set up the search for one plan."""
@@ -118,7 +118,7 @@ class RefineConfig(Stage):
         # By name, so that a motion's search does not depend on which others are there.
         seed = (self.seed, zlib.crc32(plan.name.encode()))
         search = CmaEs(np.zeros(space.dimension), self.sigma, self.population, seed)
-        return Quest(space, search, task, self.episodes)
+        return Quest(space, search, robot, task, self.episodes)
 
 
 def _check(plans: tuple[MotionPlan, ...], robot: Robot, task: TaskConfig) -> None:
