@@ -1,0 +1,31 @@
+"""Compile all kernels once, so that the first run need not: ``python -m besman.kernels``."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+from besman.pipeline import load_pipeline, run_pipeline
+from besman.resources import find_resource
+from besman.synthetic.datasets import write_synthetic
+
+
+def compile_kernels() -> None:
+    """Run the default pipeline on one synthetic throw with the smallest budgets.
+
+    What is compiled is kept beside the package, or in the user's cache where that is read-only.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        write_synthetic("stick_throw", Path(folder) / "capture", n_subjects=1, n_throws=1)
+        settings = (
+            f"recordings={folder}/capture",
+            "recognize.examples_per_class=1",
+            "map.evaluations=1",
+            "refine.episodes=2",
+        )
+        config = load_pipeline(find_resource("pipelines", "ur5_stick_throw"), settings)
+        run_pipeline(config, Path(folder) / "run")
+
+
+if __name__ == "__main__":
+    compile_kernels()
