@@ -37,15 +37,18 @@ def main() -> None:
     start, goal = random.normal(size=(2, count, n))
     duration, step = 0.6, 0.01
     samples = np.linspace(0, duration, round(duration / step) + 1)
-    roll_out(weights[:2], start[:2], goal[:2], np.full(2, duration), samples)
+    roll_out(weights[:2], start[:2], goal[:2], duration, samples)
 
-    ours = best_of(5, lambda: roll_out(weights, start, goal, np.full(count, duration), samples))
+    ours = best_of(5, lambda: roll_out(weights, start, goal, duration, samples))
+    durations = random.uniform(0.5, 0.6, count)
+    own = best_of(5, lambda: roll_out(weights, start, goal, durations, samples))
     demonstration = roll_out(weights[0], start[0], goal[0], duration, samples)[0]
     ours_fit = best_of(5, lambda: fit_weights(samples, demonstration, k))
     result: dict[str, object] = {
         "candidates": count,
         "samples": len(samples),
         "rollout_ms_per_candidate": 1e3 * ours / count,
+        "rollout_own_duration_ms_per_candidate": 1e3 * own / count,
         "fit_ms": 1e3 * ours_fit,
     }
     try:

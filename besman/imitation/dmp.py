@@ -157,12 +157,18 @@ def roll_out(
     basis = dmp_basis(weights.shape[-1])
     scale = np.asarray(duration, dtype=np.float64)[..., None]
     normalised = np.asarray(time, dtype=np.float64) / scale
-    position, velocity, acceleration = _interpolate(
-        basis.position @ parameters,
-        basis.velocity @ parameters,
-        basis.acceleration @ parameters,
-        np.clip(normalised, 0.0, 1.0),
-    )
+    x = np.clip(normalised, 0.0, 1.0)
+    # Durations of their own ask for interpolation of every movement; one for all, of the map.
+    if scale.ndim == 1:
+        maps = _interpolate(basis.position, basis.velocity, basis.acceleration, x)
+        position, velocity, acceleration = (matrix @ parameters for matrix in maps)
+    else:
+        position, velocity, acceleration = _interpolate(
+            basis.position @ parameters,
+            basis.velocity @ parameters,
+            basis.acceleration @ parameters,
+            x,
+        )
     moving = (normalised <= 1.0)[..., None] / scale[..., None]
     return position, velocity * moving, acceleration * moving / scale[..., None]
 

@@ -102,8 +102,11 @@ def test_batch_is_the_same_as_one_by_one_to_the_last_bit():
     time = np.arange(0, 1.0, 0.003)
     batch = roll_out(*(np.stack(part) for part in zip(*dmps, strict=True)), durations, time)
     for index, (dmp, duration) in enumerate(zip(dmps, durations, strict=True)):
-        for got, expected in zip(batch, roll_out(*dmp, duration, time), strict=True):
-            assert (got[index] == expected).all()
+        alone = roll_out(*(part[None] for part in dmp), np.array([duration]), time)
+        one_for_all = roll_out(*dmp, duration, time)
+        for got, expected, close in zip(batch, alone, one_for_all, strict=True):
+            assert (got[index] == expected[0]).all()
+            np.testing.assert_allclose(got[index], close, rtol=1e-8, atol=1e-8)
 
 
 def test_stands_still_after_its_duration():
