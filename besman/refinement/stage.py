@@ -37,7 +37,8 @@ class RefineConfig(Stage):
     episodes : int
         Greatest number of episodes per motion, the imitation's own among them.
     population : int or None
-        Episodes per generation; None for 4 + 3 ln(dimension).
+        Episodes per generation; null for 4 + 3 ln(dimension). Fewer learn faster here, because
+        nothing is random in an episode.
     sigma : float
         Initial standard deviation, in units of the search.
     seed : int
@@ -52,7 +53,7 @@ class RefineConfig(Stage):
 
     method: Literal["cma_es"] = "cma_es"
     episodes: Annotated[int, Field(ge=1)] = 300
-    population: Annotated[int, Field(ge=4)] | None = None
+    population: Annotated[int, Field(ge=4)] | None = 8
     sigma: Annotated[float, Field(gt=0)] = 0.5
     seed: Annotated[int, Field(ge=0)] = 0
     search: Annotated[tuple[Part, ...], Field(min_length=1)] = ("goal", "duration", "weights")

@@ -11,11 +11,10 @@ import numpy as np
 
 from besman.config_file import read_yaml
 from besman.exceptions import RunError
-from besman.record_files import load_record
-from besman.report import figures
+from besman.record_files import digest, load_record
 from besman.report.terminal import outcome_lines
 from besman.report.timing import read_json, seconds, stage_rows
-from besman.run import write_text
+from besman.run import code_version, write_json, write_text
 
 _STYLE = """
 :root { color-scheme: light dark; --ink: #1c2024; --soft: #62676f; --line: #d9dce1; --page: #fff;
@@ -67,14 +66,12 @@ def write_page(folder: Path) -> Path:
     state = read_json(folder / "run.json")
     timing = read_json(folder / "timing.json")
     results = read_json(folder / "results.json")
-    records = _records(folder)
+    overview, rest = _figures(folder, results)
     body = [
         _head(state, timing, results),
-        _overview(folder, records),
+        overview,
         _stage_table(timing, results),
-        _recordings(records, results),
-        _motions(records, results),
-        _demonstrations(records, results),
+        rest,
         _provenance(folder, state, results),
     ]
     title = html.escape(f"{state['name']} - besman")
@@ -85,6 +82,21 @@ def write_page(folder: Path) -> Path:
     )
     write_text(folder / "report.html", page)
     return folder / "report.html"
+
+
+def _figures(folder: Path, results: dict[str, Any]) -> tuple[str, str]:
+    """Return the overview and all other figures; drawn anew only if a record has changed."""
+    descriptions = sorted(folder.glob("[0-9][0-9]_*/stage.json"))
+    checksums = [read_json(path).get("sha256") for path in descriptions]
+    key = digest((code_version(), tuple(checksums), results))
+    kept = folder / "figures.json"
+    if kept.is_file() and (drawn := read_json(kept))["key"] == key:
+        return drawn["overview"], drawn["rest"]
+    records = _records(folder)
+    overview = _overview(folder, records)
+    rest = "".join(draw(records, results) for draw in (_recordings, _motions, _demonstrations))
+    write_json(kept, {"key": key, "overview": overview, "rest": rest})
+    return overview, rest
 
 
 def _records(folder: Path) -> dict[str, Any]:
@@ -195,6 +207,8 @@ def _recordings(records: dict[str, Any], results: dict[str, Any]) -> str:
     """Speed, borders and labels of every recording."""
     if "recognize" not in records:
         return ""
+    from besman.report import figures
+
     labelled, found = records["label"], records["recognize"]
     truth = records.get("truth", (None,) * len(found))
     labels = [name for part in (*found, *truth) if part is not None for name in part.labels]
@@ -219,6 +233,8 @@ def _motions(records: dict[str, Any], results: dict[str, Any]) -> str:
     """Paths, learning curve and outcomes."""
     if "refine" not in records:
         return ""
+    from besman.report import figures
+
     motions = records["refine"]
     radius = results["refine"]["success_radius_m"]
     targets = np.array([_target(motion) for motion in motions]).reshape(-1, 3)

@@ -13,7 +13,7 @@ import numpy.typing as npt
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 
-_CHUNK_STEPS = 100
+_CHUNK_STEPS = 50
 
 
 @dataclass(frozen=True, eq=False)
