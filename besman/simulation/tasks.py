@@ -37,9 +37,9 @@ class HolderConfig(Config):
         Coefficient of sliding friction between stick and holder.
     """
 
-    length_m: Positive = 0.1
-    clearance_m: Positive = 0.001
-    friction: NotNegative = 0.1
+    length_m: Positive = 0.15
+    clearance_m: Positive = 0.002
+    friction: NotNegative = 0.05
 
 
 class ThrowSimulationConfig(Config):

@@ -45,7 +45,7 @@ def test_through_itself(robot, make_plan):
 
 
 def test_failures_are_ordered_by_how_bad_they_are(robot, make_plan):
-    slow, slower = try_plans(robot, TASK, [make_plan(0.95), make_plan(3.0)])
+    slow, slower = try_plans(robot, TASK, [make_plan(1.6), make_plan(3.0)])
     assert slow.failure == slower.failure == "stick not released"
     assert slow.reward > slower.reward
     assert np.isnan(slow.miss)
