@@ -15,6 +15,9 @@ BoolArray = npt.NDArray[np.bool_]
 
 _CHUNK_STEPS = 50
 
+# A simulation that diverges is an outcome; MuJoCo would write a log into the working directory.
+mujoco.set_mju_user_warning(lambda _: None)
+
 
 @dataclass(frozen=True, eq=False)
 class Run:
