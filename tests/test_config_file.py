@@ -21,7 +21,7 @@ class Locmin(Config):
 class Pipeline(Config):
     name: str
     segment: Annotated[Vmci | Locmin, Field(discriminator="method")] = Vmci()
-    tools: dict[str, Vmci] = {}
+    tools: dict[str, Vmci] = Field(default_factory=dict)
 
 
 @pytest.fixture
@@ -44,7 +44,8 @@ def test_a_good_file(load):
         ("nam: a\n", r"p\.yaml:1: unknown key 'nam'; did you mean 'name'\?"),
         (
             "name: a\nsegment:\n  method: vmci\n  rat_hz: 3\n",
-            r"p\.yaml:4: unknown key 'segment\.rat_hz'; did you mean 'rate_hz'\? allowed: method, rate_hz$",
+            r"p\.yaml:4: unknown key 'segment\.rat_hz'; did you mean 'rate_hz'\? "
+            r"allowed: method, rate_hz$",
         ),
         ("name: a\nname: b\n", r"p\.yaml:2: key 'name' is there twice, first in line 1"),
         ("segment: {method: vmci}\n", r"p\.yaml: key 'name' is missing"),

@@ -326,5 +326,5 @@ def test_retarget_and_report_of_something_else(tmp_path, monkeypatch, capsys):
 
 def test_resampling_an_export_changes_nothing(finished):
     time, *rest = read_joint_csv(next((finished / "exports").glob("*.csv")))
-    again, positions, *_ = resample(time, *rest, rate_hz=1000.0)
+    _, positions, *_ = resample(time, *rest, rate_hz=1000.0)
     np.testing.assert_allclose(positions[:-1], rest[0][: len(positions) - 1], atol=1e-5)

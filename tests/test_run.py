@@ -119,7 +119,7 @@ KILLED = """
 
 @pytest.mark.parametrize("when", ["while writing", "while computing"])
 def test_kill_leaves_no_half_stage_and_the_same_command_goes_on(tmp_path, when):
-    before, _ = two_stages(tmp_path / "r")
+    two_stages(tmp_path / "r")
     script = textwrap.dedent(KILLED).format(
         tests=os.path.dirname(__file__), when=when, folder=str(tmp_path / "r")
     )

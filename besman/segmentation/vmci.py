@@ -6,7 +6,7 @@ probable segmentation is found by the Viterbi recursion over all starts; no part
 
 References
 ----------
-L. Gutzeit, *Building Block-based Learning of Robot Behavior from Human Demonstrations*, 4.3 and
+L. Gutzeit, *Detection and Recognition of Human Manipulation Building Blocks*, section 4.3 and
 appendix A; P. Fearnhead and Z. Liu (2007), doi:10.1111/j.1467-9868.2007.00601.x
 """
 
