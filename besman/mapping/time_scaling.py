@@ -9,7 +9,7 @@ import numpy.typing as npt
 from scipy.interpolate import make_lsq_spline
 
 from besman.robot.limits import resample, time_stretch
-from besman.robot.model import JointLimits
+from besman.robot.parts import JointLimits
 
 FloatArray = npt.NDArray[np.float64]
 

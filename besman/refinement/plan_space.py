@@ -11,7 +11,7 @@ from besman.imitation.dmp import dmp_basis, goal_response, shape_directions
 from besman.records import MotionPlan
 from besman.refinement.search import Part
 from besman.robot.limits import time_stretch
-from besman.robot.model import JointLimits
+from besman.robot.parts import JointLimits
 
 FloatArray = npt.NDArray[np.float64]
 

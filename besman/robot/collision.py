@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.robot.kinematics import as_rows, compiled, fill_frames
-from besman.robot.model import Chain
+from besman.robot.parts import Chain
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.exceptions import RobotError
-from besman.robot.model import Chain
+from besman.robot.parts import Chain
 
 FloatArray = npt.NDArray[np.float64]
 

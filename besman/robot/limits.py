@@ -9,7 +9,8 @@ import numpy.typing as npt
 from scipy.interpolate import BPoly
 
 from besman.robot.collision import distances
-from besman.robot.model import JointLimits, Robot
+from besman.robot.model import Robot
+from besman.robot.parts import JointLimits
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -13,7 +13,7 @@ import pinocchio
 from besman.exceptions import RobotError, nearest
 from besman.robot.capsules import fit_capsules
 from besman.robot.config import RobotConfig
-from besman.robot.model import Chain, JointLimits, Tool, read_only
+from besman.robot.parts import Chain, JointLimits, Tool, read_only
 
 FloatArray = npt.NDArray[np.float64]
 
