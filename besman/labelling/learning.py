@@ -18,7 +18,7 @@ from besman.labelling.model import (
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
-_LAGS_S = (0.02, 0.04, 0.08, 0.16, 0.3, 0.5, 0.8, 1.2, 2.0, 3.0)
+LAGS_S = (0.02, 0.04, 0.08, 0.16, 0.3, 0.5, 0.8, 1.2, 2.0, 3.0)
 _MAX_FRAMES = 1500
 _MOVED_ENOUGH = 0.1  # typical spread of a distance, as a share of it, from which it is believed
 _STILL_RIGID = 0.04  # what is added to spreads learnt at rest, as a share of the distance
@@ -31,6 +31,7 @@ def learn_marker_model(
     rate_hz: float,
     markers: tuple[str, ...],
     *,
+    bodies: tuple[tuple[str, ...], ...] | None = None,
     tolerance: float = 0.03,
     rigid_tolerance_m: float = 0.0008,
     limb_tolerance_m: float = 0.004,
@@ -45,6 +46,9 @@ def learn_marker_model(
         Frames per second.
     markers : tuple of str, length M
         Their names.
+    bodies : tuple of tuple of str, optional
+        Markers that are stuck to one rigid body, whoever wears it. Without it, whatever kept its
+        distance in this recording is taken for rigid.
     tolerance : float
         By how much a distance that is not rigid may differ between persons and placements, as a
         share of the distance.
@@ -66,6 +70,8 @@ def learn_marker_model(
     unknown = ~np.isfinite(distance)
     distance[unknown], own_spread[unknown] = 1.0, 1.0
     rigid = own_spread < np.maximum(0.0015, 0.005 * distance)
+    if bodies is not None:
+        rigid &= _share_body(markers, bodies)
     # Who stands still shows no joint: then near markers, not steady distances, are tied together.
     moved = float(np.median(own_spread) / np.median(distance))
     stillness = max(0.0, 1.0 - moved / _MOVED_ENOUGH)
@@ -74,13 +80,13 @@ def learn_marker_model(
     spread = np.hypot(own_spread, extra)
     change, jump = _learn_changes(positions, rate_hz)
     change, jump = (1.0 + _STILL_CHANGE * stillness) * change, (1.0 + stillness) * jump
-    quads, volume, volume_spread = _learn_quads(sampled, distance, spread)
-    swaps, excess, excess_spread = _learn_swaps(apart, distance, spread)
+    quads, volume, volume_spread = learn_quads(sampled, distance, spread)
+    swaps, excess, excess_spread = learn_swaps(apart, distance, spread)
     return MarkerModel(
         markers,
         distance,
         spread,
-        np.array(_LAGS_S),
+        np.array(LAGS_S),
         change,
         jump,
         _measure_speed(positions, rate_hz),
@@ -91,8 +97,17 @@ def learn_marker_model(
         swaps,
         excess,
         excess_spread,
-        _find_alike(distance, spread),
+        find_alike(distance, spread),
     )
+
+
+def _share_body(
+    markers: tuple[str, ...], bodies: tuple[tuple[str, ...], ...]
+) -> npt.NDArray[np.bool_]:
+    """Say which markers are on one body, shape (M, M)."""
+    member = np.array([[marker in body for body in bodies] for marker in markers], dtype=np.bool_)
+    shared: npt.NDArray[np.bool_] = (member[:, None] & member[None]).any(axis=2)
+    return shared
 
 
 def _measure_distances(positions: FloatArray) -> FloatArray:
@@ -117,10 +132,10 @@ def _measure_speed(positions: FloatArray, rate_hz: float) -> FloatArray:
 def _learn_changes(positions: FloatArray, rate_hz: float) -> tuple[FloatArray, FloatArray]:
     """Measure how much distances and positions change over a lag: (L, M, M) and (L, M)."""
     n_frames, n_markers = positions.shape[:2]
-    change = np.full((len(_LAGS_S), n_markers, n_markers), np.nan)
-    jump = np.full((len(_LAGS_S), n_markers), np.nan)
+    change = np.full((len(LAGS_S), n_markers, n_markers), np.nan)
+    jump = np.full((len(LAGS_S), n_markers), np.nan)
     n_edge = max(1, round(EDGE_S * rate_hz))
-    for k, lag_s in enumerate(_LAGS_S):
+    for k, lag_s in enumerate(LAGS_S):
         lag = max(1, round(lag_s * rate_hz))
         if lag + 2 * n_edge >= n_frames:
             continue
@@ -145,7 +160,7 @@ def _learn_changes(positions: FloatArray, rate_hz: float) -> tuple[FloatArray, F
     return change, jump
 
 
-def _learn_quads(
+def learn_quads(
     positions: FloatArray,
     distance: FloatArray,
     spread: FloatArray,
@@ -175,7 +190,7 @@ def _learn_quads(
     return quads, values[:, 0], values[:, 1]
 
 
-def _learn_swaps(
+def learn_swaps(
     apart: FloatArray, distance: FloatArray, spread: FloatArray
 ) -> tuple[IntArray, FloatArray, FloatArray]:
     """Find for near pairs a, b the third marker whose distances tell them apart best."""
@@ -200,7 +215,7 @@ def _learn_swaps(
     return np.array(swaps, dtype=np.int64).reshape(-1, 3), np.array(excess), np.array(excess_spread)
 
 
-def _find_alike(
+def find_alike(
     distance: FloatArray, spread: FloatArray, n_near: int = 3, enough: float = 12.0
 ) -> IntArray:
     """Find near pairs of markers whose exchange the distances to all others would not betray."""

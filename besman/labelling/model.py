@@ -11,6 +11,7 @@ FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 EDGE_S = 0.05  # velocity at the end of a fragment is measured over this time
+_LOOSE_M = 0.5
 VELOCITY_DECAY_S = 0.3  # a velocity tells less and less of where a marker is after a gap
 
 
@@ -69,12 +70,21 @@ class MarkerModel:
         """Number of markers."""
         return len(self.markers)
 
+    @property
+    def loose(self) -> npt.NDArray[np.bool_]:
+        """Markers whose distances to no other tell anything, shape (M,)."""
+        return ~self.weight.any(axis=1)
+
 
 def weigh_neighbours(spread: FloatArray) -> FloatArray:
-    """Weigh the neighbours of each marker by the rank of their rigidity, shape (M, M)."""
+    """Weigh the neighbours of each marker by the rank of their rigidity, shape (M, M).
+
+    A distance that takes any value, as to an object that is let go, tells nothing.
+    """
     masked = spread + np.where(np.eye(len(spread), dtype=bool), np.inf, 0.0)
     rank = masked.argsort(axis=1, kind="stable").argsort(axis=1, kind="stable")
     weight = 0.5 ** (rank / 3.0)
+    weight[spread > _LOOSE_M] = 0.0
     np.fill_diagonal(weight, 0.0)
     return weight
 

@@ -34,6 +34,10 @@ _N_TURNS = 3  # of rounds, adaptation to the person at hand in between
 _MAX_ROUNDS = 60
 _SHORT_BIAS = 2.0  # ghosts are mostly short
 _SHORT_S = 0.15
+_LONG_BIAS = 2.0  # per second: what is seen for long is hardly a ghost
+_LONG_S = 1.0
+_LOOSE_BIAS = 3.0  # nothing but its life speaks for a loose marker
+_LOOSE_LONG_S = 4.0
 _LEAST_PLAUSIBLE = 0.4
 
 DEFAULT_WEIGHTS = ScoreWeights()
@@ -129,12 +133,15 @@ def _repeat_rounds(
     """Score all names given the present ones and assign anew until nothing changes."""
     length_s = fragments.n_samples / fragments.rate_hz
     bias = weights.ghost_bias + _SHORT_BIAS * np.exp(-length_s / _SHORT_S)
+    long_bias = _LONG_BIAS * np.minimum(length_s, _LONG_S)
+    loose_bias = _LOOSE_BIAS * np.minimum(length_s, _LOOSE_LONG_S)
+    worth = np.where(model.loose, loose_bias[:, None], long_bias[:, None]) - bias[:, None]
     score = np.zeros((len(labels), model.n_markers))
     seen: set[bytes] = set()
     for _ in range(_MAX_ROUNDS):
         seen.add(labels.tobytes())
         score = score_distances(pairs, labels, model, weights, len(labels))
-        score += score_links(fragments, ends, labels, model, weights) - bias[:, None]
+        score += score_links(fragments, ends, labels, model, weights) + worth
         labels = assign_fragments(fragments, score)
         if labels.tobytes() in seen:
             break

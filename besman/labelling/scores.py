@@ -279,4 +279,6 @@ def measure_link(
     fit[:, [marker, *ignored]] = 0.0
     fit[~np.isfinite(fit)] = 0.0
     gain: FloatArray = 0.5 * jump + fit @ model.weight[marker]
-    return weights.link * np.maximum(gain, weights.least_link)
+    # What is taken from its place while hidden may come back anywhere: no evidence against.
+    least = 0.0 if model.loose[marker] else weights.least_link
+    return weights.link * np.maximum(gain, least)
