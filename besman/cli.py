@@ -111,6 +111,61 @@ def segment(
 
 
 @app.command()
+def label_markers(
+    recording: Annotated[Path, typer.Argument(help="A recording without names.")],
+    out: Annotated[Path, typer.Option(help="File to write, .tsv or .c3d.")],
+    markers: Annotated[str, typer.Option(help="Marker set.")] = "right_arm",
+    learn_from: Annotated[
+        Path | None, typer.Option(help="A recording with names, to learn distances from.")
+    ] = None,
+    fill: Annotated[bool, typer.Option("--fill", help="Fill short gaps.")] = False,
+    figure: Annotated[Path | None, typer.Option(help="Draw a time line, .png or .svg.")] = None,
+    json_file: Json = None,
+) -> None:
+    """Name the unnamed trajectories of a recording; what is not sure stays unnamed."""
+    from rich.console import Console
+
+    from besman.label_files import draw_names, label_file, summarise, summary_tables
+    from besman.run import write_json
+
+    read, named = label_file(recording, markers, out, learn_from, fill)
+    summary = summarise(read, named)
+    if json_file is not None:
+        write_json(json_file, summary)
+    if figure is not None:
+        draw_names(named, figure)
+    console = Console()
+    for table in summary_tables(summary):
+        console.print(table)
+    console.print(f"wrote {out}", highlight=False, soft_wrap=True)
+
+
+@app.command()
+def evaluate(
+    experiment: Annotated[str, typer.Argument(help="labelling")],
+    data: Annotated[
+        Path | None, typer.Option(help="Folder of recordings; default the embedded sample.")
+    ] = None,
+    seeds: Annotated[int, typer.Option(min=1, help="Repetitions of what is random.")] = 2,
+    json_file: Json = None,
+) -> None:
+    """Measure a table of the thesis on given data."""
+    from rich.console import Console
+
+    from besman.evaluation.experiments import run_experiment, show_experiment
+    from besman.run import write_json
+    from besman.terminal import stage_display
+
+    with stage_display() as display:
+        progress, end = display(experiment)
+        result = run_experiment(experiment, data, seeds, progress)
+        end(True)
+    if json_file is not None:
+        write_json(json_file, result)
+    Console().print(show_experiment(result))
+
+
+@app.command()
 def synth(
     dataset: Annotated[str, typer.Argument(help="stick_throw")],
     out: Annotated[Path, typer.Option(help="Folder to write to; must not hold other files.")],

@@ -35,7 +35,8 @@ def track_frames(
         Marker of each point, -1 for none.
     """
     named = np.full(positions.shape[:2], -1, dtype=np.int64)
-    last = first_positions.copy()
+    # A marker that the start does not show cannot be found.
+    last = np.where(np.isfinite(first_positions), first_positions, 1e6)
     velocity = np.zeros_like(last)
     for frame in range(first_frame, len(positions)):
         points = np.flatnonzero(np.isfinite(positions[frame, :, 0]))

@@ -69,9 +69,9 @@ def learn_marker_model(
         own_spread = np.sqrt(_mean_seen((apart - distance) ** 2))
     unknown = ~np.isfinite(distance)
     distance[unknown], own_spread[unknown] = 1.0, 1.0
-    rigid = own_spread < np.maximum(0.0015, 0.005 * distance)
+    rigid: npt.NDArray[np.bool_] = own_spread < np.maximum(0.0015, 0.005 * distance)
     if bodies is not None:
-        rigid &= _share_body(markers, bodies)
+        rigid = np.asarray(rigid & _share_body(markers, bodies))
     # Who stands still shows no joint: then near markers, not steady distances, are tied together.
     moved = float(np.median(own_spread) / np.median(distance))
     stillness = max(0.0, 1.0 - moved / _MOVED_ENOUGH)
@@ -106,8 +106,7 @@ def _share_body(
 ) -> npt.NDArray[np.bool_]:
     """Say which markers are on one body, shape (M, M)."""
     member = np.array([[marker in body for body in bodies] for marker in markers], dtype=np.bool_)
-    shared: npt.NDArray[np.bool_] = (member[:, None] & member[None]).any(axis=2)
-    return shared
+    return np.asarray((member[:, None] & member[None]).any(axis=2))
 
 
 def _measure_distances(positions: FloatArray) -> FloatArray:

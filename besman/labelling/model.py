@@ -73,7 +73,7 @@ class MarkerModel:
     @property
     def loose(self) -> npt.NDArray[np.bool_]:
         """Markers whose distances to no other tell anything, shape (M,)."""
-        return ~self.weight.any(axis=1)
+        return np.asarray(~self.weight.any(axis=1))
 
 
 def weigh_neighbours(spread: FloatArray) -> FloatArray:

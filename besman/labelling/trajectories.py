@@ -161,10 +161,17 @@ def fill_markers(
     """
     result = positions.copy()
     filled = np.zeros(positions.shape[:2], dtype=np.bool_)
-    for cluster in marker_set.clusters.values():
-        member = [markers.index(marker) for marker in cluster if marker in markers]
-        result[:, member], filled[:, member] = fill_cluster(positions[:, member], longest_rigid)
+
+    def fill_clusters() -> None:
+        for cluster in marker_set.clusters.values():
+            member = [markers.index(marker) for marker in cluster if marker in markers]
+            result[:, member], repaired = fill_cluster(result[:, member], longest_rigid)
+            filled[:, member] |= repaired
+
+    fill_clusters()
     for k in range(len(markers)):
         result[:, k], splined = fill_gaps(result[:, k], longest)
         filled[:, k] |= splined
+    # A mate's own short gap no longer stands in the way.
+    fill_clusters()
     return result, filled
