@@ -167,19 +167,32 @@ def evaluate(
 
 @app.command()
 def synth(
-    dataset: Annotated[str, typer.Argument(help="stick_throw")],
-    out: Annotated[Path, typer.Option(help="Folder to write to; must not hold other files.")],
-    subjects: Annotated[int, typer.Option(min=1)] = 2,
-    throws: Annotated[int, typer.Option(min=1, help="Throws of each subject.")] = 8,
-    rate_hz: Annotated[float, typer.Option(min=100, max=500)] = 100.0,
+    dataset: Annotated[str, typer.Argument(help="Name of a dataset; a wrong one lists them all.")],
+    out: Annotated[Path, typer.Option(help="Folder to write to; no file in it is overwritten.")],
+    subjects: Annotated[
+        int | None, typer.Option(min=1, help="How many; as in the thesis by default.")
+    ] = None,
+    repetitions: Annotated[
+        int | None, typer.Option(min=1, help="Of each subject; as in the thesis by default.")
+    ] = None,
+    rate_hz: Annotated[float | None, typer.Option(min=60, max=500)] = None,
     seed: Annotated[int, typer.Option(min=0)] = 0,
+    unlabelled: Annotated[
+        bool, typer.Option("--unlabelled", help="Unnamed trajectories with gaps and ghosts.")
+    ] = False,
 ) -> None:
-    """Write a synthetic capture with its truth: a simulated person before simulated cameras."""
+    """Write synthetic captures with their truth: simulated people before simulated cameras."""
     from rich.console import Console
 
+    from besman.synthetic.cameras import Room
     from besman.synthetic.datasets import write_synthetic
+    from besman.terminal import stage_display
 
-    paths = write_synthetic(dataset, out, subjects, throws, rate_hz, seed)
+    room = Room() if unlabelled else None
+    with stage_display() as display:
+        progress, end = display(f"synth {dataset}")
+        paths = write_synthetic(dataset, out, subjects, repetitions, rate_hz, seed, room, progress)
+        end(True)
     for path in paths:
         Console().print(f"wrote {path} (synthetic)", highlight=False, soft_wrap=True)
 

@@ -255,7 +255,7 @@ def move_hand(
     for stroke in strokes:
         share = stroke.bell.progress(time)[:, np.newaxis]
         chord = stroke.to.hand - before.hand
-        along = _even_pace(share, chord, stroke.bend)
+        along = even_pace(share, chord, stroke.bend)
         hand += along * chord + 4.0 * along * (1.0 - along) * stroke.bend
         wrist_joints += share * (stroke.to.wrist_joints - before.wrist_joints)
         pole += share * (stroke.to.pole - before.pole)
@@ -263,8 +263,8 @@ def move_hand(
     return hand, wrist_joints, pole
 
 
-def _even_pace(share: FloatArray, chord: FloatArray, bend: FloatArray) -> FloatArray:
-    """Parameter of a bent path at which the given share of its length is done."""
+def even_pace(share: FloatArray, chord: FloatArray, bend: FloatArray) -> FloatArray:
+    """Find the parameter of a bent path at which the given share of its length is done."""
     parameter = np.linspace(0.0, 1.0, 65)
     pace = np.linalg.norm(chord + 4.0 * (1.0 - 2.0 * parameter)[:, np.newaxis] * bend, axis=1)
     length = CubicSpline(parameter, pace).antiderivative()(parameter)
