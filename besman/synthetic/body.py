@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +22,7 @@ from besman.synthetic.person import (
 from besman.synthetic.stance import Stance
 
 FloatArray = npt.NDArray[np.float64]
+ToLab = Callable[[FloatArray], FloatArray]
 
 RIGHT, LEFT = "right", "left"
 MIRROR = np.diag([1.0, -1.0, 1.0])
@@ -218,10 +219,11 @@ def _arm_limbs(
 
 
 def _trunk(
-    person: Person, stance: Stance, to_lab, n_samples: int
+    person: Person, stance: Stance, to_lab: ToLab, n_samples: int
 ) -> dict[str, tuple[FloatArray, FloatArray, float]]:
     """Capsules of torso, head and legs in the laboratory."""
-    height, limbs = person.height_m, {}
+    height = person.height_m
+    limbs: dict[str, tuple[FloatArray, FloatArray, float]] = {}
     for side, y in ((RIGHT, -0.08), (LEFT, 0.08)):
         low = np.array([0.0, y, 0.53 * height])
         high = np.array([0.0, y, 0.79 * height])
@@ -238,7 +240,9 @@ def _trunk(
     return limbs
 
 
-def _hanging_arm(person: Person, flip: FloatArray, to_lab) -> tuple[FloatArray, FloatArray, float]:
+def _hanging_arm(
+    person: Person, flip: FloatArray, to_lab: ToLab
+) -> tuple[FloatArray, FloatArray, float]:
     """Capsule of an arm that is not recorded, in the laboratory."""
     shoulder = person.shoulder @ flip
     down = np.array([0.05, 0.0, -0.9 * person.reach_m])
@@ -246,7 +250,7 @@ def _hanging_arm(person: Person, flip: FloatArray, to_lab) -> tuple[FloatArray, 
 
 
 def _spine(
-    person: Person, to_lab, torso2lab: FloatArray
+    person: Person, to_lab: ToLab, torso2lab: FloatArray
 ) -> dict[str, tuple[FloatArray, FloatArray]]:
     """Joints of neck and head, orientations of the torso."""
     heights = {"chest": 0.70, "neck": 0.82, "head": 0.87}

@@ -176,7 +176,7 @@ def to_unlabelled(capture: Capture, rng: np.random.Generator, room: Room | None 
         if stop - start >= room.shortest_frames
     ]
     pieces += _draw_ghosts(recording, room, rng)
-    order = np.lexsort((rng.permutation(len(pieces)), [start for start, _, _ in pieces]))
+    order = np.lexsort((rng.permutation(len(pieces)), np.array([start for start, _, _ in pieces])))
     positions = np.full((len(recording.time), len(pieces), 3), np.nan)
     for column, index in enumerate(order):
         start, path, _ = pieces[index]

@@ -6,6 +6,7 @@ import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -43,6 +44,25 @@ class Box:
 
 
 @dataclass(frozen=True, eq=False)
+class JointLog:
+    """What an exoskeleton logged.
+
+    Attributes
+    ----------
+    urdf : str
+        Name of its description.
+    bodies : mapping of str to str
+        Link of each of shoulder, elbow, wrist.
+    angles : mapping of array, shape (T,)
+        Joint to angles, rad.
+    """
+
+    urdf: str
+    bodies: Mapping[str, str]
+    angles: Mapping[str, FloatArray]
+
+
+@dataclass(frozen=True, eq=False)
 class Capture:
     """What the cameras saw of a simulated person, and what really happened.
 
@@ -62,6 +82,8 @@ class Capture:
         True motion; its capsules are what hides markers.
     boxes : tuple of Box
         What else hides markers.
+    joint_log : JointLog or None
+        Of an exoskeleton; written instead of positions.
     """
 
     recording: Recording
@@ -71,10 +93,11 @@ class Capture:
     trajectories: tuple[str, ...] = ()
     body: Body | None = None
     boxes: tuple[Box, ...] = ()
+    joint_log: JointLog | None = None
 
 
 def write_capture(capture: Capture, folder: Path) -> Path:
-    """Write a capture as Qualisys TSV with its truth beside it.
+    """Write a capture as Qualisys TSV, MVNX or joint log with its truth beside it.
 
     The segments file holds the true segments and throws. ``<stem>_truth.json`` holds what each
     trajectory is, in the order of the columns, and the further layers of segments;
@@ -103,7 +126,7 @@ def write_capture(capture: Capture, folder: Path) -> Path:
             raise RecordingError(f"{file}: is there already and is not overwritten")
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        write_tsv(capture.recording, path)
+        _write_recording(capture, path)
         write_segments(capture.segments, segments_path(path), capture.throws or None)
         if capture.trajectories or capture.layers:
             truth.write_text(json.dumps(_truth(capture), indent=1) + "\n", encoding="utf-8")
@@ -124,8 +147,25 @@ def truth_path(recording_path: Path) -> Path:
     return recording_path.with_name(recording_path.stem + TRUTH_SUFFIX)
 
 
+def _write_recording(capture: Capture, path: Path) -> None:
+    """Write what was recorded in the format that the file's ending tells."""
+    log = capture.joint_log
+    if log is not None:
+        from besman.io.exoskeleton import write_joint_log
+
+        angles = np.column_stack(list(log.angles.values()))
+        time = capture.recording.time
+        write_joint_log(path, time, angles, list(log.angles), log.urdf, log.bodies)
+    elif path.suffix == ".mvnx":
+        from besman.io.mvnx import write_mvnx
+
+        write_mvnx(capture.recording, path)
+    else:
+        write_tsv(capture.recording, path)
+
+
 def _truth(capture: Capture) -> dict[str, object]:
-    """What does not fit into a segments file."""
+    """Gather what does not fit into a segments file."""
     layers = {
         name: [
             {"start index": start, "end index": end, "label": label}
@@ -141,6 +181,6 @@ def _truth(capture: Capture) -> dict[str, object]:
 def _write_hands(capture: Capture, path: Path) -> None:
     """Write the true hand poses, rounded to a micrometre."""
     assert capture.body is not None
-    hands = {side: np.round(pose, 6) for side, pose in capture.body.hands.items()}
+    hands: dict[str, Any] = {side: np.round(pose, 6) for side, pose in capture.body.hands.items()}
     with path.open("wb") as file:
         np.savez(file, time=capture.recording.time, **hands)

@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from besman.exceptions import ConfigError, nearest
-from besman.records import Recording
-from besman.synthetic import gestures, reaching, two_arms
+from besman.synthetic import exoskeleton, gestures, reaching, two_arms
 from besman.synthetic.ball_throw import draw_ball_style
 from besman.synthetic.cameras import Room, to_unlabelled
 from besman.synthetic.capture import Capture, write_capture
@@ -63,6 +62,7 @@ class Dataset:
     diversity: float = 1.0
 
 
+_SUFFIXES = {"cameras": ".tsv", "suit": ".mvnx", "exoskeleton": ".csv"}
 _THROW_CLASSES = ("idle", "strike_out", "throw", "swing_out")
 _STICK_COUNTS = (41, 62, 75, 78, 90, 105, 246)
 _BALL = ThrowKind(draw_ball_style, marked=False, key=(zlib.crc32(b"ball_throw"),))
@@ -106,14 +106,14 @@ DATASETS = {
         ("move_to_start", "circle_up", "circle_down", "move_to_rest"),
         (6,),
         6,
-        planners=(("", two_arms.plan_circle_drawing),),
+        planners=(("", exoskeleton.plan_circle_drawing),),
         seen_by="exoskeleton",
     ),
     "rotation": Dataset(
         ("turn_clockwise", "turn_counterclockwise"),
         (3,),
         6,
-        planners=(("", two_arms.plan_rotation),),
+        planners=(("", exoskeleton.plan_rotation),),
         seen_by="exoskeleton",
     ),
 }
@@ -169,7 +169,9 @@ def captures(
     for done, (subject, number, part, rows) in enumerate(takes):
         several = sum(take[0] == subject for take in takes) > 1
         stem = f"subject{subject + 1}" + (f"_{part or f'run{number + 1}'}" if several else "")
-        capture = _simulate(name, dataset, subject, part, rows, rate_hz, seed, f"{stem}.tsv")
+        capture = _simulate(
+            name, dataset, subject, part, rows, rate_hz, seed, stem + _SUFFIXES[dataset.seen_by]
+        )
         if room is not None:
             key = (zlib.crc32(name.encode()), subject, number, 2)
             capture = to_unlabelled(capture, stream(seed, *key), room)
@@ -276,8 +278,8 @@ def _simulate(
     noise = stream(seed, *key, task, rows.start, rows.stop)
     joint_noise = None
     if dataset.seen_by == "exoskeleton":
-        person = two_arms.exoskeleton_person(person)
-        joint_noise = two_arms.constrain_joints(noise)
+        person = exoskeleton.exoskeleton_person(person)
+        joint_noise = exoskeleton.constrain_joints(noise)
     # The person's own choices have number 0, the repetitions follow.
     plan = planner(person, temper, lambda index: stream(seed, *key, task, index + 1), rows)
     setting = Setting(rate_hz, source, noise, things=dataset.things, joint_noise=joint_noise)
@@ -285,23 +287,5 @@ def _simulate(
     if dataset.seen_by == "suit":
         return gestures.see_segments(capture, noise)
     if dataset.seen_by == "exoskeleton":
-        return _see_joints(capture)
+        return exoskeleton.log_joints(capture, person)
     return capture
-
-
-def _see_joints(capture: Capture) -> Capture:
-    """Turn a capture of markers into where an exoskeleton's joints are."""
-    assert capture.body is not None
-    joints = two_arms.see_joints(capture.body)
-    recording = capture.recording
-    return replace(
-        capture,
-        recording=Recording(
-            time=recording.time,
-            positions=np.stack(list(joints.values()), axis=1),
-            names=tuple(joints),
-            rate_hz=recording.rate_hz,
-            source=recording.source,
-            first_frame=recording.first_frame,
-        ),
-    )

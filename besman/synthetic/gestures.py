@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import gaussian_filter1d
 
+from besman.frames import rotation_to_quaternion
 from besman.records import Recording
 from besman.synthetic.body import LEFT, RIGHT, Body
 from besman.synthetic.capture import Capture
@@ -100,12 +101,12 @@ def gesture_planner(label: str) -> Callable[[Person, Temper, Streams, range], Pl
         gesture = _GESTURES[label]
         place = np.array(gesture.hand) + taste.normal(0.0, 0.06, 3)
         size = taste.uniform(0.6, 1.3)
-        usual = taste.integers(gesture.waves[0], gesture.waves[1] + 1)
+        usual = int(taste.integers(gesture.waves[0], gesture.waves[1] + 1))
         composer = Composer(person, temper, taste, hanging(person, taste))
         composer.rest(0.9)
         for repetition in repetitions:
             composer.rng = rng = streams(repetition)
-            waves = int(np.clip(usual + rng.integers(-1, 2), min(1, usual), gesture.waves[1] + 1))
+            waves = max(usual + int(rng.integers(-1, 2)), 1)
             way = _way(person, gesture, place, size, waves, rng)
             back = (hanging(person, rng), 0.95, (0.03, -0.04, 0.0))
             composer.wave(label, [*way, back])
@@ -122,7 +123,7 @@ def _way(
     size: float,
     waves: int,
     rng: np.random.Generator,
-) -> list[tuple[Pose, float, Sequence[float]]]:
+) -> list[tuple[Pose, float, npt.ArrayLike]]:
     """Raise the arm, then wave or hold it."""
     near = place + rng.normal(0.0, 0.02, 3)
     wrist = np.array(gesture.wrist_deg) + rng.normal(0.0, 4.0, 3)
@@ -131,8 +132,8 @@ def _way(
         return pose_at(person, person.reach_m * hand, angles, _GESTURE_POLE)
 
     begin = reach(near, wrist)
-    way: list[tuple[Pose, float, Sequence[float]]] = [(begin, 0.95, (0.04, -0.04, 0.0))]
-    if waves == 0:
+    way: list[tuple[Pose, float, npt.ArrayLike]] = [(begin, 0.95, (0.04, -0.04, 0.0))]
+    if gesture.waves[1] == 0:
         still = reach(near + rng.normal(0.0, 0.006, 3), wrist)
         return [*way, (still, _HOLD_S * rng.uniform(0.6, 1.6), (0.0, 0.0, 0.0))]
     bend = size * person.reach_m * np.array(gesture.bend)
@@ -180,6 +181,9 @@ def see_segments(capture: Capture, rng: np.random.Generator) -> Capture:
             rate_hz=recording.rate_hz,
             source=recording.source,
             first_frame=recording.first_frame,
+            orientations=rotation_to_quaternion(
+                np.stack([axes for _, axes in segments.values()], axis=1)
+            ),
         ),
     )
 

@@ -15,8 +15,6 @@ from besman.synthetic.throw_motion import Pose, Stroke, even_pace
 FloatArray = npt.NDArray[np.float64]
 
 IDLE = "idle"
-_VISIBLE_SHARE = 0.03
-_FINE_STEP_S = 0.001
 # Shares of the reach between which a hand stays: the elbow neither locks nor folds.
 _NEAREST, _FARTHEST = 0.32, 0.93
 # Two movements with less rest between them are not told apart by a pause.
@@ -162,7 +160,7 @@ class Composer:
         label: str,
         pose: Pose,
         seconds: float,
-        bend: Sequence[float] = (0.0, 0.0, 0.0),
+        bend: npt.ArrayLike = (0.0, 0.0, 0.0),
         *,
         may_hesitate: bool = False,
         follow_on: float = 0.0,
@@ -202,7 +200,7 @@ class Composer:
         self.phases.append(Movement(label, strokes, parts=hesitates))
         self.pose, self.clock = pose, strokes[-1].bell.end
 
-    def wave(self, label: str, way: Sequence[tuple[Pose, float, Sequence[float]]]) -> None:
+    def wave(self, label: str, way: Sequence[tuple[Pose, float, npt.ArrayLike]]) -> None:
         """Go through several poses, each (pose, usual seconds, bend), as one block."""
         strokes: list[Stroke] = []
         for pose, seconds, bend in way:
@@ -251,7 +249,7 @@ class Composer:
 
 
 def pose_at(
-    person: Person, hand: Sequence[float], wrist_deg: Sequence[float], pole: Sequence[float]
+    person: Person, hand: npt.ArrayLike, wrist_deg: npt.ArrayLike, pole: npt.ArrayLike
 ) -> Pose:
     """Make a pose that the arm can take: the hand is drawn in to what it reaches.
 
@@ -325,67 +323,3 @@ def keep_within_reach(person: Person, hand: FloatArray) -> FloatArray:
     within = 0.96 - soft * np.logaddexp(0.0, (0.96 - low) / soft)
     drawn: FloatArray = hand * (within / distance)[:, np.newaxis]
     return drawn
-
-
-def time_phases(script: ArmScript) -> list[tuple[float, float]]:
-    """Find when the phases of a script begin and end, as an annotator with no noise would.
-
-    A movement begins and ends where it has a few percent of its speed; where two run into each
-    other, the border is where the hand is slowest.
-
-    Parameters
-    ----------
-    script : ArmScript
-
-    Returns
-    -------
-    list of (start, end)
-        Seconds, one per phase.
-    """
-    time = np.arange(0.0, script.end + _FINE_STEP_S, _FINE_STEP_S)
-    speed = np.linalg.norm(np.gradient(follow(script, time)[0], _FINE_STEP_S, axis=0), axis=1)
-    spans: list[tuple[float, float] | None] = [
-        _visible(phase, time, speed) if isinstance(phase, Movement) else None
-        for phase in script.phases
-    ]
-    for index in range(1, len(spans)):
-        one, two = spans[index - 1], spans[index]
-        if one is not None and two is not None:
-            border = _slowest(script.phases[index - 1], script.phases[index], time, speed)
-            spans[index - 1], spans[index] = (one[0], border), (border, two[1])
-    found: list[tuple[float, float]] = []
-    for index, span in enumerate(spans):
-        if span is None:
-            ahead = spans[index + 1] if index + 1 < len(spans) else None
-            span = (found[-1][1] if found else 0.0, ahead[0] if ahead else script.end)
-        found.append(span)
-    return found
-
-
-def time_parts(script: ArmScript, movement: Movement, span: tuple[float, float]) -> list[float]:
-    """Find the borders of the parts of a movement, seconds, with its own start and end."""
-    inner = []
-    for one, two in zip(movement.strokes[:-1], movement.strokes[1:], strict=True):
-        time = np.arange(one.bell.peak_time, two.bell.peak_time, _FINE_STEP_S)
-        speed = np.linalg.norm(np.gradient(follow(script, time)[0], axis=0), axis=1)
-        inner.append(float(time[np.argmin(speed)]))
-    return [span[0], *inner, span[1]]
-
-
-def _visible(movement: Movement, time: FloatArray, speed: FloatArray) -> tuple[float, float]:
-    """When a movement can be seen."""
-    bells = [stroke.bell for stroke in movement.strokes]
-    rows = slice(*np.searchsorted(time, [bells[0].start, bells[-1].end]))
-    seen = np.flatnonzero(speed[rows] > _VISIBLE_SHARE * speed[rows].max())
-    return float(time[rows][seen[0]]), float(time[rows][seen[-1]])
-
-
-def _slowest(
-    one: Movement | Pause, two: Movement | Pause, time: FloatArray, speed: FloatArray
-) -> float:
-    """When the hand is slowest between two movements; the middle of a short rest."""
-    assert isinstance(one, Movement) and isinstance(two, Movement)
-    ends = [one.strokes[-1].bell.peak_time, two.strokes[0].bell.peak_time]
-    rows = slice(*np.searchsorted(time, ends))
-    quiet = time[rows][speed[rows] <= speed[rows].min() + 1e-6]
-    return float(quiet.mean())

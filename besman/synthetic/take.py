@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -18,10 +19,9 @@ from besman.synthetic.script import (
     Movement,
     follow,
     keep_within_reach,
-    time_parts,
-    time_phases,
 )
 from besman.synthetic.stance import Stance
+from besman.synthetic.true_borders import time_parts, time_phases
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -178,10 +178,7 @@ def _label(script: ArmScript, spans: list[tuple[float, float]]) -> Bounds:
         found.append((start, end, phase.label))
         if isinstance(phase, Movement) and phase.parts:
             borders = time_parts(script, phase, (start, end))
-            found += [
-                (one, two, phase.label + _PART)
-                for one, two in zip(borders[:-1], borders[1:], strict=True)
-            ]
+            found += [(one, two, phase.label + _PART) for one, two in pairwise(borders)]
     return found
 
 
