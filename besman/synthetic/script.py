@@ -88,9 +88,10 @@ class Movement:
 
 @dataclass(frozen=True)
 class Pause:
-    """A rest that has a label of its own."""
+    """A rest that has a label of its own, until `end` (seconds)."""
 
-    label: str = IDLE
+    label: str
+    end: float
 
 
 @dataclass(frozen=True)
@@ -147,12 +148,12 @@ class Composer:
     def rest(self, seconds: float, label: str = IDLE) -> None:
         """Do nothing for a while."""
         self.clock += max(seconds * self.rng.uniform(0.9, 1.1), 2.0 * _SHORTEST_PAUSE_S)
-        self.phases.append(Pause(label))
+        self.phases.append(Pause(label, self.clock))
 
     def wait_until(self, clock: float, label: str) -> None:
         """Do nothing until a time; a wait that is too short to be seen leaves no phase."""
         if clock > self.clock + _SHORTEST_PAUSE_S:
-            self.phases.append(Pause(label))
+            self.phases.append(Pause(label, clock))
         self.clock = max(clock, self.clock)
 
     def move(

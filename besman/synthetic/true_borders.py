@@ -41,9 +41,11 @@ def time_phases(script: ArmScript) -> list[tuple[float, float]]:
             spans[index - 1], spans[index] = (one[0], border), (border, two[1])
     found: list[tuple[float, float]] = []
     for index, span in enumerate(spans):
-        if span is None:
+        phase = script.phases[index]
+        if isinstance(phase, Pause):
             ahead = spans[index + 1] if index + 1 < len(spans) else None
-            span = (found[-1][1] if found else 0.0, ahead[0] if ahead else script.end)
+            span = (found[-1][1] if found else 0.0, ahead[0] if ahead else phase.end)
+        assert span is not None
         found.append(span)
     return found
 
