@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import re
+import tempfile
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
 from besman.exceptions import RecordingError
-from besman.io.c3d_layout import MAX_FRAMES, check_layout
+from besman.io.c3d_layout import MAX_FRAMES, C3dSections, read_sections
 from besman.records import FloatArray, Recording
 
 Units = Literal["m", "mm"]
@@ -76,30 +77,27 @@ def read_c3d(path: Path, units: Units | None = None) -> Recording:
         raise RecordingError(f"{path}: no such file") from None
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read: {error.strerror}") from None
-    check_layout(content, path)
-    file = _open(path)
-    points = file["parameters"]["POINT"]
-    coordinates = np.moveaxis(np.asarray(file["data"]["points"], np.float64)[:3], 0, 2)
-    residuals = np.asarray(file["data"]["meta_points"]["residuals"])[0]
+    sections = read_sections(content, path)
+    coordinates, residuals = sections.points[..., :3], sections.points[..., 3]
     gaps = (residuals < 0) | ~np.isfinite(coordinates).all(axis=2)
-    positions = np.where(gaps[..., None], np.nan, coordinates).transpose(1, 0, 2)
-    labels = _read_labels(points, positions.shape[1])
-    others = {str(name).strip() for kind in _NO_POSITIONS for name in _values(points, kind)}
+    positions = np.where(gaps[..., None], np.nan, coordinates)
+    labels = _values(sections, "LABELS")[: positions.shape[1]]
+    labels += [""] * (positions.shape[1] - len(labels))
+    others = {name for kind in _NO_POSITIONS for name in _values(sections, kind)}
     kept = [index for index, label in enumerate(labels) if not label or label not in others]
     if not kept:
         raise RecordingError(f"{path}: no points that are positions; expected at least one marker")
     names = _read_names([labels[index] for index in kept], [index + 1 for index in kept], path)
     positions = positions[:, kept]
-    rate_hz = _read_rate(points, path)
-    first_frame = int(file["header"]["points"]["first_frame"]) + 1
-    scale = _read_scale(points, positions, units, path)
+    rate_hz = _read_rate(sections, path)
+    scale = _read_scale(sections, positions, units, path)
     return Recording(
-        time=(first_frame - 1 + np.arange(len(positions))) / rate_hz,
+        time=(sections.first_frame - 1 + np.arange(len(positions))) / rate_hz,
         positions=positions * scale,
         names=names,
         rate_hz=rate_hz,
         source=path.name,
-        first_frame=first_frame,
+        first_frame=sections.first_frame,
     )
 
 
@@ -144,41 +142,30 @@ def write_c3d(recording: Recording, path: Path) -> None:
         "residuals": np.where(gaps, -1.0, 0.0)[None],
         "camera_masks": np.zeros((7, n_points, n_samples), dtype=bool),
     }
+    # The library puts an ending of its own behind others and says nothing if it cannot write.
+    with tempfile.TemporaryDirectory() as folder:
+        written = Path(folder) / "recording.c3d"
+        file.write(str(written))
+        content = written.read_bytes()
     try:
-        file.write(str(path))
-    except (OSError, RuntimeError, ValueError) as error:
-        raise RecordingError(f"{path}: cannot be written: {_one_line(error)}") from None
+        path.write_bytes(content)
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be written: {error.strerror}") from None
 
 
-def _open(path: Path) -> Any:
-    """Let ezc3d read the file."""
-    import ezc3d
-
-    try:
-        return ezc3d.c3d(str(path))
-    except MemoryError:
-        raise RecordingError(f"{path}: too large for the memory of this machine") from None
-    except Exception as error:  # The library raises whatever its C++ side throws.
-        raise RecordingError(f"{path}: not a usable C3D file: {_one_line(error)}") from None
-
-
-def _values(group: Any, name: str) -> list[Any]:
-    """Return all values of a parameter; beyond 255 they go on in NAME2, NAME3, ..."""
-    values: list[Any] = []
+def _values(sections: C3dSections, name: str) -> list[str]:
+    """Return the texts of a parameter of the points; beyond 255 they go on in NAME2, NAME3, ..."""
+    values: list[str] = []
     number = 1
-    while (key := name if number == 1 else f"{name}{number}") in group:
-        values += list(group[key]["value"])
+    while (key := f"POINT:{name}{'' if number == 1 else number}") in sections.parameters:
+        values += [str(value) for value in sections.parameters[key]]
         number += 1
     return values
 
 
-def _read_labels(points: Any, n_points: int) -> list[str]:
-    """Return one label a point, "" where there is none."""
-    labels = [str(label).strip(" \0") for label in _values(points, "LABELS")][:n_points]
-    return labels + [""] * (n_points - len(labels))
-
-
-def _read_names(labels: Sequence[str], numbers: Sequence[int], path: Path) -> tuple[Any, ...]:
+def _read_names(
+    labels: Sequence[str], numbers: Sequence[int], path: Path
+) -> tuple[str | None, ...]:
     """Turn labels into names: None for unnamed points, without a prefix common to all."""
     prefixes = {label.split(":", 1)[0] for label in labels if ":" in label}
     bare = [label.split(":", 1)[-1].strip() if len(prefixes) == 1 else label for label in labels]
@@ -194,19 +181,21 @@ def _read_names(labels: Sequence[str], numbers: Sequence[int], path: Path) -> tu
     return tuple(names)
 
 
-def _read_rate(points: Any, path: Path) -> float:
+def _read_rate(sections: C3dSections, path: Path) -> float:
     """Return frames per second."""
-    values = _values(points, "RATE")
+    values = sections.parameters.get("POINT:RATE") or [sections.rate_hz]
     # The shortest number that means the same in the file's single precision.
-    rate_hz = float(str(np.float32(values[0]))) if values else float("nan")
+    rate_hz = float(str(np.float32(values[0]))) if isinstance(values[0], float) else float("nan")
     if not (np.isfinite(rate_hz) and rate_hz > 0):
-        raise RecordingError(f"{path}: POINT:RATE is {rate_hz:g}; expected frames per second")
+        raise RecordingError(f"{path}: POINT:RATE is {values[0]!r}; expected frames per second")
     return rate_hz
 
 
-def _read_scale(points: Any, positions: FloatArray, units: Units | None, path: Path) -> float:
+def _read_scale(
+    sections: C3dSections, positions: FloatArray, units: Units | None, path: Path
+) -> float:
     """Return the length of the file's unit in metres."""
-    written = sorted({str(value).strip(" \0") for value in _values(points, "UNITS")} - {""})
+    written = sorted(set(_values(sections, "UNITS")) - {""})
     if len(written) > 1 or (written and written[0].lower() not in _UNIT_M):
         raise RecordingError(
             f"{path}: POINT:UNITS is {', '.join(map(repr, written))}; expected 'mm' or 'm'"
@@ -238,8 +227,3 @@ def _typical_extent(positions: FloatArray) -> float:
     if not seen.any():
         return 0.0
     return float(np.median(np.linalg.norm(high[seen] - low[seen], axis=1)))
-
-
-def _one_line(error: Exception) -> str:
-    """Return a library's message without line ends."""
-    return " ".join(str(error).split()) or type(error).__name__

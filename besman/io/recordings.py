@@ -167,8 +167,8 @@ def _read_head(path: Path) -> bytes:
 
 def _recognise(head: bytes) -> Format | None:
     """Tell the format from the first bytes of a file."""
-    # Text has no zero bytes and no control characters, so a second letter P alone means nothing.
-    if head[1:2] == b"P" and (b"\0" in head or head[0] < 9):
+    # Text may start with a tab or line end and P, but has no zero bytes.
+    if head[1:2] == b"P" and 2 <= head[0] < 32 and (head[0] not in b"\t\n\r" or b"\0" in head):
         return "c3d"
     text = head.removeprefix(b"\xef\xbb\xbf").lstrip()
     if head[:2] in (b"\xff\xfe", b"\xfe\xff"):
