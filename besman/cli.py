@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import warnings
 from pathlib import Path
 from typing import Annotated
 
@@ -12,7 +13,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import typer
 
-from besman.exceptions import BesmanError
+from besman.exceptions import BesmanError, RecordingWarning
 
 app = typer.Typer(
     name="besman",
@@ -246,10 +247,17 @@ def _options(
     """Options of every command; `main` takes --debug wherever it stands."""
 
 
+def _show_warning(message: Warning | str, category: type[Warning], *_: object) -> None:
+    """Print a warning as one line, without the place in the source."""
+    kind = "" if issubclass(category, RecordingWarning) else f"{category.__name__}: "
+    print(f"besman: warning: {kind}{message}", file=sys.stderr)  # noqa: T201
+
+
 def main() -> None:
     """Run the command line; a user's error is one line and exit code 2."""
     debug = "--debug" in sys.argv
     sys.argv = [argument for argument in sys.argv if argument != "--debug"]
+    warnings.showwarning = _show_warning
     try:
         app()
     except BesmanError as error:

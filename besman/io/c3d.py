@@ -11,7 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from besman.exceptions import RecordingError
+from besman.exceptions import RecordingError, RecordingWarning
 from besman.io.c3d_layout import MAX_FRAMES, C3dSections, read_sections
 from besman.records import FloatArray, Recording
 
@@ -34,10 +34,6 @@ _SURELY_MM = 300.0
 # Points that are no positions, by the parameter that lists them.
 _NO_POSITIONS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS")
 _UNNAMED = re.compile(r"\*\d*")
-
-
-class RecordingWarning(UserWarning):
-    """Something about a recording that was concluded from its data, not read from it."""
 
 
 def read_c3d(path: Path, units: Units | None = None) -> Recording:
