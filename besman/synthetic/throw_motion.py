@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -265,10 +266,17 @@ def move_hand(
 
 def even_pace(share: FloatArray, chord: FloatArray, bend: FloatArray) -> FloatArray:
     """Find the parameter of a bent path at which the given share of its length is done."""
+    return _parameter_of_length(chord.tobytes(), bend.tobytes())(share)
+
+
+@lru_cache(maxsize=64)
+def _parameter_of_length(chord: bytes, bend: bytes) -> CubicSpline:
+    """Parameter of a bent path by the share of its length; a path is walked several times."""
+    straight, curve = np.frombuffer(chord), np.frombuffer(bend)
     parameter = np.linspace(0.0, 1.0, 65)
-    pace = np.linalg.norm(chord + 4.0 * (1.0 - 2.0 * parameter)[:, np.newaxis] * bend, axis=1)
+    pace = np.linalg.norm(straight + 4.0 * (1.0 - 2.0 * parameter)[:, np.newaxis] * curve, axis=1)
     length = CubicSpline(parameter, pace).antiderivative()(parameter)
-    return CubicSpline(length / length[-1], parameter)(share)
+    return CubicSpline(length / length[-1], parameter)
 
 
 def move_torso(strokes: tuple[Stroke, ...], time: FloatArray) -> tuple[FloatArray, FloatArray]:
