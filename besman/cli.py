@@ -6,7 +6,7 @@ import os
 import sys
 import warnings
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TextIO
 
 # Before numpy is loaded: the matrices here are small and many.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -247,7 +247,14 @@ def _options(
     """Options of every command; `main` takes --debug wherever it stands."""
 
 
-def _show_warning(message: Warning | str, category: type[Warning], *_: object) -> None:
+def _show_warning(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
     """Print a warning as one line, without the place in the source."""
     kind = "" if issubclass(category, RecordingWarning) else f"{category.__name__}: "
     print(f"besman: warning: {kind}{message}", file=sys.stderr)  # noqa: T201
