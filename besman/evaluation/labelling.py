@@ -189,23 +189,21 @@ def labelling_table(rows: list[dict[str, Any]]) -> Table:
     """Return the rows as a table for the terminal: both methods side by side."""
     from rich.table import Table
 
-    table = Table("dataset", "named", "learnt from", "missing", "right %", "wrong %", "clean %")
-    table.add_column("per frame: right / wrong %")
-    table.add_column("s a recording")
+    table = Table("recordings", "missing", "right %", "wrong %", "clean %", "per frame %", "s each")
     ours = [row for row in rows if row["method"] == "fragments"]
     plain = iter(row for row in rows if row["method"] == "per_frame")
     for row in ours:
-        head = (f"{row['dataset']} ({row['source']})", row["named"], row["learnt_from"])
+        head = f"{row['dataset']} ({row['source']}): {row['named']}, by {row['learnt_from']}"
         if "named_share" in row:
             share = f"{100 * row['named_share']:.1f} of samples"
-            table.add_row(*head, f"{row['n_fragments']} unnamed fragments", share)
+            table.add_row(head, f"{row['n_fragments']} fragments", share)
             continue
         other = next(plain)
         level = f"{row['missing']:.0%}" if row["missing"] else "as recorded"
         if row["ghosts_per_frame"]:
             level += f" + {row['ghosts_per_frame']:g} ghosts"
         table.add_row(
-            *head,
+            head,
             level,
             f"{100 * row['right_share']:.3f}",
             f"{100 * row['wrong_share']:.3f}",

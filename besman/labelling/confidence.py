@@ -13,6 +13,7 @@ FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 _CONFIDENCE_SLOPE = 0.3
+_CONTRADICTION = 0.25  # share of a distance
 
 
 def measure_plausibility(
@@ -45,6 +46,10 @@ def measure_plausibility(
     credible = np.abs(pairs.mean[edge] - model.distance[a, b]) < n_spreads * model.spread[a, b]
     total = np.bincount(fragment, weight, len(labels))
     good = np.bincount(fragment, weight * credible, len(labels))
+    # The most rigid neighbour of all, at a quite different distance: one of the two is wrong.
+    nearest = model.weight[a, b] >= 1.0
+    far_off = np.abs(pairs.mean[edge] / model.distance[a, b] - 1.0) > _CONTRADICTION
+    good[fragment[nearest & far_off & ~credible]] = 0.0
     share: FloatArray = np.where(total > 0.0, good / np.maximum(total, 1e-12), 1.0)
     return share
 

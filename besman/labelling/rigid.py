@@ -82,7 +82,7 @@ def _fill_run(
     frames = np.arange(start - 1, end + 1)
     guess = CubicSpline(near, relative[near])(frames) + middle[around]
     points = np.concatenate((positions[around][:, mates], guess[:, None]), axis=1)
-    weights = np.append(np.ones(len(mates)), _GUESS_WEIGHT)
+    weights = np.append(np.ones(len(mates)), _GUESS_WEIGHT if len(mates) == 2 else 0.0)
     places = place_shape(shape[[*mates, marker]], points, weights)[:, -1]
     share = np.linspace(0.0, 1.0, len(frames))[:, None]
     left = positions[start - 1, marker] - places[0]
