@@ -13,7 +13,7 @@ FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 _CONFIDENCE_SLOPE = 0.3
-_CONTRADICTION = 0.25  # share of a distance
+_CONTRADICTION = 0.5  # share of a distance
 
 
 def measure_plausibility(
