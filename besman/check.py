@@ -5,8 +5,9 @@ from __future__ import annotations
 from besman.exceptions import ConfigError, RecognitionError, RefinementError, nearest
 from besman.inputs import Inputs, read_inputs
 from besman.labelling.marker_set import load_marker_set
+from besman.labelling.stage import LabelTrajectoriesConfig
 from besman.manual_segments import complete_truth
-from besman.pipeline import PipelineConfig, load_pipeline
+from besman.pipeline import PipelineConfig, learn_from, load_pipeline
 from besman.resources import find_resource
 from besman.robot.model import load_robot
 from besman.simulation.tasks import load_task
@@ -49,13 +50,18 @@ def check_pipeline(name: str, settings: tuple[str, ...] = ()) -> list[str]:
 
 def _check_recordings(config: PipelineConfig) -> list[str]:
     """Read the recordings, match their markers and look for examples of the class selected."""
-    inputs = read_inputs(config.recordings)
+    inputs = read_inputs(config.recordings, learn_from(config))
     markers = load_marker_set(config.label.markers)
-    for recording in inputs.recordings:
-        markers.match(recording.names, recording.source)
+    state = f"all markers of {markers.name} there"
+    if isinstance(config.label, LabelTrajectoriesConfig):
+        model = config.label.learn(markers, *inputs.teacher)
+        state = f"to be named as {model.n_markers} markers of {markers.name}"
+    else:
+        for recording in inputs.recordings:
+            markers.match(recording.names, recording.source)
     seconds = sum(len(recording.time) / recording.rate_hz for recording in inputs.recordings)
     n = len(inputs.recordings)
-    lines = [f"recordings: {n}, {seconds:.0f} s, all markers of {markers.name} there"]
+    lines = [f"recordings: {n}, {seconds:.0f} s, {state}"]
     lines.append(
         _check_examples(config, read_inputs(config.training) if config.training else inputs)
     )

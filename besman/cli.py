@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import os
 import sys
+import warnings
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TextIO
 
 # Before numpy is loaded: the matrices here are small and many.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import typer
 
-from besman.exceptions import BesmanError
+from besman.exceptions import BesmanError, RecordingWarning
 
 app = typer.Typer(
     name="besman",
@@ -111,20 +112,88 @@ def segment(
 
 
 @app.command()
-def synth(
-    dataset: Annotated[str, typer.Argument(help="stick_throw")],
-    out: Annotated[Path, typer.Option(help="Folder to write to; must not hold other files.")],
-    subjects: Annotated[int, typer.Option(min=1)] = 2,
-    throws: Annotated[int, typer.Option(min=1, help="Throws of each subject.")] = 8,
-    rate_hz: Annotated[float, typer.Option(min=100, max=500)] = 100.0,
-    seed: Annotated[int, typer.Option(min=0)] = 0,
+def label_markers(
+    recording: Annotated[Path, typer.Argument(help="A recording without names.")],
+    out: Annotated[Path, typer.Option(help="File to write, .tsv or .c3d.")],
+    markers: Annotated[str, typer.Option(help="Marker set.")] = "right_arm",
+    learn_from: Annotated[
+        Path | None, typer.Option(help="A recording with names, to learn distances from.")
+    ] = None,
+    fill: Annotated[bool, typer.Option("--fill", help="Fill short gaps.")] = False,
+    figure: Annotated[Path | None, typer.Option(help="Draw a time line, .png or .svg.")] = None,
+    json_file: Json = None,
 ) -> None:
-    """Write a synthetic capture with its truth: a simulated person before simulated cameras."""
+    """Name the unnamed trajectories of a recording; what is not sure stays unnamed."""
     from rich.console import Console
 
-    from besman.synthetic.datasets import write_synthetic
+    from besman.label_files import draw_names, label_file, summarise, summary_tables
+    from besman.run import write_json
 
-    paths = write_synthetic(dataset, out, subjects, throws, rate_hz, seed)
+    read, named = label_file(recording, markers, out, learn_from, fill)
+    summary = summarise(read, named)
+    if json_file is not None:
+        write_json(json_file, summary)
+    if figure is not None:
+        draw_names(named, figure)
+    console = Console()
+    for table in summary_tables(summary):
+        console.print(table)
+    console.print(f"wrote {out}", highlight=False, soft_wrap=True)
+
+
+@app.command()
+def evaluate(
+    experiment: Annotated[str, typer.Argument(help="labelling")],
+    data: Annotated[
+        Path | None, typer.Option(help="Folder of recordings; default the embedded sample.")
+    ] = None,
+    seeds: Annotated[int, typer.Option(min=1, help="Repetitions of what is random.")] = 2,
+    json_file: Json = None,
+) -> None:
+    """Measure a table of the thesis on given data."""
+    from rich.console import Console
+
+    from besman.evaluation.experiments import run_experiment, show_experiment
+    from besman.run import write_json
+    from besman.terminal import stage_display
+
+    with stage_display() as display:
+        progress, end = display(experiment)
+        result = run_experiment(experiment, data, seeds, progress)
+        end(True)
+    if json_file is not None:
+        write_json(json_file, result)
+    Console().print(show_experiment(result))
+
+
+@app.command()
+def synth(
+    dataset: Annotated[str, typer.Argument(help="Name of a dataset; a wrong one lists them all.")],
+    out: Annotated[Path, typer.Option(help="Folder to write to; no file in it is overwritten.")],
+    subjects: Annotated[
+        int | None, typer.Option(min=1, help="How many; as in the thesis by default.")
+    ] = None,
+    repetitions: Annotated[
+        int | None, typer.Option(min=1, help="Of each subject; as in the thesis by default.")
+    ] = None,
+    rate_hz: Annotated[float | None, typer.Option(min=60, max=500)] = None,
+    seed: Annotated[int, typer.Option(min=0)] = 0,
+    unlabelled: Annotated[
+        bool, typer.Option("--unlabelled", help="Unnamed trajectories with gaps and ghosts.")
+    ] = False,
+) -> None:
+    """Write synthetic captures with their truth: simulated people before simulated cameras."""
+    from rich.console import Console
+
+    from besman.synthetic.cameras import Room
+    from besman.synthetic.datasets import write_synthetic
+    from besman.terminal import stage_display
+
+    room = Room() if unlabelled else None
+    with stage_display() as display:
+        progress, end = display(f"synth {dataset}")
+        paths = write_synthetic(dataset, out, subjects, repetitions, rate_hz, seed, room, progress)
+        end(True)
     for path in paths:
         Console().print(f"wrote {path} (synthetic)", highlight=False, soft_wrap=True)
 
@@ -178,10 +247,24 @@ def _options(
     """Options of every command; `main` takes --debug wherever it stands."""
 
 
+def _show_warning(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
+    """Print a warning as one line, without the place in the source."""
+    kind = "" if issubclass(category, RecordingWarning) else f"{category.__name__}: "
+    print(f"besman: warning: {kind}{message}", file=sys.stderr)  # noqa: T201
+
+
 def main() -> None:
     """Run the command line; a user's error is one line and exit code 2."""
     debug = "--debug" in sys.argv
     sys.argv = [argument for argument in sys.argv if argument != "--debug"]
+    warnings.showwarning = _show_warning
     try:
         app()
     except BesmanError as error:

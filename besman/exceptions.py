@@ -16,6 +16,10 @@ class RecordingError(BesmanError):
     """A recording or segments file that cannot be read or does not fit."""
 
 
+class RecordingWarning(UserWarning):
+    """Something about a recording that was concluded from its data, not read from it."""
+
+
 class LabellingError(BesmanError):
     """Markers that cannot be named or gaps that cannot be filled."""
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from besman.exceptions import RecordingError
 from besman.io.recordings import find_recordings, read_recording
 from besman.io.segments_json import find_segments, read_segments
+from besman.io.true_names import find_true_names, read_true_names
 from besman.records import LabelledSegments, Recording
 
 
@@ -23,22 +24,30 @@ class Inputs:
     recordings : tuple of Recording
     truth : tuple of LabelledSegments or None
         Manual segments of each recording, None where there are none.
+    names : tuple of (tuple of str or None)
+        For each recording the true marker of each trajectory, None where that is not known.
+    teacher : tuple of Recording
+        The recording that markers are learnt from, if there is one.
     checksums : dict of str
         SHA-256 of every file by its name.
     """
 
     recordings: tuple[Recording, ...]
     truth: tuple[LabelledSegments | None, ...]
+    names: tuple[tuple[str, ...] | None, ...]
+    teacher: tuple[Recording, ...]
     checksums: dict[str, str]
 
 
-def read_inputs(paths: Sequence[str]) -> Inputs:
-    """Read recordings, and the segments files beside them.
+def read_inputs(paths: Sequence[str], teacher: str | None = None) -> Inputs:
+    """Read recordings, and the segments and truth files beside them.
 
     Parameters
     ----------
     paths : sequence of str
         Files or folders.
+    teacher : str, optional
+        Recording that markers are learnt from.
 
     Returns
     -------
@@ -54,13 +63,19 @@ def read_inputs(paths: Sequence[str]) -> Inputs:
     if twice:
         folders = ", ".join(str(file.parent) for file in files if file.name == twice[0])
         raise RecordingError(f"{twice[0]}: two recordings have this name, in {folders}")
-    recordings, truth, checksums = [], [], {}
+    recordings, truth, names, checksums = [], [], [], {}
     for file in files:
         recording = read_recording(file)
         segments = find_segments(file)
         recordings.append(recording)
         truth.append(None if segments is None else read_segments(segments, recording))
-        for path in (file, segments):
+        names_file = find_true_names(file)
+        names.append(None if names_file is None else read_true_names(names_file, recording))
+        for path in (file, segments, names_file):
             if path is not None:
                 checksums[path.name] = hashlib.sha256(path.read_bytes()).hexdigest()
-    return Inputs(tuple(recordings), tuple(truth), checksums)
+    learnt: tuple[Recording, ...] = ()
+    if teacher is not None:
+        learnt = (read_recording(Path(teacher)),)
+        checksums[Path(teacher).name] = hashlib.sha256(Path(teacher).read_bytes()).hexdigest()
+    return Inputs(tuple(recordings), tuple(truth), tuple(names), learnt, checksums)

@@ -16,7 +16,7 @@ def compile_kernels() -> None:
     What is compiled is kept beside the package, or in the user's cache where that is read-only.
     """
     with tempfile.TemporaryDirectory() as folder:
-        write_synthetic("stick_throw", Path(folder) / "capture", n_subjects=1, n_throws=1)
+        write_synthetic("stick_throw", Path(folder) / "capture", n_subjects=1, n_repetitions=1)
         settings = (
             f"recordings={folder}/capture",
             "recognize.examples_per_class=1",

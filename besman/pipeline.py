@@ -14,7 +14,8 @@ from besman.exceptions import BesmanError, ConfigError, RecognitionError, RunErr
 from besman.imitation.stage import ImitateConfig, imitate_results
 from besman.inputs import Inputs, read_inputs
 from besman.labelling.marker_set import MarkerSet, load_marker_set
-from besman.labelling.stage import LabelConfig, label_results
+from besman.labelling.results import label_results
+from besman.labelling.stage import LabelConfig, LabelStage, LabelTrajectoriesConfig
 from besman.mapping.stage import MapConfig, SelectConfig, map_results
 from besman.recognition.stage import RecognizeConfig
 from besman.record_files import load_record, save_record
@@ -56,7 +57,7 @@ class PipelineConfig(Config):
     tool: str
     task: str
     margin_s: Annotated[float, Field(gt=0)] = 0.3
-    label: LabelConfig = LabelConfig()
+    label: LabelStage = LabelConfig()
     segment: SegmentConfig = SegmentConfig()
     recognize: RecognizeConfig = RecognizeConfig()
     select: SelectConfig
@@ -95,6 +96,12 @@ def load_pipeline(path: Path, settings: tuple[str, ...] = ()) -> PipelineConfig:
     for key in ("recordings", "training"):
         if key in content:
             content[key] = _absolute(content[key], path.resolve().parent)
+    label = content.get("label")
+    if isinstance(label, dict):
+        # A config without a method is the simplest one.
+        label.setdefault("method", "named")
+        if "learn_from" in label:
+            label["learn_from"] = _absolute(label["learn_from"], path.resolve().parent)
     for key in ("robot", "task"):
         content[key] = _own_file(content.get(key), path.resolve().parent)
     for setting in settings:
@@ -113,7 +120,7 @@ def _apply(content: dict[str, Any], setting: str) -> None:
         value = yaml.safe_load(text)
     except yaml.YAMLError:
         raise ConfigError(f"--set {key}: got {text!r}, which is not a YAML value") from None
-    if key in ("recordings", "training"):
+    if key in ("recordings", "training", "label.learn_from"):
         value = _absolute(value, Path.cwd())
     if key in ("robot", "task"):
         value = _own_file(value, Path.cwd())
@@ -186,7 +193,7 @@ def run_pipeline(
     if fresh is not None and fresh not in STAGES:
         raise RunError(f"--fresh: no stage {fresh!r}; {nearest(fresh, STAGES)}")
     wall, cpu = time.perf_counter(), time.process_time()
-    inputs = read_inputs(config.recordings)
+    inputs = read_inputs(config.recordings, learn_from(config))
     run = Run(folder, config.name, jobs=jobs, fresh=fresh, display=display)
     run.start(pipeline_yaml(config), inputs.checksums)
     run.record_time("read", wall, cpu, items=len(inputs.recordings), unit="recordings")
@@ -214,8 +221,9 @@ def _run_stages(config: PipelineConfig, run: Run, inputs: Inputs, trained_in: Pa
     markers = load_marker_set(config.label.markers)
 
     n = len(recordings)
-    labelled = run.step("label", config.label, recordings, markers, items=n, unit="recordings")
-    run.results["label"] = label_results(recordings, labelled, markers)
+    known = (markers, *inputs.teacher)
+    labelled = run.step("label", config.label, recordings, *known, items=n, unit="recordings")
+    run.results["label"] = label_results(recordings, labelled, markers, inputs.names)
 
     segments = run.step("segment", config.segment, labelled, items=n, unit="recordings")
     run.results["segment"] = segment_results(
@@ -263,10 +271,16 @@ def _train(
     if trained_in is not None:
         return trained_model(trained_in)
     if config.training:
-        inputs = read_inputs(config.training)
+        inputs = read_inputs(config.training, learn_from(config))
         n = len(inputs.recordings)
         labelled = run.step(
-            "label_training", config.label, inputs.recordings, markers, items=n, unit="recordings"
+            "label_training",
+            config.label,
+            inputs.recordings,
+            markers,
+            *inputs.teacher,
+            items=n,
+            unit="recordings",
         )
         truth = inputs.truth
     manual = tuple(segments for segments in truth if segments is not None)
@@ -285,6 +299,11 @@ def _train(
         unit="a class",
         method="train",
     )
+
+
+def learn_from(config: PipelineConfig) -> str | None:
+    """Return the path of the recording that the label stage learns from, if it does."""
+    return config.label.learn_from if isinstance(config.label, LabelTrajectoriesConfig) else None
 
 
 def trained_model(folder: Path) -> Any:

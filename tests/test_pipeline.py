@@ -43,7 +43,7 @@ def capture(tmp_path_factory):
     from besman.synthetic.datasets import write_synthetic
 
     folder = tmp_path_factory.mktemp("capture")
-    write_synthetic("stick_throw", folder, n_subjects=1, n_throws=3, seed=3)
+    write_synthetic("stick_throw", folder, n_subjects=1, n_repetitions=3, seed=3)
     return folder
 
 
@@ -157,7 +157,7 @@ def test_threads_do_not_change_the_result(finished, capture, tmp_path, monkeypat
 def test_retarget_uses_the_trained_model(finished, tmp_path, monkeypatch):
     from besman.synthetic.datasets import write_synthetic
 
-    write_synthetic("stick_throw", tmp_path / "new", n_subjects=1, n_throws=1, seed=8)
+    write_synthetic("stick_throw", tmp_path / "new", n_subjects=1, n_repetitions=1, seed=8)
     (recording,) = (tmp_path / "new").glob("*.tsv")
     for file in (tmp_path / "new").glob("*.json"):
         file.unlink()

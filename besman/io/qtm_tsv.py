@@ -15,6 +15,10 @@ from besman.records import Recording
 FloatArray = npt.NDArray[np.float64]
 
 _KEY = re.compile(r"[A-Z][A-Z_]+")
+# How exports spell a trajectory that nobody has identified.
+_UNIDENTIFIED = re.compile(r"\*\d*|New[ _-]*\d+|(Unidentified|Unlabel+ed)[ _-]*\d*", re.IGNORECASE)
+# Times are rounded in the file; a clock that disagrees more than this runs at another rate.
+_CLOCK_TOLERANCE = 0.05
 _EMPTY_CELL = re.compile(r"\t *(?=\t)")
 _MISSING = re.compile(r"\bnull\b", re.IGNORECASE)
 # Rows that are formatted at once; bounds the memory of the format string.
@@ -37,7 +41,8 @@ def read_tsv(path: Path) -> Recording:
     """Read a Qualisys TSV file.
 
     Markers are known by name, whatever the order of the columns. Gaps (``nan``, ``null`` or empty
-    cells) become NaN.
+    cells) become NaN. Unidentified trajectories, which exports leave unnamed or number (``New
+    0001``), have no name; lines of events and of trajectory types are passed over.
 
     Parameters
     ----------
@@ -69,7 +74,10 @@ def read_tsv(path: Path) -> Recording:
     return Recording(
         time=(frames - 1) / rate_hz,
         positions=positions,
-        names=header.markers,
+        names=tuple(
+            None if name is None or _UNIDENTIFIED.fullmatch(name) else name
+            for name in header.markers
+        ),
         rate_hz=rate_hz,
         source=path.name,
         first_frame=int(frames[0]),
@@ -93,7 +101,7 @@ def write_tsv(recording: Recording, path: Path) -> None:
         f"NO_OF_FRAMES\t{n_samples}",
         "NO_OF_CAMERAS\t0",
         f"NO_OF_MARKERS\t{n_markers}",
-        f"FREQUENCY\t{recording.rate_hz:g}",
+        f"FREQUENCY\t{recording.rate_hz:.12g}",
         "NO_OF_ANALOG\t0",
         "ANALOG_FREQUENCY\t0",
         "DESCRIPTION\t--",
@@ -167,7 +175,8 @@ def _is_column_line(cells: list[str]) -> bool:
     """Tell whether a line names the columns: Frame, Time, and an X, Y, Z of each marker."""
     if cells[0].lower() in {"frame", "time"}:
         return True
-    return len(cells) > 2 and [cell[-2:].upper() for cell in cells[:3]] == [" X", " Y", " Z"]
+    # The columns of an unidentified trajectory are called X, Y, Z and nothing else.
+    return len(cells) > 2 and [f" {cell}"[-2:].upper() for cell in cells[:3]] == [" X", " Y", " Z"]
 
 
 def _read_marker_names(keys: dict[str, list[str]], line: int, path: Path) -> tuple[str | None, ...]:
@@ -185,7 +194,7 @@ def _read_marker_names(keys: dict[str, list[str]], line: int, path: Path) -> tup
             )
     if not names:
         raise RecordingError(f"{path}:{line}: MARKER_NAMES is empty; expected at least one marker")
-    named = [name for name in names if name]
+    named = [name for name in names if name and not _UNIDENTIFIED.fullmatch(name)]
     twice = sorted({name for name in named if named.count(name) > 1})
     if twice:
         raise RecordingError(
@@ -316,6 +325,7 @@ def _read_frames(values: FloatArray, header: _Header, path: Path) -> npt.NDArray
 
 def _find_rate(values: FloatArray, header: _Header, path: Path) -> float:
     """Return the declared rate, or the one that the time column shows."""
+    _check_times(values, header, path)
     if header.rate_hz is not None:
         return header.rate_hz
     if header.time_column is None or len(values) < 2:
@@ -324,12 +334,27 @@ def _find_rate(values: FloatArray, header: _Header, path: Path) -> float:
             "to tell the rate from"
         )
     time = values[:, header.time_column]
-    steps = np.diff(time)
-    if not np.all(steps > 0):
-        row = int(np.flatnonzero(~(steps > 0))[0]) + 1
-        raise RecordingError(
-            f"{path}:{header.data_line + row + 1}: time is {time[row]:g} s after "
-            f"{time[row - 1]:g} s; expected rising times"
-        )
     # Times are rounded in the file, so the whole span tells the rate best.
     return float(np.round((len(values) - 1) / (time[-1] - time[0]), 3))
+
+
+def _check_times(values: FloatArray, header: _Header, path: Path) -> None:
+    """Refuse times that are missing or do not rise."""
+    if header.time_column is None:
+        return
+    time = values[:, header.time_column]
+    wrong = np.flatnonzero(~(np.diff(time, prepend=-np.inf) > 0))
+    if wrong.size:
+        row = int(wrong[0])
+        before = f" after {time[row - 1]:g} s" if row else ""
+        raise RecordingError(
+            f"{path}:{header.data_line + row + 1}: time is {time[row]:g} s{before}; "
+            "expected rising times"
+        )
+    if header.rate_hz is not None and len(time) > 1:
+        shown_hz = (len(time) - 1) / (time[-1] - time[0])
+        if abs(shown_hz / header.rate_hz - 1.0) > _CLOCK_TOLERANCE:
+            raise RecordingError(
+                f"{path}: FREQUENCY is {header.rate_hz:g} but the Time column counts "
+                f"{shown_hz:.4g} frames a second; expected the same"
+            )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Annotated
 
 from pydantic import Field, field_validator, model_validator
 
@@ -30,6 +31,11 @@ class MarkerSet(Config):
         Which marker stands for the shoulder, the elbow and the hand.
     objects : dict of str to tuple of str
         Markers on objects.
+    pose_m : dict of str to (x, y, z)
+        Where the markers are in the initial pose, metres, in any frame with z up. From it
+        trajectories can be named where there is no recording to learn from.
+    distances_m : dict of str to (dict of str to float)
+        Distances that hardly change, such as lengths of limbs, metres.
     """
 
     name: str
@@ -38,6 +44,8 @@ class MarkerSet(Config):
     clusters: dict[str, tuple[str, ...]] = Field(default_factory=dict)
     roles: dict[str, str] = Field(default_factory=dict)
     objects: dict[str, tuple[str, ...]] = Field(default_factory=dict)
+    pose_m: dict[str, tuple[float, float, float]] = Field(default_factory=dict)
+    distances_m: dict[str, dict[str, Annotated[float, Field(gt=0.0)]]] = Field(default_factory=dict)
 
     @field_validator("markers")
     @classmethod
@@ -59,6 +67,9 @@ class MarkerSet(Config):
             *((f"clusters.{name}", group) for name, group in self.clusters.items()),
             ("roles", tuple(self.roles.values())),
             *((f"objects.{name}", group) for name, group in self.objects.items()),
+            ("pose_m", tuple(self.pose_m)),
+            ("distances_m", tuple(self.distances_m)),
+            *((f"distances_m.{name}", tuple(group)) for name, group in self.distances_m.items()),
         ]
         for place, group in groups:
             for marker in group:

@@ -1,15 +1,24 @@
-"""Stage: from a recording's trajectories to the markers of a set."""
+"""Stages: from a recording's trajectories to the markers of a set, and their figures."""
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from dataclasses import replace
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 
 from besman.exceptions import LabellingError
-from besman.labelling.gaps import BoolArray, fill_gaps, find_runs
+from besman.labelling.gaps import fill_gaps, find_runs
+from besman.labelling.given import model_from_pose
 from besman.labelling.marker_set import MarkerSet
+from besman.labelling.model import MarkerModel
+from besman.labelling.record import NamedRecording
+from besman.labelling.trajectories import (
+    fill_markers,
+    learn_from_recording,
+    name_trajectories,
+)
 from besman.records import FloatArray, LabelledRecording, Recording
 from besman.stage import Stage, Work
 
@@ -69,7 +78,7 @@ class LabelConfig(Stage):
         positions = np.stack([filling[0] for filling in fillings], axis=1)
         for index, marker in enumerate(columns):
             if marker in marker_set.required:
-                self._refuse_gap(positions[:, index], marker, recording)
+                _refuse_gap(positions[:, index], marker, recording, self.longest_gap_s)
         return LabelledRecording(
             time=recording.time,
             positions=positions,
@@ -80,63 +89,120 @@ class LabelConfig(Stage):
             first_frame=recording.first_frame,
         )
 
-    def _refuse_gap(self, positions: FloatArray, marker: str, recording: Recording) -> None:
-        """Raise an error if a required marker still has a gap."""
-        runs = find_runs(np.isnan(positions[:, 0]))
-        if len(runs) == 0:
-            return
-        start, end = runs[np.argmax(runs[:, 1] - runs[:, 0])]
-        first, last = recording.first_frame + start, recording.first_frame + end - 1
-        raise LabellingError(
-            f"{recording.source}: marker {marker!r} is not seen in frames {first} to {last} "
-            f"({(end - start) / recording.rate_hz:.3g} s); gaps up to longest_gap_s = "
-            f"{self.longest_gap_s:g} s are filled"
-        )
+
+def _refuse_gap(
+    positions: FloatArray, marker: str, recording: Recording, longest_gap_s: float
+) -> None:
+    """Raise an error if a required marker still has a gap."""
+    runs = find_runs(np.isnan(positions[:, 0]))
+    if len(runs) == 0:
+        return
+    start, end = runs[np.argmax(runs[:, 1] - runs[:, 0])]
+    first, last = recording.first_frame + start, recording.first_frame + end - 1
+    raise LabellingError(
+        f"{recording.source}: marker {marker!r} is not seen in frames {first} to {last} "
+        f"({(end - start) / recording.rate_hz:.3g} s); gaps up to longest_gap_s = "
+        f"{longest_gap_s:g} s are filled"
+    )
 
 
-def label_results(
-    recordings: tuple[Recording, ...],
-    labelled: tuple[LabelledRecording, ...],
-    marker_set: MarkerSet,
-) -> dict[str, Any]:
-    """Figures of the stage for ``results.json``.
+class LabelTrajectoriesConfig(Stage):
+    """Name unnamed, broken trajectories, and fill gaps.
 
-    Parameters
+    Attributes
     ----------
-    recordings : tuple of Recording
-    labelled : tuple of LabelledRecording
-        What the stage made of them.
-    marker_set : MarkerSet
-
-    Returns
-    -------
-    dict
-        ``n_recordings``; ``fragments``: unbroken stretches of trajectories; ``named_share``:
-        named share of all samples seen; ``filled_samples``; ``review``: what a person should look
-        at: trajectories that were left out, as ``{"recording", "trajectory", "reason"}``.
+    method : "trajectories"
+        Trajectories carry no names, or none that are trusted.
+    markers : str
+        A marker set of ``configs/markers`` or the path of one.
+    learn_from : str, optional
+        A recording with names, from which the distances of the markers are learnt; relative to
+        the pipeline's file. Without it the marker set's own pose is used.
+    threshold : float
+        A name less sure than this is not given, and is listed for review.
+    longest_gap_s : float
+        Gaps up to this length are filled by a spline.
+    longest_rigid_gap_s : float
+        Gaps up to this length are filled from the other markers of a rigid cluster.
     """
-    fragments = seen_samples = named_samples = filled_samples = 0
-    review = []
-    for recording, result in zip(recordings, labelled, strict=True):
-        seen: BoolArray = np.all(np.isfinite(recording.positions), axis=2)
-        fragments += sum(len(find_runs(column)) for column in seen.T)
-        seen_samples += int(seen.sum())
-        named_samples += int((np.isfinite(result.positions[:, :, 0]) & ~result.filled).sum())
-        filled_samples += int(result.filled.sum())
-        used = set(marker_set.match(recording.names, recording.source).values())
-        review += [
-            {
-                "recording": recording.source,
-                "trajectory": name or f"trajectory {index + 1}",
-                "reason": f"no marker of {marker_set.name}",
-            }
-            for index, name in enumerate(recording.names)
-            if index not in used
-        ]
-    return {
-        "n_recordings": len(recordings),
-        "fragments": fragments,
-        "named_share": named_samples / seen_samples if seen_samples else 0.0,
-        "filled_samples": filled_samples,
-        "review": review,
-    }
+
+    method: Literal["trajectories"] = "trajectories"
+    markers: str = "right_arm"
+    learn_from: str | None = None
+    threshold: float = Field(default=0.8, gt=0.5, lt=1.0)
+    longest_gap_s: float = Field(default=0.25, ge=0.0)
+    longest_rigid_gap_s: float = Field(default=1.0, ge=0.0)
+
+    def run(
+        self,
+        recordings: tuple[Recording, ...],
+        marker_set: MarkerSet,
+        teacher: Recording | None = None,
+        work: Work = Work(),
+    ) -> tuple[NamedRecording, ...]:
+        """Label recordings.
+
+        Parameters
+        ----------
+        recordings : tuple of Recording
+        marker_set : MarkerSet
+            What `markers` names.
+        teacher : Recording, optional
+            What `learn_from` names.
+        work : Work
+
+        Returns
+        -------
+        tuple of NamedRecording
+            Markers in the order of the set.
+
+        Raises
+        ------
+        LabellingError
+            If the marker set does not fit, or a required marker is not found or has a gap that
+            is too long.
+        """
+        model = self.learn(marker_set, teacher)
+        labelled = []
+        for number, recording in enumerate(recordings, start=1):
+            named = name_trajectories(recording, marker_set, model, self.threshold)
+            filled = self.fill(named, marker_set)
+            self._check(filled, recording, marker_set)
+            labelled.append(filled)
+            work.progress(number / len(recordings))
+        return tuple(labelled)
+
+    def learn(self, marker_set: MarkerSet, teacher: Recording | None = None) -> MarkerModel:
+        """Return the model of the markers: from the teacher, or from the set's own pose."""
+        if teacher is not None:
+            return learn_from_recording(teacher, marker_set)
+        return model_from_pose(marker_set)
+
+    def fill(self, named: NamedRecording, marker_set: MarkerSet) -> NamedRecording:
+        """Fill the gaps that are not too long."""
+        longest, longest_rigid = (
+            int(np.floor(length_s * named.rate_hz + 1e-6))
+            for length_s in (self.longest_gap_s, self.longest_rigid_gap_s)
+        )
+        positions, filled = fill_markers(
+            named.positions, named.markers, marker_set, longest, longest_rigid
+        )
+        return replace(named, positions=positions, filled=filled)
+
+    def _check(self, named: NamedRecording, recording: Recording, marker_set: MarkerSet) -> None:
+        """Raise an error if a required marker is not there or still has a gap."""
+        for marker in marker_set.required:
+            if marker not in named.markers:
+                raise LabellingError(
+                    f"{recording.source}: marker {marker!r} of {marker_set.name} was not found "
+                    f"with confidence {self.threshold:g}; found: {', '.join(named.markers)}"
+                )
+            _refuse_gap(
+                named.marker(marker),
+                marker,
+                recording,
+                self.longest_gap_s,
+            )
+
+
+LabelStage = Annotated[LabelConfig | LabelTrajectoriesConfig, Field(discriminator="method")]

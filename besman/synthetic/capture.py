@@ -2,14 +2,64 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
 
 from besman.exceptions import RecordingError
 from besman.io.qtm_tsv import write_tsv
 from besman.io.segments_json import ThrowEvent, segments_path, write_segments
 from besman.records import LabelledSegments, Recording
+from besman.synthetic.body import Body
+
+FloatArray = npt.NDArray[np.float64]
+
+TRUTH_SUFFIX = "_truth.json"
+HANDS_SUFFIX = "_hands.npz"
+GHOST = "ghost"
+
+
+@dataclass(frozen=True, eq=False)
+class Box:
+    """A box that the person handles.
+
+    Attributes
+    ----------
+    centre : array, shape (T, 3)
+        Metres in the laboratory frame.
+    box2lab : array, shape (T, 3, 3)
+        Its axes are the columns.
+    half_m : array, shape (3,)
+        Half its edges.
+    """
+
+    centre: FloatArray
+    box2lab: FloatArray
+    half_m: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class JointLog:
+    """What an exoskeleton logged.
+
+    Attributes
+    ----------
+    urdf : str
+        Name of its description.
+    bodies : mapping of str to str
+        Link of each of shoulder, elbow, wrist.
+    angles : mapping of array, shape (T,)
+        Joint to angles, rad.
+    """
+
+    urdf: str
+    bodies: Mapping[str, str]
+    angles: Mapping[str, FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,46 +69,118 @@ class Capture:
     Attributes
     ----------
     recording : Recording
-        With noise; markers named as a file spells them.
+        With noise; markers named as a file spells them, or unnamed trajectories.
     segments : LabelledSegments
-        True segments.
+        True segments; actions where there are two layers.
     throws : tuple of ThrowEvent
         True release and touchdown of every throw.
+    layers : mapping of LabelledSegments
+        Further true segments by name, e.g. the building blocks of each hand.
+    trajectories : tuple of str
+        What each trajectory of an unnamed recording is: a canonical marker name or `GHOST`.
+    body : Body or None
+        True motion; its capsules are what hides markers.
+    boxes : tuple of Box
+        What else hides markers.
+    joint_log : JointLog or None
+        Of an exoskeleton; written instead of positions.
     """
 
     recording: Recording
     segments: LabelledSegments
-    throws: tuple[ThrowEvent, ...]
+    throws: tuple[ThrowEvent, ...] = ()
+    layers: Mapping[str, LabelledSegments] = field(default_factory=dict)
+    trajectories: tuple[str, ...] = ()
+    body: Body | None = None
+    boxes: tuple[Box, ...] = ()
+    joint_log: JointLog | None = None
 
 
-def write_dataset(captures: Sequence[Capture], folder: Path) -> list[Path]:
-    """Write captures as Qualisys TSV with a segments file beside each.
+def write_capture(capture: Capture, folder: Path) -> Path:
+    """Write a capture as Qualisys TSV, MVNX or joint log with its truth beside it.
+
+    The segments file holds the true segments and throws. ``<stem>_truth.json`` holds what each
+    trajectory is, in the order of the columns, and the further layers of segments;
+    ``<stem>_hands.npz`` holds the true hand poses (metres, quaternion wxyz).
 
     Parameters
     ----------
-    captures : sequence of Capture
+    capture : Capture
     folder : Path
         Made if it is not there.
 
     Returns
     -------
-    list of Path
-        The recordings written.
+    Path
+        The recording written.
 
     Raises
     ------
     RecordingError
-        If one of the files is there already.
+        If one of the files is there already or cannot be written.
     """
-    paths = [folder / capture.recording.source for capture in captures]
-    for path in [*paths, *map(segments_path, paths)]:
-        if path.exists():
-            raise RecordingError(f"{path}: is there already and is not overwritten")
+    path = folder / capture.recording.source
+    truth, hands = truth_path(path), path.with_name(path.stem + HANDS_SUFFIX)
+    for file in (path, segments_path(path), truth, hands):
+        if file.exists():
+            raise RecordingError(f"{file}: is there already and is not overwritten")
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for capture, path in zip(captures, paths, strict=True):
-            write_tsv(capture.recording, path)
-            write_segments(capture.segments, segments_path(path), capture.throws)
+        _write_recording(capture, path)
+        write_segments(capture.segments, segments_path(path), capture.throws or None)
+        if capture.trajectories or capture.layers:
+            truth.write_text(json.dumps(_truth(capture), indent=1) + "\n", encoding="utf-8")
+        if capture.body is not None:
+            _write_hands(capture, hands)
     except OSError as error:
         raise RecordingError(f"{folder}: cannot be written: {error.strerror}") from None
-    return paths
+    return path
+
+
+def write_dataset(captures: Iterable[Capture], folder: Path) -> list[Path]:
+    """Write captures as they come; see `write_capture`."""
+    return [write_capture(capture, folder) for capture in captures]
+
+
+def truth_path(recording_path: Path) -> Path:
+    """Return where the truth of a recording belongs: beside it, with a fixed ending."""
+    return recording_path.with_name(recording_path.stem + TRUTH_SUFFIX)
+
+
+def _write_recording(capture: Capture, path: Path) -> None:
+    """Write what was recorded in the format that the file's ending tells."""
+    log = capture.joint_log
+    if log is not None:
+        from besman.io.exoskeleton import write_joint_log
+
+        angles = np.column_stack(list(log.angles.values()))
+        time = capture.recording.time
+        write_joint_log(path, time, angles, list(log.angles), log.urdf, log.bodies)
+    elif path.suffix == ".mvnx":
+        from besman.io.mvnx import write_mvnx
+
+        write_mvnx(capture.recording, path)
+    else:
+        write_tsv(capture.recording, path)
+
+
+def _truth(capture: Capture) -> dict[str, object]:
+    """Gather what does not fit into a segments file."""
+    layers = {
+        name: [
+            {"start index": start, "end index": end, "label": label}
+            for (start, end), label in zip(
+                (layer.bounds + layer.first_frame).tolist(), layer.labels, strict=True
+            )
+        ]
+        for name, layer in capture.layers.items()
+    }
+    return {"trajectories": list(capture.trajectories), "layers": layers}
+
+
+def _write_hands(capture: Capture, path: Path) -> None:
+    """Write the true hand poses, rounded to a micrometre."""
+    assert capture.body is not None
+    hands: dict[str, Any] = {side: np.round(pose, 6) for side, pose in capture.body.hands.items()}
+    with path.open("wb") as file:
+        np.savez(file, time=capture.recording.time, **hands)

@@ -1,7 +1,8 @@
-"""Simulated captures of people who throw a stick (thesis 3.5)."""
+"""Simulated captures of people who throw a stick or a ball (thesis 3.5)."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,20 +10,20 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from besman.exceptions import ConfigError
+from besman.frames import quaternion_to_rotation
 from besman.io.segments_json import ThrowEvent
 from besman.records import LabelledSegments, Recording
+from besman.synthetic.body import RIGHT, Body, join_bodies, place_body
 from besman.synthetic.capture import Capture
 from besman.synthetic.person import (
     BACK_MARKERS,
-    ELBOW_MARKER,
     HAND_MARKERS,
-    SHOULDER_MARKER,
     Person,
     draw_person,
-    move_arm,
     reach_with,
     see_from_torso,
 )
+from besman.synthetic.stance import Stance, draw_stance, stream
 from besman.synthetic.throw_motion import (
     STICK_IN_HAND,
     Pose,
@@ -47,14 +48,25 @@ _FIRST_FRAME = 1
 
 
 @dataclass(frozen=True)
-class _Stance:
-    """Where a person stands and how the body sways."""
+class ThrowKind:
+    """What is thrown, and how.
 
-    heading: Rotation
-    place: FloatArray
-    sway_m: FloatArray
-    sway_hz: FloatArray
-    sway_phase: FloatArray
+    Attributes
+    ----------
+    draw_style : callable
+        Draws how a person throws.
+    marked : bool
+        What is thrown carries a marker, ``stick``.
+    key : tuple of int
+        Makes the people others than those of another kind.
+    """
+
+    draw_style: Callable[[np.random.Generator], Style] = draw_style
+    marked: bool = True
+    key: tuple[int, ...] = ()
+
+
+STICK = ThrowKind()
 
 
 @dataclass(frozen=True)
@@ -69,7 +81,7 @@ class _Throw:
 
 
 def generate(
-    n_subjects: int = 2, n_throws: int = 8, rate_hz: float = 100, seed: int = 0
+    n_subjects: int = 2, n_repetitions: int = 8, rate_hz: float = 100, seed: int = 0
 ) -> list[Capture]:
     """Simulate people who throw a stick.
 
@@ -80,7 +92,7 @@ def generate(
     ----------
     n_subjects : int
         How many people.
-    n_throws : int
+    n_repetitions : int
         How many throws each.
     rate_hz : float
         Frames per second, 100 to 500.
@@ -99,107 +111,125 @@ def generate(
     """
     for name, value, low, high in (
         ("subjects", n_subjects, 1, 1000),
-        ("throws", n_throws, 1, 1000),
+        ("throws", n_repetitions, 1, 1000),
         ("rate_hz", rate_hz, 100, 500),
         ("seed", seed, 0, 2**63),
     ):
         if not low <= value <= high:
             raise ConfigError(f"stick_throw: {name}: got {value}, expected {low} to {high}")
-    return [_simulate(subject, n_throws, float(rate_hz), seed) for subject in range(n_subjects)]
+    return [
+        simulate_throws(STICK, subject, range(n_repetitions), float(rate_hz), seed)
+        for subject in range(n_subjects)
+    ]
 
 
-def _simulate(subject: int, n_throws: int, rate_hz: float, seed: int) -> Capture:
-    """Simulate one person."""
-    rng = _stream(seed, subject, 0)
-    person, style = draw_person(rng), draw_style(rng)
-    stance = _draw_stance(rng)
-    throws = _draw_throws(person, style, n_throws, draw_rest(person, style, rng), seed, subject)
+def simulate_throws(
+    kind: ThrowKind,
+    subject: int,
+    repetitions: range,
+    rate_hz: float,
+    seed: int,
+    source: str | None = None,
+) -> Capture:
+    """Simulate one take of one person.
+
+    Parameters
+    ----------
+    kind : ThrowKind
+    subject : int
+        Counted from 0.
+    repetitions : range
+        Which of the person's throws.
+    rate_hz : float
+    seed : int
+    source : str, optional
+        File name; ``subject1.tsv`` and so on by default.
+
+    Returns
+    -------
+    Capture
+    """
+    rng = stream(seed, *kind.key, subject, 0)
+    person, style = draw_person(rng), kind.draw_style(rng)
+    stance = draw_stance(rng)
+    rest = draw_rest(person, style, rng)
+    throws = _draw_throws(kind, person, style, repetitions, rest, seed, subject)
     end = throws[-1].strokes[-1].bell.end + style.idle_s
     time = np.arange(round(end * rate_hz) + 1) / rate_hz
-    positions = np.empty((len(time), len(MARKERS), 3))
     starts = np.searchsorted(time, [throw.start for throw in throws])
+    bodies: list[Body] = []
     events: list[ThrowEvent] = []
     for throw, start, stop in zip(throws, starts, [*starts[1:], len(time)], strict=True):
-        positions[start:stop] = _place_markers(person, stance, throw, time[start:stop])
+        bodies.append(_place_body(person, stance, throw, time[start:stop]))
         events.append(_let_fly(person, stance, throw, rate_hz))
-    positions[:, -1] = _place_stick(throws, events, time, positions[:, -1])
-    positions += _stream(seed, subject, n_throws + 1).normal(0.0, _NOISE_M, positions.shape)
-    source = f"subject{subject + 1}.tsv"
+    body = join_bodies(bodies)
+    body.markers["stick"] = _place_stick(throws, events, time, body.markers["stick"])
+    markers = MARKERS if kind.marked else MARKERS[:-1]
+    positions = np.stack([body.markers[name] for name in markers], axis=1)
+    noise = stream(seed, *kind.key, subject, repetitions.start, repetitions.stop, 1)
+    if repetitions.start == 0 and not kind.key:
+        noise = stream(seed, subject, repetitions.stop + 1)
+    positions += noise.normal(0.0, _NOISE_M, positions.shape)
+    source = source or f"subject{subject + 1}.tsv"
     return Capture(
         recording=Recording(
             time=time,
             positions=positions,
-            names=tuple(name.capitalize().replace("_", " ") for name in MARKERS),
+            names=tuple(name.capitalize().replace("_", " ") for name in markers),
             rate_hz=rate_hz,
             source=source,
             first_frame=_FIRST_FRAME,
         ),
         segments=_true_segments(throws, len(time), rate_hz, source),
         throws=tuple(events),
-    )
-
-
-def _stream(seed: int, subject: int, part: int) -> np.random.Generator:
-    """Random numbers of one part of one person's capture, independent of all other parts."""
-    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(subject, part)))
-
-
-def _draw_stance(rng: np.random.Generator) -> _Stance:
-    """Draw where a person stands: anywhere in the middle of the laboratory, facing roughly +x."""
-    return _Stance(
-        heading=Rotation.from_euler("Z", rng.uniform(-30.0, 30.0), degrees=True),
-        place=np.array([*rng.uniform(-0.6, 0.6, 2), 0.0]),
-        sway_m=rng.uniform(0.001, 0.004, (2, 3)) * np.array([1.0, 1.0, 0.1]),
-        sway_hz=rng.uniform([[0.10], [0.25]], [[0.25], [0.45]], (2, 3)),
-        sway_phase=rng.uniform(0.0, 2.0 * np.pi, (2, 3)),
+        body=body,
     )
 
 
 def _draw_throws(
-    person: Person, style: Style, n_throws: int, rest: Pose, seed: int, subject: int
+    kind: ThrowKind,
+    person: Person,
+    style: Style,
+    repetitions: range,
+    rest: Pose,
+    seed: int,
+    subject: int,
 ) -> list[_Throw]:
     """Draw the throws of one person, one after the other."""
     throws: list[_Throw] = []
     start = 0.0
-    for index in range(n_throws):
-        rng = _stream(seed, subject, index + 1)
+    for index in repetitions:
+        rng = stream(seed, *kind.key, subject, index + 1)
         begin = start + style.idle_s * rng.uniform(0.9, 1.1)
         after = draw_rest(person, style, rng)
         strokes = draw_strokes(person, style, after, begin, rng)
-        in_hand_from = begin - rng.uniform(0.5, 0.8) if index else 0.0
+        in_hand_from = begin - rng.uniform(0.5, 0.8) if throws else 0.0
         throws.append(_Throw(start, rest, strokes, in_hand_from, rng.uniform(0.4, 0.7)))
         start, rest = strokes[-1].bell.end, after
     return throws
 
 
-def _place_markers(person: Person, stance: _Stance, throw: _Throw, time: FloatArray) -> FloatArray:
-    """Markers without noise, shape (T, M, 3), metres in the laboratory; the stick in the hand."""
+def _place_body(person: Person, stance: Stance, throw: _Throw, time: FloatArray) -> Body:
+    """Place a person in the laboratory, the stick in the hand."""
     hand, wrist_joints, pole = move_hand(throw.rest, throw.strokes, time)
     torso2body = Rotation.from_euler("ZY", np.column_stack(move_torso(throw.strokes, time)))
     # The torso turns; the hand's goal stays where it is in the room.
     seen = see_from_torso(person, hand, torso2body)
-    arm = move_arm(person, reach_with(person, seen, wrist_joints, torso2body.inv().apply(pole)))
-    still = np.zeros((len(time), 3))
-    points = [still + person.back - person.shoulder + offset for offset in BACK_MARKERS.values()]
-    points += [still + SHOULDER_MARKER, arm.elbow + arm.upper2torso @ ELBOW_MARKER]
-    points += [
-        arm.hand + arm.hand2torso @ offset for offset in (*HAND_MARKERS.values(), STICK_IN_HAND)
-    ]
-    waves = np.sin(2.0 * np.pi * stance.sway_hz * time[:, None, None] + stance.sway_phase)
-    sway = (waves * stance.sway_m).sum(axis=1)
-    from_hips = person.shoulder - person.hips
-    body = [torso2body.apply(point + from_hips) + person.hips + sway for point in points]
-    return np.stack([stance.heading.apply(point) + stance.place for point in body], axis=1)
+    joints = reach_with(person, seen, wrist_joints, torso2body.inv().apply(pole))
+    body = place_body(person, stance, torso2body, {RIGHT: joints}, time)
+    pose = body.hands[RIGHT]
+    body.markers["stick"] = pose[:, :3] + quaternion_to_rotation(pose[:, 3:]) @ STICK_IN_HAND
+    return body
 
 
-def _let_fly(person: Person, stance: _Stance, throw: _Throw, rate_hz: float) -> ThrowEvent:
+def _let_fly(person: Person, stance: Stance, throw: _Throw, rate_hz: float) -> ThrowEvent:
     """Release the stick where the hand is fastest, and follow it to the ground."""
     bell = throw.strokes[1].bell
     time = np.arange(bell.start, bell.end, _FINE_STEP_S)
     speed = _hand_speed(throw, time)
     release = float(time[np.argmax(speed)])
     around = release + _FINE_STEP_S * np.array([-1.0, 0.0, 1.0])
-    before, position, after = _place_markers(person, stance, throw, around)[:, -1]
+    before, position, after = _place_body(person, stance, throw, around).markers["stick"]
     velocity = (after - before) / (2.0 * _FINE_STEP_S)
     rise = velocity[2]
     flight = float((rise + np.sqrt(rise**2 + 2.0 * GRAVITY_MPS2 * position[2])) / GRAVITY_MPS2)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -255,7 +256,7 @@ def move_hand(
     for stroke in strokes:
         share = stroke.bell.progress(time)[:, np.newaxis]
         chord = stroke.to.hand - before.hand
-        along = _even_pace(share, chord, stroke.bend)
+        along = even_pace(share, chord, stroke.bend)
         hand += along * chord + 4.0 * along * (1.0 - along) * stroke.bend
         wrist_joints += share * (stroke.to.wrist_joints - before.wrist_joints)
         pole += share * (stroke.to.pole - before.pole)
@@ -263,12 +264,19 @@ def move_hand(
     return hand, wrist_joints, pole
 
 
-def _even_pace(share: FloatArray, chord: FloatArray, bend: FloatArray) -> FloatArray:
-    """Parameter of a bent path at which the given share of its length is done."""
+def even_pace(share: FloatArray, chord: FloatArray, bend: FloatArray) -> FloatArray:
+    """Find the parameter of a bent path at which the given share of its length is done."""
+    return _parameter_of_length(chord.tobytes(), bend.tobytes())(share)
+
+
+@lru_cache(maxsize=64)
+def _parameter_of_length(chord: bytes, bend: bytes) -> CubicSpline:
+    """Parameter of a bent path by the share of its length; a path is walked several times."""
+    straight, curve = np.frombuffer(chord), np.frombuffer(bend)
     parameter = np.linspace(0.0, 1.0, 65)
-    pace = np.linalg.norm(chord + 4.0 * (1.0 - 2.0 * parameter)[:, np.newaxis] * bend, axis=1)
+    pace = np.linalg.norm(straight + 4.0 * (1.0 - 2.0 * parameter)[:, np.newaxis] * curve, axis=1)
     length = CubicSpline(parameter, pace).antiderivative()(parameter)
-    return CubicSpline(length / length[-1], parameter)(share)
+    return CubicSpline(length / length[-1], parameter)
 
 
 def move_torso(strokes: tuple[Stroke, ...], time: FloatArray) -> tuple[FloatArray, FloatArray]:

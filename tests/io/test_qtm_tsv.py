@@ -121,9 +121,47 @@ def test_unnamed_trajectory(tmp_path):
     assert recording.names == ("Hand top", None)
 
 
+@pytest.mark.parametrize("name", ["*", "*12", "New 0001", "Unidentified 3", "unlabeled_2", ""])
+def test_unidentified_trajectories(tmp_path, name):
+    text = (HEADER + COLUMNS + ROWS).replace("Elbow", name).replace("Hand top", name)
+    text = text.replace("\t X", "\tX").replace("\t Y", "\tY").replace("\t Z", "\tZ")
+    assert read_tsv(write(tmp_path, text)).names == (None, None)
+    rows = "\n".join("\t".join(row.split("\t")[2:]) for row in ROWS.splitlines())
+    without = text[: text.index("Frame\t")] + text[text.index("Time\t") + 5 :]
+    without = without[: without.index("690\t")] + rows
+    assert read_tsv(write(tmp_path, without)).names == (None, None)
+
+
+def test_new_export_with_everything(tmp_path):
+    text = (
+        "FILE_VERSION\t2.0.0\n"
+        + HEADER.replace("FREQUENCY\t60", "FREQUENCY\tEXT").replace(
+            "DATA_INCLUDED", "EVENT\tgo\t691\t11.5\nEVENT\tend\t692\t11.51667\nDATA_INCLUDED"
+        )
+        + "TRAJECTORY_TYPES\tMeasured\tMixed\n"
+        + COLUMNS
+        + ROWS.replace("5.000", "").replace("4.000\t", "\t", 1)
+    )
+    text = text.replace("\tHand top\tElbow\n", "\tHand top\t\n").replace("Elbow X", "X")
+    text = text.replace("Elbow Y", "Y").replace("Elbow Z", "Z")
+    recording = read_tsv(write(tmp_path, text))
+    assert recording.names == ("Hand top", None)
+    assert recording.rate_hz == pytest.approx(60, abs=0.02)
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
+        (
+            lambda text: text.replace("11.50000", "nan"),
+            r"run.tsv:13: time is nan s after 11.4833 s; expected rising times",
+        ),
+        (lambda text: text.replace("11.48333", "nan"), r"run.tsv:12: time is nan s; expected"),
+        (lambda text: text.replace("11.51667", "11.4"), r"run.tsv:14: time is 11.4 s after 11.5 s"),
+        (
+            lambda text: text.replace("CY\t60", "CY\t100"),
+            r"FREQUENCY is 100 but the Time column counts 59.99 frames a second",
+        ),
         (lambda text: "", r"run.tsv: the file is empty"),
         (lambda text: " \n\n", r"run.tsv: the file is empty"),
         (lambda text: HEADER + COLUMNS, r"run.tsv:11: no frames after the header; is the file cut"),

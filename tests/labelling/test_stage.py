@@ -9,7 +9,8 @@ from besman.exceptions import LabellingError
 from besman.io.recordings import find_recordings, read_recording
 from besman.labelling.gaps import find_runs
 from besman.labelling.marker_set import MarkerSet, load_marker_set
-from besman.labelling.stage import LabelConfig, label_results
+from besman.labelling.results import label_results
+from besman.labelling.stage import LabelConfig
 from besman.records import Recording
 from besman.stage import Work
 
@@ -88,6 +89,7 @@ def test_results_and_progress():
     assert results == {
         "n_recordings": 2,
         "fragments": 9,
+        "n_unnamed": 2,
         "named_share": pytest.approx((590 + 500) / (790 + 700)),
         "filled_samples": 10,
         "review": [

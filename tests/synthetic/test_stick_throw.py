@@ -9,7 +9,7 @@ from besman.synthetic.throw_motion import STICK_AXIS_IN_HAND
 
 @pytest.fixture(scope="module")
 def captures():
-    return generate(n_subjects=6, n_throws=3, rate_hz=100, seed=5)
+    return generate(n_subjects=6, n_repetitions=3, rate_hz=100, seed=5)
 
 
 def marker(capture, name):
@@ -150,7 +150,7 @@ def test_seed():
     ("arguments", "message"),
     [
         ({"n_subjects": 0}, "stick_throw: subjects: got 0, expected 1 to 1000"),
-        ({"n_throws": 0}, "stick_throw: throws: got 0"),
+        ({"n_repetitions": 0}, "stick_throw: throws: got 0"),
         ({"rate_hz": 60}, "stick_throw: rate_hz: got 60, expected 100 to 500"),
         ({"rate_hz": float("nan")}, "stick_throw: rate_hz: got nan"),
         ({"seed": -1}, "stick_throw: seed: got -1"),

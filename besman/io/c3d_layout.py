@@ -1,0 +1,227 @@
+"""The sections of a C3D file: header, parameters, frames. Every byte is checked before it is used.
+
+Libraries that read C3D trust the file, and damaged ones end the whole program.
+
+References
+----------
+Motion Lab Systems: The C3D File Format User Guide, 2008.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from besman.exceptions import RecordingError
+
+MAX_FRAMES = 65_535
+_BLOCK = 512
+_MAGIC = 0x50
+_INTEL, _DEC, _MIPS = 84, 85, 86
+_CHAR, _BYTE, _INTEGER, _FLOAT = -1, 1, 2, 4
+
+Values = list[str] | list[float]
+
+
+@dataclass(frozen=True)
+class C3dSections:
+    """What a C3D file holds about its points.
+
+    Attributes
+    ----------
+    parameters : dict of str to list
+        Values by ``GROUP:NAME`` in capitals: text without blanks around it, or numbers.
+    points : array, shape (T, M, 4)
+        Coordinates in the file's units, and the residual: negative in a gap.
+    rate_hz : float
+        Frames per second in the header.
+    first_frame : int
+        Number of the first frame, counted from 1.
+    """
+
+    parameters: dict[str, Values]
+    points: npt.NDArray[np.float64]
+    rate_hz: float
+    first_frame: int
+
+
+class _Entry(NamedTuple):
+    """A group (negative number) or parameter, and where the next one is (-1: nowhere)."""
+
+    group: int
+    name: str
+    values: Values
+    next_at: int
+
+
+def read_sections(content: bytes, path: Path) -> C3dSections:
+    """Take a C3D file apart.
+
+    Parameters
+    ----------
+    content : bytes
+        The whole file.
+    path : Path
+        Named in errors.
+
+    Returns
+    -------
+    C3dSections
+
+    Raises
+    ------
+    RecordingError
+        If the file is cut, damaged, holds no points, or more frames than its format can count.
+    """
+    if len(content) < _BLOCK or content[1] != _MAGIC:
+        raise RecordingError(
+            f"{path}: no C3D header; expected {_BLOCK} bytes with 0x50 as the second, "
+            f"got {len(content)} bytes; is the file cut?"
+        )
+    start = (content[0] - 1) * _BLOCK
+    if start < _BLOCK or start + 4 > len(content):
+        raise RecordingError(f"{path}: the file ends before its parameters; is it cut?")
+    processor = content[start + 3]
+    if processor not in (_INTEL, _DEC, _MIPS):
+        raise RecordingError(
+            f"{path}: byte order {processor} is unknown; expected 84 (Intel), 85 (DEC), 86 (MIPS)"
+        )
+    parameters = _read_parameters(content, start + 4, processor, path)
+    points, rate_hz, first_frame = _read_points(content, processor, path)
+    declared = parameters.get("POINT:USED", [points.shape[1]])
+    if declared != [points.shape[1]]:
+        raise RecordingError(
+            f"{path}: the header counts {points.shape[1]} points and POINT:USED {declared}; "
+            "expected the same number"
+        )
+    return C3dSections(parameters, points, rate_hz, first_frame)
+
+
+def _read_points(
+    content: bytes, processor: int, path: Path
+) -> tuple[npt.NDArray[np.float64], float, int]:
+    """Return the points, shape (T, M, 4), frames per second and the first frame's number."""
+    order = ">" if processor == _MIPS else "<"
+    n_points, n_analog, first, last = struct.unpack_from(f"{order}4H", content, 2)
+    (data_block,) = struct.unpack_from(f"{order}H", content, 16)
+    if n_points == 0:
+        raise RecordingError(f"{path}: the header counts no points; expected at least one")
+    if first == 0 or last < first:
+        raise RecordingError(
+            f"{path}: frames {first} to {last}; expected frames that count up from 1, at most "
+            f"{MAX_FRAMES}"
+        )
+    scale, rate_hz = _floats(content[12:16] + content[20:24], processor).tolist()
+    if not np.isfinite(scale) or scale == 0:
+        raise RecordingError(f"{path}: the scale in the header is {scale:g}; is the file damaged?")
+    width = 4 * n_points + n_analog
+    size = 4 if scale < 0 else 2
+    _check_length(len(content), data_block, width * size, (first, last), path)
+    n_frames = last - first + 1
+    at = (data_block - 1) * _BLOCK
+    data = content[at : at + n_frames * width * size]
+    if scale < 0:
+        numbers = _floats(data, processor).reshape(n_frames, width)
+    else:
+        numbers = np.frombuffer(data, f"{order}i2").reshape(n_frames, width).astype(np.float64)
+    points = numbers[:, : 4 * n_points].reshape(n_frames, n_points, 4)
+    if scale > 0:
+        points[..., :3] *= scale
+    return points, rate_hz, first
+
+
+def _check_length(
+    n_bytes: int, data_block: int, frame_bytes: int, frames: tuple[int, int], path: Path
+) -> None:
+    """Refuse a file that holds fewer frames than it says, or more than it can say."""
+    first, last = frames
+    n_frames = last - first + 1
+    room = n_bytes - (data_block - 1) * _BLOCK
+    if data_block < 2 or room < n_frames * frame_bytes:
+        raise RecordingError(
+            f"{path}: the file ends after {max(0, room) // frame_bytes} of {n_frames} frames; "
+            "is it cut?"
+        )
+    excess = room - n_frames * frame_bytes
+    wrapped = excess >= (MAX_FRAMES + 1) * frame_bytes
+    if wrapped or (last == MAX_FRAMES and excess >= frame_bytes + _BLOCK):
+        raise RecordingError(
+            f"{path}: got about {room // frame_bytes} frames; C3D counts up to {MAX_FRAMES}, "
+            "so the frames cannot be told apart: export parts, or TSV"
+        )
+
+
+def _read_parameters(content: bytes, at: int, processor: int, path: Path) -> dict[str, Values]:
+    """Follow the parameter section to its end."""
+    groups: dict[int, str] = {}
+    found: list[_Entry] = []
+    while at >= 0:
+        try:
+            entry = _read_entry(content, at, processor)
+        except (struct.error, IndexError, ValueError):
+            raise RecordingError(
+                f"{path}: a parameter at byte {at} cannot be read; is the file cut or damaged?"
+            ) from None
+        if entry is None:
+            break
+        if entry.group < 0:
+            groups[-entry.group] = entry.name
+        else:
+            found.append(entry)
+        at = entry.next_at
+    return {f"{groups.get(entry.group, '')}:{entry.name}": entry.values for entry in found}
+
+
+def _read_entry(content: bytes, at: int, processor: int) -> _Entry | None:
+    """Read one group or parameter, None at the end of the section."""
+    name_length, group = struct.unpack_from("2b", content, at)
+    at += 2 + abs(name_length)
+    if name_length == 0 or group == 0:
+        return None
+    name = content[at - abs(name_length) : at].decode("latin-1").strip().upper()
+    (offset,) = struct.unpack_from(">H" if processor == _MIPS else "<H", content, at)
+    next_at = at + offset if offset else -1
+    at += 2
+    values: Values = []
+    if group > 0:
+        kind, n_sides = struct.unpack_from("bB", content, at)
+        sides = list(content[at + 2 : at + 2 + n_sides])
+        at += 2 + n_sides
+        n_bytes = abs(kind) * math.prod(sides)
+        values = _decode(content[at : at + n_bytes], kind, sides, processor)
+        at += n_bytes
+    at += 1 + content[at]
+    if at > len(content) or 0 <= next_at < at:
+        raise ValueError
+    return _Entry(group, name, values, next_at)
+
+
+def _decode(data: bytes, kind: int, sides: list[int], processor: int) -> Values:
+    """Return the values of a parameter."""
+    if kind == _CHAR:
+        length = sides[0] if sides else 1
+        rows = [data[start : start + length] for start in range(0, len(data), max(1, length))]
+        return [row.decode("utf-8", "replace").strip(" \0") for row in rows]
+    if kind == _BYTE:
+        return [float(value) for value in data]
+    if kind == _INTEGER:
+        order = ">" if processor == _MIPS else "<"
+        return [float(value) for value in np.frombuffer(data, f"{order}u2")]
+    if kind == _FLOAT:
+        return [float(value) for value in _floats(data, processor)]
+    raise ValueError
+
+
+def _floats(data: bytes, processor: int) -> npt.NDArray[np.float64]:
+    """Decode single precision numbers of one of three processors."""
+    if processor == _DEC:
+        # The halves are swapped and the exponent counts from two more.
+        halves = np.frombuffer(data, "<u2").reshape(-1, 2)[:, ::-1]
+        return np.ascontiguousarray(halves).view("<f4").ravel().astype(np.float64) / 4.0
+    return np.frombuffer(data, ">f4" if processor == _MIPS else "<f4").astype(np.float64)
