@@ -97,15 +97,15 @@ def load_pipeline(path: Path, settings: tuple[str, ...] = ()) -> PipelineConfig:
         if key in content:
             content[key] = _absolute(content[key], path.resolve().parent)
     label = content.get("label")
-    if isinstance(label, dict):
-        # A config without a method is the simplest one.
-        label.setdefault("method", "named")
-        if "learn_from" in label:
-            label["learn_from"] = _absolute(label["learn_from"], path.resolve().parent)
+    if isinstance(label, dict) and "learn_from" in label:
+        label["learn_from"] = _absolute(label["learn_from"], path.resolve().parent)
     for key in ("robot", "task"):
         content[key] = _own_file(content.get(key), path.resolve().parent)
     for setting in settings:
         _apply(content, setting)
+    if isinstance(content.get("label"), dict):
+        # A config without a method is the simplest one.
+        content["label"].setdefault("method", "named")
     return parse_config(
         {k: v for k, v in content.items() if v is not None}, PipelineConfig, path, lines
     )

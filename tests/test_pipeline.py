@@ -90,7 +90,11 @@ def test_the_files_of_the_design_are_there(finished):
     } <= {path.name for path in finished.iterdir()}
     state = json.loads((finished / "run.json").read_text())
     assert state["status"] == "done"
-    assert len(state["inputs"]) == 2
+    assert set(state["inputs"]) >= {
+        "subject1.tsv",
+        "subject1_manually_segmented.json",
+        "person.tsv",
+    }
     names = [row["name"] for row in json.loads((finished / "timing.json").read_text())["stages"]]
     assert names == [
         "read", "label", "segment", "train", "recognize", "select", "map", "imitate", "refine",
@@ -239,7 +243,8 @@ def truncated_tsv(folder, capture):
 def missing_marker(folder, capture):
     text = next(capture.glob("*.tsv")).read_text().replace("Elbow", "Nose")
     (folder / "a.tsv").write_text(text)
-    return STICK_THROW, ("--set", f"recordings={folder / 'a.tsv'}"), r"a\.tsv: .*'?elbow'?"
+    settings = ("--set", f"recordings={folder / 'a.tsv'}", "--set", "label={markers: right_arm}")
+    return STICK_THROW, settings, r"a\.tsv: .*'?elbow'?"
 
 
 def no_examples(folder, capture):

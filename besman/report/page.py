@@ -198,8 +198,8 @@ def _stage_table(timing: dict[str, Any], results: dict[str, Any]) -> str:
         "<h2>What every stage cost</h2>"
         + _table(header, rows)
         + '<p class="soft">Per item: of the computation, also where it was cached. Thesis: table '
-        f"7.1 (8 throws), scaled to the {n} demonstrations here; its labelling began with unnamed "
-        "dots, and its imitation covers select, map and imitate.</p>"
+        f"7.1 (8 throws), scaled to the {n} demonstrations here; its imitation covers select, map "
+        "and imitate.</p>"
     )
 
 

@@ -59,8 +59,8 @@ def print_report(folder: Path, console: Console) -> None:
 
 def _caption(n: int) -> str:
     return (
-        f"thesis: table 7.1, scaled to {n} demonstrations; its times for labelling are for unnamed "
-        "dots, and its imitation covers select, map and imitate"
+        f"thesis: table 7.1, scaled to {n} demonstrations; its imitation covers select, map and "
+        "imitate"
     )
 
 
@@ -77,6 +77,12 @@ def outcome_lines(results: dict[str, Any]) -> list[str]:
     list of str
     """
     lines = []
+    label = results.get("label", {})
+    if "right_share" in label:
+        lines.append(
+            f"labelling: {label['right_share']:.2%} of the marker samples named right, "
+            f"{label['wrong_share']:.2%} wrong, {len(label['review'])} trajectories for review"
+        )
     segment = results.get("segment", {})
     if "f1" in segment:
         lines.append(

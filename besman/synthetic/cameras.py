@@ -15,6 +15,8 @@ FloatArray = npt.NDArray[np.float64]
 
 _ENOUGH_CAMERAS = 2
 _HELD = {("stick", "right_hand")}
+_THROWN = {"stick"}
+_RANGE_SPREAD = (0.75, 1.25)
 _RANGES_M = (2.0, 12.0)
 _HALVINGS = 9
 _LOOK_EVERY_S = 0.1
@@ -82,7 +84,7 @@ def place_cameras(room: Room, rng: np.random.Generator) -> FloatArray:
 def see_markers(
     capture: Capture,
     cameras: FloatArray,
-    range_m: float,
+    ranges: FloatArray,
     blur_deg: float = Room.blur_deg,
     stride: int = 1,
 ) -> npt.NDArray[np.bool_]:
@@ -94,8 +96,8 @@ def see_markers(
         With its true motion.
     cameras : array, shape (C, 3)
         Metres in the laboratory frame.
-    range_m : float
-        A camera sees markers no farther away.
+    ranges : array, shape (C,)
+        A camera sees markers no farther away, metres.
     blur_deg : float
         See `Room`.
     stride : int
@@ -127,25 +129,44 @@ def see_markers(
         np.array([box.half_m for box in boxes]).reshape(-1, 3),
         np.array([[(marker, limb) in _HELD for limb in limbs.names] for marker in markers]),
         np.deg2rad(blur_deg),
-        range_m,
+        ranges,
         _ENOUGH_CAMERAS,
     )
     return views >= _ENOUGH_CAMERAS
 
 
-def find_range(capture: Capture, cameras: FloatArray, room: Room) -> float:
-    """Find how far cameras may see so that the wanted share of samples is missing, metres."""
+def find_range(capture: Capture, cameras: FloatArray, shares: FloatArray, room: Room) -> float:
+    """Find how far cameras may see so that the wanted share of samples is missing.
+
+    Parameters
+    ----------
+    capture : Capture
+    cameras : array, shape (C, 3)
+        Metres in the laboratory frame.
+    shares : array, shape (C,)
+        How far each camera sees, as a share of the answer.
+    room : Room
+
+    Returns
+    -------
+    float
+        Metres. Markers of thrown things do not count: they leave the place that cameras look at.
+    """
     stride = max(1, round(_LOOK_EVERY_S * capture.recording.rate_hz))
-    there = np.isfinite(capture.recording.positions[::stride, :, 0])
+    body = [marker not in _THROWN for marker in _canonical(capture.recording)]
+    there = np.isfinite(capture.recording.positions[::stride, body, 0])
     near, far = _RANGES_M
+    missing = {near: 1.0, far: 0.0}
     for _ in range(_HALVINGS):
         middle = 0.5 * (near + far)
-        seen = see_markers(capture, cameras, middle, room.blur_deg, stride)
-        if seen.sum() < (1.0 - room.missing_share) * there.sum():
+        seen = see_markers(capture, cameras, middle * shares, room.blur_deg, stride)[:, body]
+        missing[middle] = 1.0 - float(seen.sum() / there.sum())
+        if missing[middle] > room.missing_share:
             near = middle
         else:
             far = middle
-    return far
+    # A marker may come into view all at once: take the side that is nearer to what is wanted.
+    return min(near, far, key=lambda reach: abs(missing[reach] - room.missing_share))
 
 
 def to_unlabelled(capture: Capture, rng: np.random.Generator, room: Room | None = None) -> Capture:
@@ -167,7 +188,10 @@ def to_unlabelled(capture: Capture, rng: np.random.Generator, room: Room | None 
     room = room or Room()
     recording = capture.recording
     cameras = place_cameras(room, rng)
-    seen = see_markers(capture, cameras, find_range(capture, cameras, room), room.blur_deg)
+    # Lenses and exposure differ from camera to camera.
+    ranges = rng.uniform(*_RANGE_SPREAD, room.n_cameras)
+    ranges *= find_range(capture, cameras, ranges, room)
+    seen = see_markers(capture, cameras, ranges, room.blur_deg)
     markers = _canonical(recording)
     pieces = [
         (start, recording.positions[start:stop, column], markers[column])

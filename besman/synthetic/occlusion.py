@@ -23,7 +23,7 @@ def count_views(
     box_halves: FloatArray,
     exempt: npt.NDArray[np.bool_],
     blur_rad: float,
-    range_m: float,
+    ranges: FloatArray,
     enough: int,
 ) -> npt.NDArray[np.uint8]:  # pragma: no cover
     """Count the cameras with a free line of sight to each marker.
@@ -48,8 +48,8 @@ def count_views(
         True where a capsule does not hide a marker: what is held is not hidden by the hand.
     blur_rad : float
         A camera does not tell markers apart that it sees closer to each other than this.
-    range_m : float
-        A camera sees markers no farther away.
+    ranges : array, shape (C,)
+        A camera sees markers no farther away, metres.
     enough : int
         Counting stops at this number.
 
@@ -63,11 +63,12 @@ def count_views(
         for m in range(n_points):
             if np.isnan(points[t, m, 0]):
                 continue
-            for camera in cameras:
+            for c in range(len(cameras)):
+                camera = cameras[c]
                 away = 0.0
                 for i in range(3):
                     away += (points[t, m, i] - camera[i]) ** 2
-                if away > range_m**2:
+                if away > ranges[c] ** 2:
                     continue
                 free = True
                 for k in range(len(radii)):

@@ -54,9 +54,9 @@ BOX_MARKERS = {
     "box_left": np.array([0.0, -_BOX_HALF_M[1] - 0.008, 0.03]),
 }
 # Middle of the box from the hand that grasps it: ahead, left, up.
-_BOX_FROM_HAND = np.array([0.08, 0.085, -0.02])
+_BOX_FROM_HAND = np.array([0.085, 0.095, -0.02])
 FINGER_MARKERS = {
-    "thumb": (np.array([0.040, 0.060, -0.010]), np.array([0.050, 0.045, -0.045])),
+    "thumb": (np.array([0.030, 0.060, -0.010]), np.array([0.026, 0.052, -0.040])),
     "index": (np.array([0.115, 0.020, 0.005]), np.array([0.100, 0.015, -0.022])),
     "middle": (np.array([0.118, -0.016, 0.005]), np.array([0.106, -0.018, -0.022])),
 }

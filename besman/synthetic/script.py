@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial.transform import Rotation
 
 from besman.synthetic.bells import Bell
 from besman.synthetic.person import Person
@@ -17,6 +18,8 @@ FloatArray = npt.NDArray[np.float64]
 IDLE = "idle"
 # Shares of the reach between which a hand stays: the elbow neither locks nor folds.
 _NEAREST, _FARTHEST = 0.32, 0.93
+# Shares of the stretched arm: what is never passed, and within how much of it hands slow down.
+_LOCKED, _SOFT = 0.985, 0.02
 # Two movements with less rest between them are not told apart by a pause.
 _SHORTEST_PAUSE_S = 0.12
 # A hesitation: share of the way done before it, and how long both parts take.
@@ -313,14 +316,32 @@ def follow(
     return moved[:, :3], moved[:, 3:6], moved[:, 6:9], moved[:, 9]
 
 
-def keep_within_reach(person: Person, hand: FloatArray) -> FloatArray:
-    """Draw hand positions, shape (T, 3), smoothly in to what the arm reaches.
+def keep_within_reach(person: Person, hand: FloatArray, wrist_joints: FloatArray) -> FloatArray:
+    """Draw hand positions smoothly in to what the arm reaches.
 
-    Overlapping strokes and bends may lead a little past the poses they join.
+    Overlapping strokes and bends may lead a little past the poses they join, and a bent wrist
+    makes the arm shorter.
+
+    Parameters
+    ----------
+    person : Person
+    hand : array, shape (T, 3)
+        From the shoulder, metres.
+    wrist_joints : array, shape (T, 3)
+        Forearm rotation, wrist flexion and deviation, rad.
+
+    Returns
+    -------
+    array, shape (T, 3)
     """
-    distance = np.linalg.norm(hand, axis=1) / person.reach_m
-    soft = 0.03
-    low = _NEAREST - 0.02 + soft * np.logaddexp(0.0, (distance - _NEAREST + 0.02) / soft)
-    within = 0.96 - soft * np.logaddexp(0.0, (0.96 - low) / soft)
+    link = Rotation.from_euler("XYZ", wrist_joints).apply(person.wrist_to_hand)
+    link[:, 0] += person.forearm_m
+    # Stretched, the elbow turns forearm and hand into the upper arm's direction but for the part
+    # along its axis.
+    stretched = person.upper_arm_m + np.hypot(link[:, 0], link[:, 2])
+    farthest = np.hypot(stretched, link[:, 1])
+    distance = np.linalg.norm(hand, axis=1) / farthest
+    low = _NEAREST - 0.02 + _SOFT * np.logaddexp(0.0, (distance - _NEAREST + 0.02) / _SOFT)
+    within = _LOCKED - _SOFT * np.logaddexp(0.0, (_LOCKED - low) / _SOFT)
     drawn: FloatArray = hand * (within / distance)[:, np.newaxis]
     return drawn

@@ -158,7 +158,7 @@ def _move_body(
     joints = {}
     for side, (hand, wrist_joints, pole, _) in paths.items():
         turn = _turned(twist if side == RIGHT else -twist)
-        seen = keep_within_reach(person, see_from_torso(person, hand, turn))
+        seen = keep_within_reach(person, see_from_torso(person, hand, turn), wrist_joints)
         solved = reach_with(person, seen, wrist_joints, turn.inv().apply(pole))
         if setting.joint_noise is not None:
             solved = setting.joint_noise(solved, setting.rate_hz)
