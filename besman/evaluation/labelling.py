@@ -192,7 +192,7 @@ def labelling_table(rows: list[dict[str, Any]]) -> Table:
     from rich.table import Table
 
     table = Table()
-    table.add_column("recordings", min_width=24)
+    table.add_column("recordings", min_width=16)
     for column in ("missing", "right %", "wrong %", "clean %", "per frame %", "s each"):
         table.add_column(column)
     ours = [row for row in rows if row["method"] == "fragments"]
