@@ -192,8 +192,8 @@ def labelling_table(rows: list[dict[str, Any]]) -> Table:
     from rich.table import Table
 
     table = Table()
-    table.add_column("recordings", min_width=16)
-    for column in ("missing", "right %", "wrong %", "clean %", "per frame %", "s each"):
+    table.add_column("recordings")
+    for column in ("missing", "right %", "wrong %", "clean %", "plain %", "s each"):
         table.add_column(column)
     ours = [row for row in rows if row["method"] == "fragments"]
     plain = iter(row for row in rows if row["method"] == "per_frame")
