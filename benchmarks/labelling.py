@@ -45,7 +45,7 @@ def main() -> None:
     options = parser.parse_args()
     rows = evaluate_labelling(options.data, options.seeds)["rows"]
     Console(width=150).print(labelling_table(rows))
-    folder = options.data or resource_folder("data")
+    folder = options.data or resource_folder("data") / "stick_throw"
     protocol = make_protocols(folder)[-1]
     take = next(take for take in protocol.takes if take.markers)
     print(f"{take.source} played to and fro at 500 Hz, {len(take.markers)} markers")

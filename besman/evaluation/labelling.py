@@ -94,7 +94,9 @@ def evaluate_labelling(
     BesmanError
         If there is nothing to evaluate, or a file cannot be read.
     """
-    protocols = make_protocols(data or resource_folder("data"), synthetic=data is None)
+    protocols = make_protocols(
+        data or resource_folder("data") / "stick_throw", synthetic=data is None
+    )
     rows: list[dict[str, Any]] = []
     steps = [(protocol, level) for protocol in protocols for level in LEVELS]
     for done, (protocol, (missing, ghosts)) in enumerate(steps, start=1):
@@ -189,11 +191,14 @@ def labelling_table(rows: list[dict[str, Any]]) -> Table:
     """Return the rows as a table for the terminal: both methods side by side."""
     from rich.table import Table
 
-    table = Table("recordings", "missing", "right %", "wrong %", "clean %", "per frame %", "s each")
+    table = Table()
+    table.add_column("recordings")
+    for column in ("missing", "right %", "wrong %", "clean %", "plain %", "s each"):
+        table.add_column(column)
     ours = [row for row in rows if row["method"] == "fragments"]
     plain = iter(row for row in rows if row["method"] == "per_frame")
     for row in ours:
-        head = f"{row['dataset']} ({row['source']}): {row['named']}, by {row['learnt_from']}"
+        head = f"{row['dataset']} ({row['source']})\n{row['named']}, by {row['learnt_from']}"
         if "named_share" in row:
             share = f"{100 * row['named_share']:.1f} of samples"
             table.add_row(head, f"{row['n_fragments']} fragments", share)
