@@ -18,24 +18,32 @@ from besman.synthetic.two_arms import OBJECT_ROTATION_BLOCKS
 DATA = Path(__file__).parents[2] / "data"
 
 
-def test_the_embedded_sample_is_what_the_generator_writes(tmp_path):
-    write_synthetic("stick_throw", tmp_path, 2, 8, 100)
-    embedded = sorted((DATA / "stick_throw").iterdir())
+@pytest.mark.parametrize("folder", ["stick_throw", "stick_throw_unlabelled"])
+def test_the_embedded_sample_is_what_the_generator_writes(tmp_path, folder):
+    room = Room() if folder.endswith("unlabelled") else None
+    write_synthetic("stick_throw", tmp_path, 2, 8, 100, room=room)
+    embedded = sorted((DATA / folder).iterdir())
     made = {path.name for path in tmp_path.iterdir() if path.suffix != ".npz"}
     assert {path.name for path in embedded} == made
     for path in embedded:
         assert path.read_bytes() == (tmp_path / path.name).read_bytes(), path.name
-    assert sum(path.stat().st_size for path in embedded) < 5e6
+
+
+def test_the_calibration_is_what_the_generator_writes(tmp_path):
+    write_synthetic("stick_throw", tmp_path, 1, 1, 100, 77)
+    embedded = DATA / "stick_throw_calibration" / "person.tsv"
+    assert embedded.read_bytes() == (tmp_path / "subject1.tsv").read_bytes()
 
 
 def test_checksums_of_the_embedded_sample():
-    listed = dict(re.findall(r"\| ([0-9a-f]{64}) \| (\S+) \|", (DATA / "SOURCES.md").read_text()))
-    found = {
-        hashlib.sha256(path.read_bytes()).hexdigest(): f"{folder}/{path.name}"
-        for folder in ("stick_throw", "stick_throw_unlabelled")
-        for path in (DATA / folder).iterdir()
+    rows = re.findall(r"\| ([0-9a-f]{64}) \| (\S+) \|", (DATA / "SOURCES.md").read_text())
+    files = [path for path in DATA.glob("*/*") if path.is_file()]
+    assert {name: checksum for checksum, name in rows} == {
+        path.relative_to(DATA).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in files
     }
-    assert listed == found
+    sample = [path for path in files if path.parent.name == "stick_throw_unlabelled"]
+    assert sum(path.stat().st_size for path in sample) < 5e6
 
 
 def test_files_say_what_was_simulated(tmp_path):
