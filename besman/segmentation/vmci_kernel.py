@@ -23,6 +23,9 @@ def run_viterbi(
     bell_width: float,
     weight_variance: float,
     speed_weight_variance: float,
+    noise_scale: float,
+    nu_position: float,
+    nu_speed: float,
 ) -> tuple[FloatArray, npt.NDArray[np.int64]]:  # pragma: no cover
     """Run the recursion of eq. (4.7) and (4.8) in the log domain.
 
@@ -36,8 +39,10 @@ def run_viterbi(
     factor : array, shape (L + 1,)
         What depends on nothing but the length of a segment, see `besman.segmentation.vmci`; L is
         the longest.
-    n_centres, bell_width, weight_variance, speed_weight_variance
+    n_centres, bell_width, weight_variance, speed_weight_variance, noise_scale
         See `besman.segmentation.vmci.VmciModel`.
+    nu_position, nu_speed : float
+        Degrees of freedom of the noise of positions and speeds.
 
     Returns
     -------
@@ -58,13 +63,22 @@ def run_viterbi(
     for first in range(0, n_samples, block):
         width = min(block, n_samples - first)
         _speed_evidence(
-            padded, first, width, longest, n_centres, bell_width, speed_weight_variance, evidence
+            padded,
+            first,
+            width,
+            longest,
+            n_centres,
+            bell_width,
+            speed_weight_variance,
+            noise_scale,
+            nu_speed,
+            evidence,
         )
         for b in range(width):
             end = first + 1 + b
-            _start_root(root, weight_variance)
+            _start_root(root, weight_variance, noise_scale)
             best[end], previous[end] = _search_starts(
-                positions, end, best, factor, evidence[b], root, row
+                positions, end, best, factor, evidence[b], nu_position, root, row
             )
     return best, previous
 
@@ -76,6 +90,7 @@ def _search_starts(
     best: FloatArray,
     factor: FloatArray,
     speed_evidence: FloatArray,
+    nu: float,
     root: FloatArray,
     row: FloatArray,
 ) -> tuple[float, int]:  # pragma: no cover
@@ -97,14 +112,16 @@ def _search_starts(
             weights *= root[k, k]
             noise *= root[d + k, d + k]
         value = best[start] + factor[n] + speed_evidence[n]
-        value -= d * math.log(weights) + (n + d + 2) * math.log(noise)
+        value -= d * math.log(weights) + (n + nu) * math.log(noise)
         if value > highest:
             highest, at = value, start
     return highest, at
 
 
 @njit(cache=True, nogil=True)
-def _start_root(root: FloatArray, weight_variance: float) -> None:  # pragma: no cover
+def _start_root(
+    root: FloatArray, weight_variance: float, noise_scale: float
+) -> None:  # pragma: no cover
     """Start the triangular root of [H Y]'[H Y] + diag(1/D, S) from the prior alone."""
     d = root.shape[0] // 2
     for i in range(2 * d):
@@ -112,7 +129,7 @@ def _start_root(root: FloatArray, weight_variance: float) -> None:  # pragma: no
             root[i, k] = 0.0
     for k in range(d):
         root[k, k] = 1.0 / math.sqrt(weight_variance)
-        root[d + k, d + k] = 1.0
+        root[d + k, d + k] = math.sqrt(noise_scale)
 
 
 @njit(cache=True, nogil=True)
@@ -143,6 +160,8 @@ def _speed_evidence(
     n_centres: int,
     bell_width: float,
     variance: float,
+    noise_scale: float,
+    nu: float,
     evidence: FloatArray,
 ) -> None:  # pragma: no cover
     """Fill the best log-evidence over the centres, eq. (A.17), for a block of ends.
@@ -184,10 +203,10 @@ def _speed_evidence(
                         noise[m, other] = (
                             squares[m, other, b] - (height * p + level * q) / determinant
                         )
-                    noise[m, m] += 1.0
+                    noise[m, m] += noise_scale
                 if not hangs:
                     value = -0.5 * n_sensors * math.log(determinant)
-                    value -= 0.5 * (n + n_sensors + 2) * _log_determinant(noise)
+                    value -= 0.5 * (n + nu) * _log_determinant(noise)
                     if value > evidence[b, n]:
                         evidence[b, n] = value
 
