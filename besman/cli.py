@@ -48,7 +48,7 @@ def run(
     pipeline: Annotated[str, typer.Argument(help="A YAML file, or the name of a pipeline.")],
     out: Out = None,
     settings: Annotated[
-        list[str] | None, typer.Option("--set", help="KEY=VALUE, e.g. segment.rate_hz=20.")
+        list[str] | None, typer.Option("--set", help="KEY=VALUE, e.g. select.label=throw.")
     ] = None,
     fresh: Annotated[str | None, typer.Option(help="Stage to compute anew.")] = None,
     jobs: Jobs = ALL_CORES,
@@ -93,9 +93,9 @@ def retarget(
 @app.command()
 def segment(
     recordings: Recordings,
-    method: Annotated[str, typer.Option(help="Segmentation method.")] = "vmci",
+    method: Annotated[str, typer.Option(help="Segmentation method.")] = "valley_vmci",
     markers: Annotated[str, typer.Option(help="Marker set.")] = "right_arm",
-    rate_hz: Annotated[float | None, typer.Option(help="Sampling rate of the method.")] = None,
+    rate_hz: Annotated[float | None, typer.Option(help="Sampling rate of a method that has one.")] = None,
     json_file: Json = None,
 ) -> None:
     """Find the borders of the building blocks in recordings."""

@@ -13,6 +13,42 @@ FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 
+# A step of time may differ by this share from the mean: clocks and rounded files do.
+_UNEVEN = 0.1
+
+
+def gather_paths(recording: LabelledRecording, markers: tuple[str, ...]) -> FloatArray:
+    """Stack the paths of markers, shape (T, m, 3), metres; refuse gaps and uneven time.
+
+    Raises
+    ------
+    SegmentationError
+        If a marker was not seen throughout, there are fewer than two samples, or time steps differ.
+    """
+    if len(recording.time) < 2:
+        raise SegmentationError(
+            f"{recording.source}: got {len(recording.time)} samples; expected at least 2"
+        )
+    steps = np.diff(recording.time)
+    uneven = np.abs(steps * recording.rate_hz - 1) > _UNEVEN
+    if uneven.any():
+        row = int(np.argmax(uneven))
+        raise SegmentationError(
+            f"{recording.source}: frame {recording.first_frame + row + 1} comes "
+            f"{steps[row]:.4g} s after the one before; expected {1 / recording.rate_hz:.4g} s "
+            f"throughout ({recording.rate_hz:g} Hz)"
+        )
+    paths = np.stack([recording.marker(name) for name in markers], axis=1)
+    seen = np.isfinite(paths).all(axis=2)
+    if not seen.all():
+        row, column = np.argwhere(~seen)[0]
+        raise SegmentationError(
+            f"{recording.source}: marker {markers[column]!r} was not seen in frame "
+            f"{recording.first_frame + row}; expected no gaps"
+        )
+    return paths
+
+
 def sample_paths(
     recording: LabelledRecording, markers: tuple[str, ...], rate_hz: float
 ) -> tuple[FloatArray, float]:
@@ -37,20 +73,9 @@ def sample_paths(
     Raises
     ------
     SegmentationError
-        If a marker was not seen throughout or there are fewer than two samples.
+        If a marker was not seen throughout, there are fewer than two samples, or time steps differ.
     """
-    if len(recording.time) < 2:
-        raise SegmentationError(
-            f"{recording.source}: got {len(recording.time)} samples; expected at least 2"
-        )
-    paths = np.stack([recording.marker(name) for name in markers], axis=1)
-    seen = np.isfinite(paths).all(axis=2)
-    if not seen.all():
-        row, column = np.argwhere(~seen)[0]
-        raise SegmentationError(
-            f"{recording.source}: marker {markers[column]!r} was not seen in frame "
-            f"{recording.first_frame + row}; expected no gaps"
-        )
+    paths = gather_paths(recording, markers)
     rate_hz = min(rate_hz, recording.rate_hz)
     samples = resample(recording.time, paths, rate_hz)
     if len(samples) < 2:
@@ -82,10 +107,37 @@ def to_rows(borders: IntArray, rate_hz: float, recording: LabelledRecording) -> 
     return rows
 
 
+def spread(values: FloatArray, rate_hz: float, recording: LabelledRecording) -> FloatArray:
+    """Give every row of a recording the value of the nearest sample of a method.
+
+    Parameters
+    ----------
+    values : array, shape (R,)
+        Values at the rate of a method.
+    rate_hz : float
+        Samples per second of the method.
+    recording : LabelledRecording
+        T rows.
+
+    Returns
+    -------
+    array, shape (T,)
+    """
+    nearest = np.round(np.arange(len(recording.time)) * (rate_hz / recording.rate_hz))
+    return values[np.minimum(nearest.astype(np.int64), len(values) - 1)]
+
+
 def to_segments(
-    borders: IntArray, rate_hz: float, recording: LabelledRecording, log_evidence: float
+    borders: IntArray,
+    rate_hz: float,
+    recording: LabelledRecording,
+    log_evidence: float,
+    border_probability: FloatArray | None = None,
 ) -> Segments:
-    """Make segments of borders at the rate of a method; see `to_rows`."""
+    """Make segments of borders at the rate of a method; see `to_rows` and `spread`."""
+    expected = np.empty(0)
+    if border_probability is not None:
+        expected = spread(border_probability, rate_hz, recording)
     rows = to_rows(borders, rate_hz, recording)
     return Segments(
         bounds=np.stack([rows[:-1], rows[1:]], axis=1),
@@ -93,4 +145,5 @@ def to_segments(
         rate_hz=recording.rate_hz,
         source=recording.source,
         first_frame=recording.first_frame,
+        border_probability=expected,
     )

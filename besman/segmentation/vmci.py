@@ -188,13 +188,13 @@ def tabulate_lengths(
     prior = (n - 1) * np.log1p(-border_probability) + np.log(border_probability)
     if longest is not None:
         prior -= np.log(-np.expm1(longest * np.log1p(-border_probability)))
-    position = _length_factor(n, d_position, model)
+    position = length_factor(n, d_position, model)
     position -= 0.5 * d_position**2 * np.log(model.weight_variance)
-    speed = _length_factor(n, d_speed, model) - d_speed * np.log(model.speed_weight_variance)
+    speed = length_factor(n, d_speed, model) - d_speed * np.log(model.speed_weight_variance)
     return prior - np.log(model.n_centres) + position + speed
 
 
-def _length_factor(n: FloatArray, d: int, model: VmciModel) -> FloatArray:
+def length_factor(n: FloatArray, d: int, model: VmciModel) -> FloatArray:
     """Log of pi^{-n d / 2} |S|^{nu / 2} Gamma_d((n + nu) / 2) / Gamma_d(nu / 2)."""
     from scipy.special import gammaln
 

@@ -76,7 +76,7 @@ def run_viterbi(
         )
         for b in range(width):
             end = first + 1 + b
-            _start_root(root, weight_variance, noise_scale)
+            start_root(root, weight_variance, noise_scale)
             best[end], previous[end] = _search_starts(
                 positions, end, best, factor, evidence[b], nu_position, root, row
             )
@@ -105,7 +105,7 @@ def _search_starts(
         for k in range(d):
             row[k] = positions[max(start - 1, 0), k]
             row[d + k] = positions[start, k]
-        _rotate_into(root, row)
+        rotate_into(root, row)
         weights = 1.0
         noise = 1.0
         for k in range(d):
@@ -119,7 +119,7 @@ def _search_starts(
 
 
 @njit(cache=True, nogil=True)
-def _start_root(
+def start_root(
     root: FloatArray, weight_variance: float, noise_scale: float
 ) -> None:  # pragma: no cover
     """Start the triangular root of [H Y]'[H Y] + diag(1/D, S) from the prior alone."""
@@ -133,7 +133,7 @@ def _start_root(
 
 
 @njit(cache=True, nogil=True)
-def _rotate_into(root: FloatArray, row: FloatArray) -> None:  # pragma: no cover
+def rotate_into(root: FloatArray, row: FloatArray) -> None:  # pragma: no cover
     """Add one sample to the triangular root by Givens rotations.
 
     The upper left triangle is then the root of M^-1, the lower right one the root of Y'PY + S:
@@ -185,7 +185,7 @@ def _speed_evidence(
         for b in range(width):
             evidence[b, n] = -np.inf if n_sensors else 0.0
         for c in range(n_centres if n_sensors else 0):
-            total, total_squares = _shape_bell(bell, n, (c + 1) / (n_centres + 1), bell_width)
+            total, total_squares = shape_bell(bell, n, (c + 1) / (n_centres + 1), bell_width)
             for m in range(n_sensors):
                 _correlate(padded[m], at, bell, n, products[m])
             a = total_squares + 1.0 / variance
@@ -206,13 +206,13 @@ def _speed_evidence(
                     noise[m, m] += noise_scale
                 if not hangs:
                     value = -0.5 * n_sensors * math.log(determinant)
-                    value -= 0.5 * (n + nu) * _log_determinant(noise)
+                    value -= 0.5 * (n + nu) * log_determinant(noise)
                     if value > evidence[b, n]:
                         evidence[b, n] = value
 
 
 @njit(cache=True, nogil=True)
-def _shape_bell(
+def shape_bell(
     bell: FloatArray, n: int, centre: float, bell_width: float
 ) -> tuple[float, float]:  # pragma: no cover
     """Write the bell of eq. (4.2) over n samples; return its sum and its sum of squares."""
@@ -255,7 +255,7 @@ def _correlate(
 
 
 @njit(cache=True, nogil=True)
-def _log_determinant(matrix: FloatArray) -> float:  # pragma: no cover
+def log_determinant(matrix: FloatArray) -> float:  # pragma: no cover
     """Log-determinant of a small symmetric matrix given by its lower triangle, which it spoils."""
     size = matrix.shape[0]
     product = 1.0
