@@ -95,7 +95,9 @@ def segment(
     recordings: Recordings,
     method: Annotated[str, typer.Option(help="Segmentation method.")] = "valley_vmci",
     markers: Annotated[str, typer.Option(help="Marker set.")] = "right_arm",
-    rate_hz: Annotated[float | None, typer.Option(help="Sampling rate of a method that has one.")] = None,
+    rate_hz: Annotated[
+        float | None, typer.Option(help="Sampling rate of a method that has one.")
+    ] = None,
     json_file: Json = None,
 ) -> None:
     """Find the borders of the building blocks in recordings."""
@@ -108,6 +110,56 @@ def segment(
     if json_file is not None:
         write_json(json_file, found)
     Console().print(segment_table(found))
+
+
+evaluate_app = typer.Typer(
+    help="Measure a table of the thesis on given data.", no_args_is_help=True
+)
+app.add_typer(evaluate_app, name="evaluate")
+
+
+@evaluate_app.command("segmentation")
+def evaluate_segmentation(
+    data: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder of recordings with manual segments; simulated data if not given."
+        ),
+    ] = None,
+    methods: Annotated[
+        str | None, typer.Option(help="Methods, separated by commas; all if not given.")
+    ] = None,
+    margin_s: Annotated[
+        float | None, typer.Option(help="Greatest distance of a border found; the thesis' if not.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of simulated data and bootstrap.")] = 0,
+    json_file: Json = None,
+    figures: Annotated[
+        Path | None, typer.Option(help="Folder for figures of the recordings.")
+    ] = None,
+) -> None:
+    """Compare segmentation methods (tables 4.1 to 4.4)."""
+    from rich.console import Console
+
+    from besman.evaluation import segmentation as experiment
+    from besman.run import write_json
+    from besman.terminal import stage_display
+
+    chosen = None if methods is None else [name.strip() for name in methods.split(",")]
+    notes: list[str] = []
+    with stage_display() as display:
+        progress, end = display("evaluate")
+        result = experiment.evaluate_segmentation(
+            data, chosen, margin_s, seed, figures, progress, notes.append
+        )
+        end(True)
+    if json_file is not None:
+        write_json(json_file, result)
+    console = Console()
+    for table in experiment.segmentation_tables(result["rows"]):
+        console.print(table)
+    for line in notes:
+        console.print(line, highlight=False, soft_wrap=True)
 
 
 @app.command()

@@ -210,13 +210,13 @@ class BpArHmmSampler:
         """Take up or leave each autoregression that others use; returns the log-likelihood."""
         n, rng = len(self._y), self._rng
         others = self.used.sum(axis=0) - self.used[i]
-        for k in np.flatnonzero(others):
+        for k in map(int, np.flatnonzero(others)):
             odds = np.log(others[k]) - np.log(n - 1 + self.concentration - others[k])
             proposed = self.used[i].copy()
             proposed[k] = not proposed[k]
             before = self.weights[i].copy()
             if proposed[k]:
-                self._draw_weights_of(i, int(k))
+                self._draw_weights_of(i, k)
             new = self._filter(i, proposed)
             ratio = new - value + (odds if proposed[k] else -odds)
             if np.log(rng.random()) < ratio:
@@ -234,8 +234,9 @@ class BpArHmmSampler:
         n, rng = len(self._y), self._rng
         rate = self.mass * self.concentration / (n - 1 + self.concentration)
         unique = np.flatnonzero(self.used[i] & (self.used.sum(axis=0) == 1))
-        length = min(rng.integers(self.prior.shortest, self.prior.longest + 1), len(self._y[i]))
-        start = rng.integers(len(self._y[i]) - length + 1)
+        drawn_length = int(rng.integers(self.prior.shortest, self.prior.longest + 1))
+        length = min(drawn_length, len(self._y[i]))
+        start = int(rng.integers(len(self._y[i]) - length + 1))
         window = slice(start, start + length)
         data = self.base.update(self._h[i][window], self._y[i][window])
         if rng.random() < 0.5:
@@ -376,7 +377,7 @@ class BpArHmmSampler:
         self._likelihoods = [values[:, kept] for values in self._likelihoods]
 
     def _gather(self, k: int) -> tuple[FloatArray, FloatArray]:
-        """Samples in state k, and the ones before them."""
+        """Gather the samples in state k, and the ones before them."""
         chosen = [z == k for z in self.states]
         h = [h[rows] for h, rows in zip(self._h, chosen, strict=True)]
         y = [y[rows] for y, rows in zip(self._y, chosen, strict=True)]

@@ -6,11 +6,14 @@ from typing import Annotated, Any, get_args
 
 from pydantic import BeforeValidator, Field
 
+from besman.segmentation.rivals import BpArHmmConfig, LocminConfig, MciConfig, ProbsConfig
 from besman.segmentation.stage import SegmentConfig, ValleyVmciConfig
 
 DefaultSegmentConfig = ValleyVmciConfig
 
-SegmentMethod = ValleyVmciConfig | SegmentConfig
+SegmentMethod = (
+    ValleyVmciConfig | SegmentConfig | MciConfig | LocminConfig | BpArHmmConfig | ProbsConfig
+)
 
 CONFIGS: dict[str, type[SegmentMethod]] = {
     config.model_fields["method"].default: config for config in get_args(SegmentMethod)
