@@ -7,12 +7,18 @@ from typing import Annotated, Any, get_args
 from pydantic import BeforeValidator, Field
 
 from besman.segmentation.rivals import BpArHmmConfig, LocminConfig, MciConfig, ProbsConfig
-from besman.segmentation.stage import SegmentConfig, ValleyVmciConfig
+from besman.segmentation.stage import SegmentConfig, ValleyVmciConfig, VmciOnlineConfig
 
 DefaultSegmentConfig = ValleyVmciConfig
 
 SegmentMethod = (
-    ValleyVmciConfig | SegmentConfig | MciConfig | LocminConfig | BpArHmmConfig | ProbsConfig
+    ValleyVmciConfig
+    | SegmentConfig
+    | VmciOnlineConfig
+    | MciConfig
+    | LocminConfig
+    | BpArHmmConfig
+    | ProbsConfig
 )
 
 CONFIGS: dict[str, type[SegmentMethod]] = {

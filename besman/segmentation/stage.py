@@ -9,9 +9,15 @@ from pydantic import Field
 
 from besman.records import LabelledRecording, Segments
 from besman.segmentation.sampling import gather_paths, sample_paths, spread, to_segments
-from besman.segmentation.signals import prepare_signals
+from besman.segmentation.signals import measure_scaling, prepare_signals
 from besman.segmentation.valley_vmci import EVIDENCE_HZ, find_movements
-from besman.segmentation.vmci import VmciModel, find_change_points, merge_single_samples
+from besman.segmentation.vmci import (
+    VmciModel,
+    find_change_points,
+    merge_single_samples,
+    weigh_borders,
+)
+from besman.segmentation.vmci_online import OnlineVmci
 from besman.stage import Stage, Work
 
 
@@ -82,8 +88,77 @@ class SegmentConfig(Stage):
             longest,
             VmciModel(n_centres=self.n_centres),
         )
+        weights = weigh_borders(
+            signals.positions,
+            signals.speeds,
+            self.border_probability or 1.0 / len(samples),
+            longest,
+            VmciModel(n_centres=self.n_centres),
+        )
         borders = merge_single_samples(found.borders)
-        return to_segments(borders, rate_hz, recording, found.log_probability)
+        return to_segments(borders, rate_hz, recording, found.log_probability, weights.probability)
+
+
+class VmciOnlineConfig(Stage):
+    """Velocity-based multiple change-point inference, sample by sample.
+
+    Attributes
+    ----------
+    rate_hz, markers, n_centres, border_probability
+        As in `SegmentConfig`.
+    longest_s : float
+        Greatest duration of a segment, seconds.
+    calibration_s : float, optional
+        The scaling is measured on so many seconds from the start, as a live stream has to; on the
+        whole recording if not given, which gives the segments of `vmci`.
+    """
+
+    method: Literal["vmci_online"] = "vmci_online"
+    rate_hz: float = Field(default=20.0, gt=0)
+    markers: Annotated[tuple[str, ...], Field(min_length=1)] = ("hand_top",)
+    n_centres: int = Field(default=3, ge=1)
+    longest_s: float = Field(default=10.0, gt=0)
+    border_probability: float | None = Field(default=None, gt=0, lt=1)
+    calibration_s: float | None = Field(default=None, gt=0)
+
+    def run(
+        self, recordings: tuple[LabelledRecording, ...], work: Work = Work()
+    ) -> tuple[Segments, ...]:
+        """Segment recordings; as `SegmentConfig.run`."""
+        results = []
+        for index, recording in enumerate(recordings):
+            results.append(self._segment(recording))
+            work.progress((index + 1) / len(recordings))
+        return tuple(results)
+
+    def _segment(self, recording: LabelledRecording) -> Segments:
+        samples, rate_hz = sample_paths(recording, self.markers, self.rate_hz)
+        known = samples
+        if self.calibration_s is not None:
+            known = samples[: max(2, round(self.calibration_s * rate_hz))]
+        scaling = measure_scaling(known)
+        n_rows = len(recording.time)
+        borders = [0]
+        if np.isfinite(scaling.step).any():
+            online = OnlineVmci(
+                scaling,
+                self.border_probability or 1.0 / len(samples),
+                recording.rate_hz,
+                rate_hz,
+                self.longest_s,
+                VmciModel(n_centres=self.n_centres),
+            )
+            for sample in gather_paths(recording, self.markers):
+                borders += online.update(sample)
+            borders += online.finish()
+        rows = np.array([*borders, n_rows], dtype=np.int64)
+        return Segments(
+            bounds=np.stack([rows[:-1], rows[1:]], axis=1),
+            log_evidence=float("nan"),
+            rate_hz=recording.rate_hz,
+            source=recording.source,
+            first_frame=recording.first_frame,
+        )
 
 
 class ValleyVmciConfig(Stage):

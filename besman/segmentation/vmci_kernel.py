@@ -13,10 +13,13 @@ FloatArray = npt.NDArray[np.float64]
 # Ends that are worked on together: long enough to share a bell, short enough for the cache.
 _BLOCK = 512
 
+# Ends whose triangular roots are turned together: they fit into the first cache.
+_LANE = 64
+
 
 @njit(cache=True, nogil=True)
 def run_viterbi(
-    positions: FloatArray,
+    paths: FloatArray,
     padded: FloatArray,
     factor: FloatArray,
     n_centres: int,
@@ -31,11 +34,11 @@ def run_viterbi(
 
     Parameters
     ----------
-    positions : array, shape (T, d)
-        Scaled positions.
+    paths : array, shape (2 * d, L + T)
+        Scaled positions of the sample before and of the sample, after L zeros, so that windows
+        that reach beyond the first sample need no case of their own.
     padded : array, shape (s, L + T)
-        Scaled speeds after L zeros, one row for each sensor, so that windows that reach beyond the
-        first sample need no case of their own.
+        Scaled speeds after L zeros, one row for each sensor.
     factor : array, shape (L + 1,)
         What depends on nothing but the length of a segment, see `besman.segmentation.vmci`; L is
         the longest.
@@ -51,71 +54,245 @@ def run_viterbi(
     previous : int array, shape (T + 1,)
         Start of its last segment.
     """
-    n_samples, d = positions.shape
     longest = factor.shape[0] - 1
+    n_samples = paths.shape[1] - longest
     block = min(_BLOCK, n_samples)
     evidence = np.empty((block, longest + 1))
-    root = np.empty((2 * d, 2 * d))
-    row = np.empty(2 * d)
     best = np.full(n_samples + 1, -np.inf)
     best[0] = -math.log(n_centres)
     previous = np.zeros(n_samples + 1, dtype=np.int64)
     for first in range(0, n_samples, block):
         width = min(block, n_samples - first)
-        _speed_evidence(
+        evaluate_block(
+            paths,
             padded,
             first,
             width,
-            longest,
+            factor,
             n_centres,
             bell_width,
+            weight_variance,
             speed_weight_variance,
             noise_scale,
+            nu_position,
             nu_speed,
+            False,
             evidence,
         )
         for b in range(width):
             end = first + 1 + b
-            start_root(root, weight_variance, noise_scale)
-            best[end], previous[end] = _search_starts(
-                positions, end, best, factor, evidence[b], nu_position, root, row
-            )
+            for n in range(1, min(longest, end) + 1):
+                value = best[end - n] + evidence[b, n]
+                if value > best[end]:
+                    best[end] = value
+                    previous[end] = end - n
     return best, previous
 
 
 @njit(cache=True, nogil=True)
-def _search_starts(
-    positions: FloatArray,
-    end: int,
-    best: FloatArray,
+def run_forward_backward(
+    paths: FloatArray,
+    padded: FloatArray,
     factor: FloatArray,
-    speed_evidence: FloatArray,
-    nu: float,
-    root: FloatArray,
-    row: FloatArray,
-) -> tuple[float, int]:  # pragma: no cover
-    """Find the most probable start of a segment that ends before sample `end`, eq. (4.8).
+    n_centres: int,
+    bell_width: float,
+    weight_variance: float,
+    speed_weight_variance: float,
+    noise_scale: float,
+    nu_position: float,
+    nu_speed: float,
+) -> tuple[FloatArray, FloatArray]:  # pragma: no cover
+    """Sum over all segmentations, from both ends; arguments as `run_viterbi`.
 
-    The start moves backwards, so that each segment is the one before and one sample more.
+    Only one block of evidence is held at a time: the backward pass evaluates it again.
+
+    Returns
+    -------
+    forward : array, shape (T + 1,)
+        Log of the joint probability of the first t samples and a border behind them.
+    backward : array, shape (T + 1,)
+        Log-probability of the samples from t on, given a border before them.
     """
-    d = positions.shape[1]
-    highest, at = -math.inf, 0
-    for n in range(1, min(factor.shape[0] - 1, end) + 1):
+    longest = factor.shape[0] - 1
+    n_samples = paths.shape[1] - longest
+    block = min(_BLOCK, n_samples)
+    evidence = np.empty((block, longest + 1))
+    forward = np.full(n_samples + 1, -np.inf)
+    forward[0] = -math.log(n_centres)
+    backward = np.full(n_samples + 1, -np.inf)
+    backward[n_samples] = 0.0
+    summed = np.zeros(n_samples + 1)
+    firsts = np.arange(0, n_samples, block)
+    for turn in range(2 * len(firsts)):
+        forwards = turn < len(firsts)
+        first = firsts[turn] if forwards else firsts[2 * len(firsts) - 1 - turn]
+        width = min(block, n_samples - first)
+        evaluate_block(
+            paths,
+            padded,
+            first,
+            width,
+            factor,
+            n_centres,
+            bell_width,
+            weight_variance,
+            speed_weight_variance,
+            noise_scale,
+            nu_position,
+            nu_speed,
+            True,
+            evidence,
+        )
+        for step in range(width):
+            b = step if forwards else width - 1 - step
+            end = first + 1 + b
+            longest_here = min(longest, end)
+            if forwards:
+                _gather_starts(forward, evidence[b], end, longest_here)
+            else:
+                _scatter_end(backward, summed, evidence[b], end, longest_here)
+    backward[0] += math.log(summed[0])
+    return forward, backward
+
+
+@njit(cache=True, nogil=True)
+def _gather_starts(
+    forward: FloatArray, evidence: FloatArray, end: int, longest: int
+) -> None:  # pragma: no cover
+    """Sum over the starts of the segments that end before sample `end`."""
+    highest = -np.inf
+    for n in range(1, longest + 1):
+        highest = max(highest, forward[end - n] + evidence[n])
+    if highest > -np.inf:
+        total = 0.0
+        for n in range(1, longest + 1):
+            total += math.exp(forward[end - n] + evidence[n] - highest)
+        forward[end] = highest + math.log(total)
+
+
+@njit(cache=True, nogil=True)
+def _scatter_end(
+    backward: FloatArray, summed: FloatArray, evidence: FloatArray, end: int, longest: int
+) -> None:  # pragma: no cover
+    """Add the segments that end before sample `end` to the sums of their starts.
+
+    While a sum is open, `backward` holds its greatest term and `summed` the sum over it.
+    """
+    if summed[end] > 0.0:
+        backward[end] += math.log(summed[end])
+    if backward[end] == -np.inf:
+        return
+    for n in range(1, longest + 1):
         start = end - n
-        for k in range(d):
-            row[k] = positions[max(start - 1, 0), k]
-            row[d + k] = positions[start, k]
-        rotate_into(root, row)
-        weights = 1.0
-        noise = 1.0
-        for k in range(d):
-            weights *= root[k, k]
-            noise *= root[d + k, d + k]
-        value = best[start] + factor[n] + speed_evidence[n]
-        value -= d * math.log(weights) + (n + nu) * math.log(noise)
-        if value > highest:
-            highest, at = value, start
-    return highest, at
+        value = evidence[n] + backward[end]
+        if value > backward[start]:
+            summed[start] = summed[start] * math.exp(backward[start] - value) + 1.0
+            backward[start] = value
+        elif value > -np.inf:
+            summed[start] += math.exp(value - backward[start])
+
+
+@njit(cache=True, nogil=True)
+def evaluate_block(
+    paths: FloatArray,
+    padded: FloatArray,
+    first: int,
+    width: int,
+    factor: FloatArray,
+    n_centres: int,
+    bell_width: float,
+    weight_variance: float,
+    speed_weight_variance: float,
+    noise_scale: float,
+    nu_position: float,
+    nu_speed: float,
+    marginal: bool,
+    evidence: FloatArray,
+) -> None:  # pragma: no cover
+    """Fill the log-evidence of all segments that end in a block.
+
+    ``evidence[b, n]`` belongs to the n samples before sample ``first + 1 + b``. The rest as
+    `run_viterbi`; `marginal` sums over the centres of the bell instead of taking the best.
+    """
+    longest = factor.shape[0] - 1
+    _speed_evidence(
+        padded,
+        first,
+        width,
+        longest,
+        n_centres,
+        bell_width,
+        speed_weight_variance,
+        noise_scale,
+        nu_speed,
+        marginal,
+        evidence,
+    )
+    for lane in range(0, width, _LANE):
+        _add_positions(
+            paths,
+            first + lane,
+            min(_LANE, width - lane),
+            factor,
+            weight_variance,
+            noise_scale,
+            nu_position,
+            evidence[lane:],
+        )
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _add_positions(
+    paths: FloatArray,
+    first: int,
+    width: int,
+    factor: FloatArray,
+    weight_variance: float,
+    noise_scale: float,
+    nu: float,
+    evidence: FloatArray,
+) -> None:  # pragma: no cover
+    """Add the log-evidence of the positions, eq. (A.16), for a few ends at once.
+
+    The start moves backwards, so that each segment is the one before and one sample more: one
+    Givens rotation of the triangular root for each row, as in `rotate_into`. The inner loops run
+    over the ends, so that they vectorise without reordering any sum.
+    """
+    size = paths.shape[0]
+    d = size // 2
+    longest = factor.shape[0] - 1
+    one = np.empty((size, size))
+    start_root(one, weight_variance, noise_scale)
+    root = np.empty((size, size, width))
+    for i in range(size):
+        for k in range(size):
+            root[i, k] = one[i, k]
+    row = np.empty((size, width))
+    cosine = np.empty(width)
+    sine = np.empty(width)
+    for n in range(1, min(longest, first + width) + 1):
+        at = longest + first + 1 - n
+        for k in range(size):
+            for b in range(width):
+                row[k, b] = paths[k, at + b]
+        for i in range(size):
+            for b in range(width):
+                length = math.sqrt(root[i, i, b] * root[i, i, b] + row[i, b] * row[i, b])
+                cosine[b] = root[i, i, b] / length
+                sine[b] = row[i, b] / length
+                root[i, i, b] = length
+            for k in range(i + 1, size):
+                for b in range(width):
+                    rotated = cosine[b] * root[i, k, b] + sine[b] * row[k, b]
+                    row[k, b] = cosine[b] * row[k, b] - sine[b] * root[i, k, b]
+                    root[i, k, b] = rotated
+        for b in range(width):
+            weights = 1.0
+            noise = 1.0
+            for k in range(d):
+                weights *= root[k, k, b]
+                noise *= root[d + k, d + k, b]
+            evidence[b, n] += factor[n] - d * math.log(weights) - (n + nu) * math.log(noise)
 
 
 @njit(cache=True, nogil=True)
@@ -162,12 +339,10 @@ def _speed_evidence(
     variance: float,
     noise_scale: float,
     nu: float,
+    marginal: bool,
     evidence: FloatArray,
 ) -> None:  # pragma: no cover
-    """Fill the best log-evidence over the centres, eq. (A.17), for a block of ends.
-
-    ``evidence[b, n]`` belongs to the n samples before sample ``first + 1 + b``.
-    """
+    """Fill the log-evidence of the best centre or of all, eq. (A.17), for a block of ends."""
     n_sensors = padded.shape[0]
     sums = np.zeros((n_sensors, width))
     squares = np.zeros((n_sensors, n_sensors, width))
@@ -207,8 +382,10 @@ def _speed_evidence(
                 if not hangs:
                     value = -0.5 * n_sensors * math.log(determinant)
                     value -= 0.5 * (n + nu) * log_determinant(noise)
-                    if value > evidence[b, n]:
-                        evidence[b, n] = value
+                    before = evidence[b, n]
+                    evidence[b, n] = max(before, value)
+                    if marginal and before > -np.inf:
+                        evidence[b, n] += math.log1p(math.exp(-abs(value - before)))
 
 
 @njit(cache=True, nogil=True)
