@@ -142,6 +142,7 @@ def evaluate_segmentation(
     from rich.console import Console
 
     from besman.evaluation import segmentation as experiment
+    from besman.evaluation.segmentation_tables import segmentation_tables
     from besman.run import write_json
     from besman.terminal import stage_display
 
@@ -156,7 +157,7 @@ def evaluate_segmentation(
     if json_file is not None:
         write_json(json_file, result)
     console = Console()
-    for table in experiment.segmentation_tables(result["rows"]):
+    for table in segmentation_tables(result["rows"]):
         console.print(table)
     for line in notes:
         console.print(line, highlight=False, soft_wrap=True)

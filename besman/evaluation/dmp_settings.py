@@ -44,7 +44,7 @@ THESIS_FIGURES = {
 
 MARGIN_S = 0.2
 RATE_HZ = 20.0
-_SWEEPS = 200
+_SWEEPS = 100
 
 
 def score_settings(

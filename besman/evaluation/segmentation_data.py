@@ -152,7 +152,8 @@ def read_dataset(folder: Path, markers: str = "right_arm") -> Dataset:
             f"{folder}: none of {len(inputs.recordings)} recordings has manual segments beside it "
             "(STEM_manually_segmented.json)"
         )
-    return _make(folder.resolve().stem, "real", *zip(*pairs, strict=True), markers=markers)
+    recordings, truth = [pair[0] for pair in pairs], [pair[1] for pair in pairs]
+    return _make(folder.resolve().stem, "real", recordings, truth, markers)
 
 
 def simulate_dataset(name: str, seed: int = 0) -> Dataset | None:

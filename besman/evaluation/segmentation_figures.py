@@ -64,11 +64,7 @@ def draw_recording(
     """
     from matplotlib.figure import Figure
 
-    weighed = {
-        name: each
-        for name, each in segments.items()
-        if getattr(each, "border_probability", ()).size
-    }
+    weighed = {name: each for name, each in segments.items() if each.border_probability.size}
     n_panels = 1 + len(segments) + len(weighed)
     heights = [1.0] * (1 + len(segments)) + [0.5] * len(weighed)
     figure = Figure(figsize=(10, 0.6 + 1.35 * sum(heights)), layout="constrained")
@@ -80,6 +76,7 @@ def draw_recording(
         borders = true if name == "manual" else np.unique(segments[name].bounds)[1:-1]
         _draw_movement(axes, recording, borders, "k" if name == "manual" else _BORDER)
         axes.set_title(name, loc="left", fontsize=9, pad=2)
+    panels[0].set_ylim(0, 1.4 * panels[0].get_ylim()[1])
     _write_labels(panels[0], truth)
     for axes, (name, each) in zip(panels[1 + len(segments) :], weighed.items(), strict=True):
         time = np.arange(len(each.border_probability)) / recording.rate_hz
@@ -122,7 +119,7 @@ def _write_labels(axes: Axes, truth: LabelledSegments) -> None:
     for index, ((start, end), label) in enumerate(sorted(shown, key=lambda pair: pair[0][0])):
         axes.text(
             (start + end) / 2 / truth.rate_hz,
-            0.93 - 0.16 * (index % 2),
+            0.97 - 0.13 * (index % 2),
             label.replace("_", " "),
             transform=axes.get_xaxis_transform(),
             fontsize=6,

@@ -3,8 +3,7 @@
 References
 ----------
 L. Senger, M. Schröer, J. H. Metzen, E. A. Kirchner: Velocity-based multiple change-point inference
-for unsupervised segmentation of human movement behavior. ICPR 2014, doi:10.1109/ICPR.2014.781
-(the simple rival there; thesis 4.4.2).
+for unsupervised segmentation of human movement behavior. ICPR 2014 (the simple rival there; thesis 4.4.2).
 """
 
 from __future__ import annotations
@@ -29,15 +28,14 @@ def find_speed_minima(speed: npt.ArrayLike, half_window: int) -> npt.NDArray[np.
     -------
     int array, shape (S + 1,)
         Borders: 0, the minima, T. A stretch of equal speed has its minimum in its middle; a
-        window that reaches beyond the data has none, and neither has speed that is the same all
-        over a window.
+        window that reaches beyond the data has none, and neither has speed that never changes.
 
     Raises
     ------
     SegmentationError
         If the window is too short, or values are not finite.
     """
-    from scipy.ndimage import maximum_filter1d, minimum_filter1d
+    from scipy.ndimage import minimum_filter1d
 
     v = np.asarray(speed, dtype=np.float64)
     if half_window < 1:
@@ -47,8 +45,9 @@ def find_speed_minima(speed: npt.ArrayLike, half_window: int) -> npt.NDArray[np.
     if not np.isfinite(v).all():
         raise SegmentationError(f"locmin: speed must be finite; sample {np.argmin(np.isfinite(v))}")
     width = 2 * half_window + 1
-    lowest = (v == minimum_filter1d(v, width)) & (v < maximum_filter1d(v, width))
-    lowest[:half_window] = lowest[len(v) - half_window :] = False
-    edges = np.diff(np.concatenate([[0], lowest.astype(np.int8), [0]]))
+    edges = np.diff((v == minimum_filter1d(v, width)).astype(np.int8), prepend=0, append=0)
     first, behind = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
-    return np.concatenate([[0], (first + behind - 1) // 2, [len(v)]]).astype(np.int64)
+    middle = (first + behind - 1) // 2
+    inside = (middle >= half_window) & (middle < len(v) - half_window)
+    minima = middle[inside & (behind - first < len(v))]
+    return np.concatenate([[0], minima, [len(v)]]).astype(np.int64)

@@ -44,7 +44,7 @@ class Mniw(NamedTuple):
         """Return the posterior given samples y (n, d) and the ones before them, h (n, d)."""
         precision = self.precision + h.T @ h
         weighted = self.mean @ self.precision
-        mean: FloatArray = np.linalg.solve(precision, (weighted + y.T @ h).T).T
+        mean = np.asarray(np.linalg.solve(precision, (weighted + y.T @ h).T).T, dtype=np.float64)
         # Residuals keep what a difference of large sums would lose.
         rest, moved = y - h @ mean.T, mean - self.mean
         scale = self.scale + rest.T @ rest + moved @ self.precision @ moved.T

@@ -169,34 +169,33 @@ def follow_moving_goal(
     ----------
     K. Mülling, J. Kober, O. Kroemer, J. Peters: Learning to select and generalize striking
     movements in robot table tennis. International Journal of Robotics Research 32(3), 2013,
-    eq. 1 to 4, doi:10.1177/0278364912472380
+    doi:10.1177/0278364912472380
     """
     tau = n_samples / rate_hz
-    coefficients = _quintic(start, goal, tau)
-    amplitude = goal[0] - start[0]
     step = 1.0 / (rate_hz * _SUBSTEPS)
+    # What drives the system does not depend on its state: it is known at all half steps.
+    t: FloatArray = 0.5 * step * np.arange(2.0 * n_samples * _SUBSTEPS + 1.0)
+    coefficients = _quintic(start, goal, tau)
+    g, dg, ddg = (
+        np.polynomial.polynomial.polyval(t, np.polynomial.polynomial.polyder(coefficients, order))
+        for order in range(3)
+    )
+    amplitude = goal[0] - start[0]
+    force: FloatArray = amplitude * (_forcing(t / tau, weights.shape[1]) @ weights.T)
+    drive = np.asarray(_ALPHA * (_BETA * g + tau * dg) + tau**2 * ddg).T + force
 
-    def slope(t: float, state: FloatArray) -> FloatArray:
-        y, v = state
-        powers = t ** np.arange(6)
-        g, dg, ddg = (
-            np.polynomial.polynomial.polyder(coefficients, order).T @ powers[: 6 - order]
-            for order in range(3)
-        )
-        phase = _LAST_PHASE ** (t / tau)
-        force = amplitude * (weights @ _forcing(phase))
-        dv = _ALPHA * (_BETA * (g - y) + tau * dg - v) + tau**2 * ddg + force
-        return np.stack([v, dv]) / tau
-
-    state = np.stack([start[0], tau * start[1]])
+    y, v = start[0], tau * start[1]
     positions = np.empty((n_samples, len(amplitude)))
     for k in range(n_samples * _SUBSTEPS):
         if k % _SUBSTEPS == 0:
-            positions[k // _SUBSTEPS] = state[0]
+            positions[k // _SUBSTEPS] = y
         # The midpoint rule: the movement is smooth over a step of a few milliseconds.
-        middle = state + 0.5 * step * slope(k * step, state)
-        state = state + step * slope((k + 0.5) * step, middle)
-    return positions, (state[0], state[1] / tau)
+        half = 0.5 * step / tau
+        middle_y = y + half * v
+        middle_v = v + half * (drive[2 * k] - _ALPHA * (_BETA * y + v))
+        y = y + 2.0 * half * middle_v
+        v = v + 2.0 * half * (drive[2 * k + 1] - _ALPHA * (_BETA * middle_y + middle_v))
+    return positions, (y, v / tau)
 
 
 def _quintic(
@@ -212,9 +211,13 @@ def _quintic(
     return np.linalg.solve(np.array(rows), ends)
 
 
-def _forcing(phase: float) -> FloatArray:
-    """Phase-scaled, normalised Gaussians, shape (K,)."""
-    centres = _LAST_PHASE ** np.linspace(0.0, 1.0, _N_WEIGHTS)
+def _forcing(x: FloatArray, n_weights: int) -> FloatArray:
+    """Phase-scaled, normalised Gaussians at normalised time x (T,), shape (T, K)."""
+    phase = np.power(_LAST_PHASE, x)
+    centres = _LAST_PHASE ** np.linspace(0.0, 1.0, n_weights)
     gaps = np.diff(centres, append=0.9 * centres[-1])
-    activation = np.exp(-0.5 * ((phase - centres) / gaps) ** 2)
-    return phase * activation / activation.sum()
+    exponent = -0.5 * ((phase[:, np.newaxis] - centres) / gaps) ** 2
+    # The nearest Gaussian is scaled to 1, so that none of the sums underflows.
+    activation = np.exp(exponent - exponent.max(axis=1, keepdims=True))
+    shares: FloatArray = activation / activation.sum(axis=1, keepdims=True)
+    return phase[:, np.newaxis] * shares

@@ -37,9 +37,9 @@ def test_the_noise_scale_is_a_unit():
 
 def test_bad_priors_are_refused():
     data = make_signals(3)
-    with pytest.raises(SegmentationError, match="degrees_of_freedom: got 2.0; must be greater"):
+    with pytest.raises(SegmentationError, match=r"degrees_of_freedom: got 2\.0; must be greater"):
         find_change_points(
             data.positions, data.speeds, 0.05, None, VmciModel(degrees_of_freedom=2.0)
         )
-    with pytest.raises(SegmentationError, match="noise_scale: got 0.0; must be positive"):
+    with pytest.raises(SegmentationError, match=r"noise_scale: got 0\.0; must be positive"):
         find_change_points(data.positions, data.speeds, 0.05, None, VmciModel(noise_scale=0.0))
