@@ -12,9 +12,17 @@ IntArray = npt.NDArray[np.int64]
 
 @njit(cache=True, nogil=True)
 def choose_start(
-    best: FloatArray, previous: IntArray, end: int, row: FloatArray
+    best: FloatArray,
+    previous: IntArray,
+    behind: IntArray,
+    end: int,
+    row: FloatArray,
+    lead: float,
+    patience: int,
 ) -> None:  # pragma: no cover
     """Write the most probable start of a segment that ends before sample `end`, eq. (4.8).
+
+    A start that has been far behind the best one for a while is given up.
 
     Parameters
     ----------
@@ -22,8 +30,14 @@ def choose_start(
         As in `besman.segmentation.vmci_kernel.run_viterbi`; entry `end` is written.
     end : int
         Index into both.
+    behind : int array, shape (C,)
+        For how many ends each start has been far behind; updated.
     row : array, shape (L + 1,)
         Log-evidence of the n samples before `end`.
+    lead : float
+        Nats that are far.
+    patience : int
+        Samples that are a while.
     """
     best[end] = -np.inf
     previous[end] = max(end - 1, 0)
@@ -32,6 +46,15 @@ def choose_start(
         if value > best[end]:
             best[end] = value
             previous[end] = end - n
+    behind[end] = 0
+    for n in range(1, min(row.shape[0] - 1, end) + 1):
+        start = end - n
+        if best[start] + row[n] >= best[end] - lead:
+            behind[start] = 0
+        else:
+            behind[start] += 1
+            if behind[start] >= patience:
+                best[start] = -np.inf
 
 
 @njit(cache=True, nogil=True)

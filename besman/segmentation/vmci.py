@@ -148,7 +148,7 @@ def weigh_borders(
     longest: int | None = None,
     model: VmciModel | None = None,
 ) -> BorderWeights:
-    """Sum over all segmentations and all bells: how sure is each border?
+    """Weigh every border: the sum over all segmentations and all bells.
 
     Parameters and errors are those of `find_change_points`.
 
@@ -162,7 +162,7 @@ def weigh_borders(
     Forward and backward sums of the recursion of eq. (4.7), without simulation: O(T L) segments,
     evaluated twice, and O(T + L) memory.
     """
-    from besman.segmentation.vmci_kernel import run_forward_backward
+    from besman.segmentation.posterior_kernel import run_forward_backward
 
     model = model or VmciModel()
     y, v = check_data(positions, speeds)

@@ -3,12 +3,16 @@
 The recursion of `besman.segmentation.vmci` needs, at every sample, the segments that end there: the
 last L samples, L the longest segment. A border is final when all segmentations that may still win
 share it. They all start their next segment within the last L samples; where the ways back from
-these starts meet, nothing that comes later can change what lies before. So the borders are those of
-the whole recording, and a border is final L and a few samples after it, usually. What is the most
+these starts meet, nothing that comes later can change what lies before.
+
+A start that stays 50 nats behind the best one for a second is given up, which lets the ways meet
+sooner. That is measured, not proven: the borders stay those of the whole recording on 12 real
+recordings and on an hour of reaches, with 30 nats as well, while with 20 nats some change. With
+segments of at most 10 s a border is final after 18 s in the median and 90 s at most; what is most
 probable now is known at once (`OnlineVmci.pending`).
 
-Should the ways not meet within sixteen times L, the most probable one is taken for good: memory
-stays bounded. No recording has needed it.
+Should the ways not meet within 64 times L, the most probable one is taken for good, so that memory
+stays bounded. That takes an L shorter than most movements: cuts of all phases then compete.
 """
 
 from __future__ import annotations
@@ -23,8 +27,12 @@ from besman.segmentation.vmci import VmciModel, tabulate_lengths
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
+# A start is given up after being so many nats behind the best one for so long.
+_LEAD = 50.0
+_PATIENCE_S = 1.0
+
 # Times L that are remembered for ways that have not met.
-_MEMORY = 16
+_MEMORY = 64
 
 
 class OnlineVmci:
@@ -86,6 +94,8 @@ class OnlineVmci:
         self._best = np.full(capacity, -np.inf)
         self._best[0] = -np.log(self._model.n_centres)
         self._previous = np.zeros(capacity, dtype=np.int64)
+        self._behind = np.zeros(capacity, dtype=np.int64)
+        self._patience = max(1, round(_PATIENCE_S * self._rate_hz))
         self._row = np.empty((1, self._longest + 1))
         self._base = 0
         self._n_seen = 0
@@ -198,7 +208,9 @@ class OnlineVmci:
         self._n_seen += 1
         self._make_room()
         now = self._n_seen - self._base
-        choose_start(self._best, self._previous, now, self._row[0])
+        choose_start(
+            self._best, self._previous, self._behind, now, self._row[0], _LEAD, self._patience
+        )
         if self._n_seen - self._final > (_MEMORY - 1) * self._longest:
             self._force()
         low = self._final - self._base
@@ -253,6 +265,7 @@ class OnlineVmci:
         kept = len(self._best) - first
         self._best[:kept] = self._best[first:].copy()
         self._previous[:kept] = self._previous[first:].copy() - first
+        self._behind[:kept] = self._behind[first:].copy()
         self._base += first
 
     def _force(self) -> None:
