@@ -133,6 +133,9 @@ def evaluate_segmentation(
         float | None, typer.Option(help="Greatest distance of a border found; the thesis' if not.")
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of simulated data and bootstrap.")] = 0,
+    synthetic: Annotated[
+        bool, typer.Option("--synthetic", help="The recordings in the folder are simulated.")
+    ] = False,
     json_file: Json = None,
     figures: Annotated[
         Path | None, typer.Option(help="Folder for figures of the recordings.")
@@ -151,7 +154,14 @@ def evaluate_segmentation(
     with stage_display() as display:
         progress, end = display("evaluate")
         result = experiment.evaluate_segmentation(
-            data, chosen, margin_s, seed, figures, progress, notes.append
+            data,
+            chosen,
+            margin_s,
+            seed,
+            figures,
+            "synthetic" if synthetic else "real",
+            progress,
+            notes.append,
         )
         end(True)
     if json_file is not None:

@@ -48,6 +48,7 @@ def evaluate_segmentation(
     margin_s: float | None = None,
     seed: int = 0,
     figures: Path | None = None,
+    source: str = "real",
     progress: Callable[[float], None] = lambda done: None,
     note: Callable[[str], None] = lambda line: None,
 ) -> dict[str, Any]:
@@ -56,7 +57,7 @@ def evaluate_segmentation(
     Parameters
     ----------
     data : Path, optional
-        Folder of real recordings with manual segments beside them. Only these are measured then;
+        Folder of recordings with manual segments beside them. Only these are measured then;
         otherwise the simulated datasets.
     methods : sequence of str, optional
         Names of methods; all if not given.
@@ -67,6 +68,8 @@ def evaluate_segmentation(
         Of the simulated data and of the bootstrap.
     figures : Path, optional
         Folder for figures of the recordings.
+    source : str
+        ``real`` or ``synthetic``, what the recordings in `data` are.
     progress : callable
         Called with the share done.
     note : callable
@@ -87,7 +90,7 @@ def evaluate_segmentation(
         raise ConfigError(f"evaluate segmentation: margin_s: got {margin_s}; must not be negative")
     datasets: list[Dataset | str] = []
     if data is not None:
-        datasets.append(read_dataset(data))
+        datasets.append(read_dataset(data, source))
     else:
         datasets += list(NOISE_M)
         for name in SIMULATED:

@@ -122,13 +122,15 @@ class Dataset:
     settings: dict[str, dict[str, Any]] = field(default_factory=dict)
 
 
-def read_dataset(folder: Path, markers: str = "right_arm") -> Dataset:
-    """Read real recordings that have a segments file beside them.
+def read_dataset(folder: Path, source: str = "real", markers: str = "right_arm") -> Dataset:
+    """Read recordings that have a segments file beside them.
 
     Parameters
     ----------
     folder : Path
         Folder of recordings, or one recording; its name is the dataset's.
+    source : str
+        ``real`` or ``synthetic``: a file does not tell.
     markers : str
         Marker set.
 
@@ -153,7 +155,7 @@ def read_dataset(folder: Path, markers: str = "right_arm") -> Dataset:
             "(STEM_manually_segmented.json)"
         )
     recordings, truth = [pair[0] for pair in pairs], [pair[1] for pair in pairs]
-    return _make(folder.resolve().stem, "real", recordings, truth, markers)
+    return _make(folder.resolve().stem, source, recordings, truth, markers)
 
 
 def simulate_dataset(name: str, seed: int = 0) -> Dataset | None:

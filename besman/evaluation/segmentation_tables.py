@@ -8,6 +8,9 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rich.table import Table
 
+_HEADINGS = ("method", "F1", "95 %", "TP", "FP", "offset", "F1", "label", "time", "thesis*")
+_UNITS = ("", "", "", "", "", "[s]", "end", "right", "[s]", "F1 TP FP")
+
 
 def segmentation_tables(rows: Sequence[dict[str, Any]]) -> list[Table]:
     """Return one table for each dataset, for the terminal."""
@@ -18,24 +21,23 @@ def segmentation_tables(rows: Sequence[dict[str, Any]]) -> list[Table]:
     for name, source in keys:
         chosen = [row for row in rows if (row["dataset"], row["source"]) == (name, source)]
         first = chosen[0]
-        title = f"{name} ({source}, {first['n_recordings']} recordings"
-        if "n_settings" in first:
-            title += ", mean over up to 48 settings"
+        n = first["n_recordings"]
+        title = f"{name}: {source}, {n} recordings, margin {first['margin_s']:g} s"
+        if any("n_settings" in row for row in chosen):
+            title += "; (48): mean over 48 settings"
         number = next((row["thesis"]["table"] for row in chosen if row["thesis"]), "")
-        theirs = f"thesis {number} F1 TP FP\n(other data)" if number else "thesis"
-        table = Table(title=f"{title}, margin {first['margin_s']:g} s)", title_justify="left")
-        for heading in (
-            "method",
-            "F1 [95 %]",
-            "TP",
-            "FP",
-            "offset\n[s]",
-            "F1 TP FP\nwith end",
-            "label\naccuracy",
-            "s per\nrecording",
-            theirs,
-        ):
-            table.add_column(heading, justify="left" if heading == "method" else "right")
+        table = Table(
+            title=f"[bold]{title}[/bold]",
+            caption=f"* table {number} of the thesis, measured on other data" if number else None,
+            title_justify="left",
+            caption_justify="left",
+            title_style="",
+            box=None,
+            padding=(0, 1, 0, 0),
+        )
+        for heading, unit in zip(_HEADINGS, _UNITS, strict=True):
+            side = "left" if heading == "method" else "right"
+            table.add_column(f"{heading}\n{unit}", justify=side, no_wrap=True)  # type: ignore[arg-type]
         for row in chosen:
             table.add_row(*_cells(row))
         tables.append(table)
@@ -43,21 +45,19 @@ def segmentation_tables(rows: Sequence[dict[str, Any]]) -> list[Table]:
 
 
 def _cells(row: dict[str, Any]) -> list[str]:
-    end = "-"
-    if "f1_end" in row:
-        end = f"{row['f1_end']:.2f} {row['tp_end']:.1f} {row['fp_end']:.1f}"
     method = row["method"]
-    if "n_settings" in row:
+    if row.get("n_settings", 1) > 1:
         method += f" ({row['n_settings']})"
     thesis = row["thesis"]
     return [
         method,
-        f"{row['f1']:.3f} [{row['f1_low']:.2f} {row['f1_high']:.2f}]",
+        f"{row['f1']:.3f}",
+        f"{row['f1_low']:.2f}-{row['f1_high']:.2f}",
         f"{row['tp']:.2f}",
         f"{row['fp']:.2f}",
         f"{row['median_offset_s']:+.3f}",
-        end,
-        "-" if row["accuracy"] is None else f"{100 * row['accuracy']:.0f} %",
+        f"{row['f1_end']:.2f}" if "f1_end" in row else "",
+        "" if row["accuracy"] is None else f"{100 * row['accuracy']:.0f} %",
         f"{row['seconds_per_recording']:.3f}",
-        "-" if thesis is None else f"{thesis['f1']:.2f} {thesis['tp']:.1f} {thesis['fp']:.1f}",
+        "" if thesis is None else f"{thesis['f1']:.2f} {thesis['tp']:.1f} {thesis['fp']:.1f}",
     ]

@@ -3,7 +3,8 @@
 References
 ----------
 L. Senger, M. Schröer, J. H. Metzen, E. A. Kirchner: Velocity-based multiple change-point inference
-for unsupervised segmentation of human movement behavior. ICPR 2014 (the simple rival there; thesis 4.4.2).
+for unsupervised segmentation of human movement behavior. ICPR 2014 (the simple rival there;
+thesis 4.4.2).
 """
 
 from __future__ import annotations

@@ -30,7 +30,6 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import logsumexp
 
 from besman.exceptions import SegmentationError
 from besman.imitation.dmp import roll_out
@@ -140,7 +139,7 @@ def segment_with_primitives(
         value = -np.inf
         for _ in range(n_iterations):
             new, library = _iterate(candidates, counts, library)
-            converged = new - value < 1e-6 * abs(new)
+            converged = new - value < 1e-5 * abs(new)
             value = new
             if converged:
                 break
@@ -273,7 +272,7 @@ def _iterate(
     """One step of expectation maximisation; returns the log-probability before it."""
     evidence, means, covariances = _evaluate(candidates, library)
     weighted = evidence + np.log(library.shares)
-    total = logsumexp(weighted, axis=1)
+    total = np.logaddexp.reduce(weighted, axis=1)
     value, share = _share_cuts(candidates, counts, total)
     weight = np.exp(weighted - total[:, np.newaxis]) * share[:, np.newaxis]
     sizes = weight.sum(axis=0) + 1e-12
@@ -302,10 +301,10 @@ def _share_cuts(
         forward[0] = backward[-1] = 0.0
         for cut in range(1, count):
             into = last == cut
-            forward[cut] = logsumexp(forward[first[into]] + segment[into])
+            forward[cut] = np.logaddexp.reduce(forward[first[into]] + segment[into])
         for cut in range(count - 2, -1, -1):
             out = first == cut
-            backward[cut] = logsumexp(segment[out] + backward[last[out]])
+            backward[cut] = np.logaddexp.reduce(segment[out] + backward[last[out]])
         share[rows] = np.exp(forward[first] + segment + backward[last] - forward[-1])
         value += float(forward[-1])
     return value, share

@@ -260,7 +260,7 @@ class ProbsConfig(_Together):
 
     method: Literal["probs"] = "probs"
     window_s: float = Field(default=0.1, gt=0)
-    longest_s: float = Field(default=4.0, gt=0)
+    longest_s: float = Field(default=3.0, gt=0)
     most_primitives: int = Field(default=8, ge=1)
     n_weights: int = Field(default=5, ge=2)
     iterations: int = Field(default=50, ge=1)
