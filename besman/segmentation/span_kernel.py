@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from besman.segmentation.vmci_kernel import log_determinant, rotate_into, shape_bell, start_root
+from besman.segmentation.vmci_kernel import log_determinant, shape_bell
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -16,65 +16,46 @@ IntArray = npt.NDArray[np.int64]
 
 @njit(cache=True, nogil=True)
 def evaluate_spans(
-    positions: FloatArray,
     speeds: FloatArray,
     starts: IntArray,
     ends: IntArray,
     factor: FloatArray,
     n_centres: int,
     bell_width: float,
-    weight_variance: float,
     speed_weight_variance: float,
     noise_scale: float,
-    nu_position: float,
-    nu_speed: float,
+    nu: float,
 ) -> FloatArray:  # pragma: no cover
-    """Evaluate the log-evidence of the segments between chosen samples.
+    """Evaluate the log-evidence of the speed between chosen samples, eq. (A.17).
 
     Parameters
     ----------
-    positions : array, shape (T, d)
     speeds : array, shape (s, T)
         Scaled.
     starts, ends : int array, shape (V,)
         Segment (i, j) holds the samples starts[i] to ends[j] - 1. Both rise.
     factor : array, shape (L + 1,)
         See `besman.segmentation.vmci.tabulate_lengths`.
-    n_centres, bell_width, weight_variance, speed_weight_variance, noise_scale
+    n_centres, bell_width, speed_weight_variance, noise_scale
         See `besman.segmentation.vmci.VmciModel`.
-    nu_position, nu_speed : float
-        Degrees of freedom of the noise of positions and speeds.
+    nu : float
+        Degrees of freedom of the noise.
 
     Returns
     -------
     array, shape (V, V)
         -inf where j <= i, or the segment is shorter than two samples or too long.
     """
-    d = positions.shape[1]
     n_spans = len(starts)
     longest = factor.shape[0] - 1
-    root = np.empty((2 * d, 2 * d))
-    row = np.empty(2 * d)
     bell = np.empty(longest)
     evidence = np.full((n_spans, n_spans), -np.inf)
     for i in range(n_spans - 1):
-        start_root(root, weight_variance, noise_scale)
-        j = i + 1
-        while j < n_spans and ends[j] < starts[i] + 2:
-            j += 1
-        last = min(ends[n_spans - 1], starts[i] + longest)
-        for t in range(starts[i], last):
-            for k in range(d):
-                row[k] = positions[max(t - 1, 0), k]
-                row[d + k] = positions[t, k]
-            rotate_into(root, row)
-            while j < n_spans and ends[j] == t + 1:
-                n = ends[j] - starts[i]
-                weights = 1.0
-                noise = 1.0
-                for k in range(d):
-                    weights *= root[k, k]
-                    noise *= root[d + k, d + k]
+        for j in range(i + 1, n_spans):
+            n = ends[j] - starts[i]
+            if n > longest:
+                break
+            if n >= 2:
                 evidence[i, j] = factor[n] + _evaluate_bells(
                     speeds[:, starts[i] : ends[j]],
                     bell,
@@ -82,10 +63,8 @@ def evaluate_spans(
                     bell_width,
                     speed_weight_variance,
                     noise_scale,
-                    nu_speed,
+                    nu,
                 )
-                evidence[i, j] -= d * math.log(weights) + (n + nu_position) * math.log(noise)
-                j += 1
     return evidence
 
 
@@ -99,7 +78,7 @@ def _evaluate_bells(
     noise_scale: float,
     nu: float,
 ) -> float:  # pragma: no cover
-    """Evaluate the best bell of one segment, eq. (A.17); a bell may not hang down."""
+    """Evaluate the best bell of one segment; a bell may not hang down."""
     n_sensors, n = speeds.shape
     noise = np.empty((n_sensors, n_sensors))
     products = np.empty(n_sensors)

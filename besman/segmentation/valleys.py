@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -45,7 +46,10 @@ class ValleyShape(NamedTuple):
 
 
 class Valley(NamedTuple):
-    """One valley, as grid indices: `first` to `last` is the rest in it, or its lowest point."""
+    """One valley, as grid indices: `first` to `last` is the rest in it, or its lowest point.
+
+    A rest at the beginning of the recording counts as one, from 0; one at its end ends at G.
+    """
 
     first: int
     last: int
@@ -118,7 +122,7 @@ def find_valleys(speed: FloatArray, shape: ValleyShape | None = None) -> list[Va
     shape = shape or ValleyShape()
     inner = (speed[1:-1] <= speed[:-2]) & (speed[1:-1] < speed[2:])
     minima = np.flatnonzero(inner) + 1
-    if minima.size == 0:
+    if speed.size < 2 or not speed.any():
         return []
     minima = _drop_low_hills(speed, minima, shape.hill * typical_speed(speed))
     minima = _drop_shallow(speed, minima, shape.depth)
@@ -160,30 +164,40 @@ def _drop_shallow(speed: FloatArray, minima: IntArray, depth: float) -> IntArray
 
 
 def _find_rests(speed: FloatArray, minima: IntArray, shape: ValleyShape) -> list[Valley]:
-    """Find the rest in each valley that has one.
+    """Find the rest in each valley that has one, and those at the two ends of the recording.
 
     It begins once the speed has fallen, for good, below a share of the peak before it, and ends
     when the speed last leaves that of the peak behind it. A bell is slow at its ends as well: a
     minimum-jerk movement spends a share x of its duration below each, x^2 (1 - x)^2 = rest / 16,
     and a rest must outlast that of the two movements beside it.
     """
-    ends = np.concatenate([[0], minima, [len(speed) - 1]])
-    edges = []
-    for low, lowest, high in zip(ends[:-2], ends[1:-1], ends[2:], strict=True):
-        before, after = speed[low : lowest + 1], speed[lowest : high + 1]
-        under_way = low + int(np.flatnonzero(before >= shape.hill * before.max())[-1])
-        slow = np.flatnonzero(speed[under_way : lowest + 1] < shape.rest * before.max())
-        first = under_way + int(slow[0]) if slow.size else int(lowest)
-        under_way = lowest + int(np.flatnonzero(after >= shape.hill * after.max())[0])
-        slow = np.flatnonzero(speed[lowest : under_way + 1] < shape.rest * after.max())
-        last = lowest + int(slow[-1]) if slow.size else int(lowest)
-        edges.append((first, last))
+    final = len(speed) - 1
+    bounds = np.concatenate([[0], minima, [final]])
+    # Between two borders there is one peak: here the speed falls after it, here it rises to it.
+    pieces = [speed[low : high + 1] for low, high in pairwise(bounds)]
+    falls = [low + _fall(piece, shape) for low, piece in zip(bounds[:-1], pieces, strict=True)]
+    rises = [
+        high - _fall(piece[::-1], shape) for high, piece in zip(bounds[1:], pieces, strict=True)
+    ]
+    durations = [fall - rise for fall, rise in zip(falls, rises, strict=True)]
     tail = (1 - np.sqrt(1 - np.sqrt(shape.rest))) / 2
+    share = tail / (1 - 2 * tail)
+    least = shape.least_rest_s * GRID_HZ
     valleys = []
-    for k, (first, last) in enumerate(edges):
-        begun = edges[k - 1][1] if k else 0
-        done = edges[k + 1][0] if k + 1 < len(edges) else len(speed) - 1
-        ends_of_bells = tail / (1 - 2 * tail) * ((first - begun) + (done - last))
-        rests = last - first > max(shape.least_rest_s * GRID_HZ, ends_of_bells)
-        valleys.append(Valley(first, last) if rests else Valley(int(minima[k]), int(minima[k])))
+    if rises[0] > max(least, share * durations[0]):
+        valleys.append(Valley(0, rises[0]))
+    for k, lowest in enumerate(minima):
+        first, last = falls[k], rises[k + 1]
+        rests = last - first > max(least, share * (durations[k] + durations[k + 1]))
+        valleys.append(Valley(first, last) if rests else Valley(int(lowest), int(lowest)))
+    if final - falls[-1] > max(least, share * durations[-1]):
+        valleys.append(Valley(falls[-1], len(speed)))
     return valleys
+
+
+def _fall(piece: FloatArray, shape: ValleyShape) -> int:
+    """Return where the speed falls below the rest's share of the peak, for good."""
+    peak = piece.max()
+    under_way = int(np.flatnonzero(piece >= shape.hill * peak)[-1])
+    slow = np.flatnonzero(piece[under_way:] < shape.rest * peak)
+    return under_way + int(slow[0]) if slow.size else len(piece) - 1

@@ -271,7 +271,7 @@ class OnlineVmci:
     def _force(self) -> None:
         """Drop every start whose way back does not share the oldest border of the best one."""
         now = self._n_seen
-        shared = [b for b in self._trace(now) if b < now - 2 * self._longest]
+        shared = [b for b in self._trace(now) if b <= now - self._longest]
         for node in range(now - self._longest + 1, now + 1):
             if shared[-1] not in self._trace(node):
                 self._best[node - self._base] = -np.inf
