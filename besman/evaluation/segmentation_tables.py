@@ -24,7 +24,7 @@ def segmentation_tables(rows: Sequence[dict[str, Any]]) -> list[Table]:
         n = first["n_recordings"]
         title = f"{name}: {source}, {n} recordings, margin {first['margin_s']:g} s"
         if any("n_settings" in row for row in chosen):
-            title += "; (48): mean over 48 settings"
+            title += "; (48) settings"
         number = next((row["thesis"]["table"] for row in chosen if row["thesis"]), "")
         table = Table(
             title=f"[bold]{title}[/bold]",
