@@ -49,7 +49,7 @@ def run(
     pipeline: Annotated[str, typer.Argument(help="A YAML file, or the name of a pipeline.")],
     out: Out = None,
     settings: Annotated[
-        list[str] | None, typer.Option("--set", help="KEY=VALUE, e.g. segment.rate_hz=20.")
+        list[str] | None, typer.Option("--set", help="KEY=VALUE, e.g. select.label=throw.")
     ] = None,
     fresh: Annotated[str | None, typer.Option(help="Stage to compute anew.")] = None,
     jobs: Jobs = ALL_CORES,
@@ -94,9 +94,11 @@ def retarget(
 @app.command()
 def segment(
     recordings: Recordings,
-    method: Annotated[str, typer.Option(help="Segmentation method.")] = "vmci",
+    method: Annotated[str, typer.Option(help="Segmentation method.")] = "valley_vmci",
     markers: Annotated[str, typer.Option(help="Marker set.")] = "right_arm",
-    rate_hz: Annotated[float | None, typer.Option(help="Sampling rate of the method.")] = None,
+    rate_hz: Annotated[
+        float | None, typer.Option(help="Sampling rate of a method that has one.")
+    ] = None,
     json_file: Json = None,
 ) -> None:
     """Find the borders of the building blocks in recordings."""
@@ -109,6 +111,63 @@ def segment(
     if json_file is not None:
         write_json(json_file, found)
     Console().print(segment_table(found))
+
+
+evaluate_app = typer.Typer(
+    help="Measure a table of the thesis on given data.", no_args_is_help=True
+)
+app.add_typer(evaluate_app, name="evaluate")
+
+
+@evaluate_app.command("segmentation")
+def evaluate_segmentation(
+    data: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder of recordings with manual segments; simulated data if not given."
+        ),
+    ] = None,
+    methods: Annotated[
+        str | None, typer.Option(help="Methods, separated by commas; all if not given.")
+    ] = None,
+    margin_s: Annotated[
+        float | None, typer.Option(help="Greatest distance of a border found; the thesis' if not.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of simulated data and bootstrap.")] = 0,
+    synthetic: Annotated[
+        bool, typer.Option("--synthetic", help="The recordings in the folder are simulated.")
+    ] = False,
+    json_file: Json = None,
+    figures: Annotated[
+        Path | None, typer.Option(help="Folder for figures of the recordings.")
+    ] = None,
+) -> None:
+    """Compare segmentation methods (tables 4.1 to 4.4)."""
+    from rich.console import Console
+
+    from besman.evaluation import segmentation as experiment
+    from besman.evaluation.segmentation_tables import segmentation_tables
+    from besman.run import write_json
+    from besman.terminal import stage_display
+
+    chosen = None if methods is None else [name.strip() for name in methods.split(",")]
+    with stage_display() as display:
+        progress, end = display("evaluate")
+        result = experiment.evaluate_segmentation(
+            data,
+            chosen,
+            margin_s,
+            seed,
+            figures,
+            "synthetic" if synthetic else "real",
+            progress,
+        )
+        end(True)
+    if json_file is not None:
+        write_json(json_file, result)
+    console = Console()
+    for table in segmentation_tables(result["rows"]):
+        console.print(table)
 
 
 @app.command()
@@ -141,29 +200,28 @@ def label_markers(
     console.print(f"wrote {out}", highlight=False, soft_wrap=True)
 
 
-@app.command()
-def evaluate(
-    experiment: Annotated[str, typer.Argument(help="labelling")],
+@evaluate_app.command("labelling")
+def evaluate_labelling(
     data: Annotated[
         Path | None, typer.Option(help="Folder of recordings; default the embedded sample.")
     ] = None,
     seeds: Annotated[int, typer.Option(min=1, help="Repetitions of what is random.")] = 2,
     json_file: Json = None,
 ) -> None:
-    """Measure a table of the thesis on given data."""
+    """Measure how well unnamed trajectories get their names, beside a plain tracker."""
     from rich.console import Console
 
-    from besman.evaluation.experiments import run_experiment, show_experiment
+    from besman.evaluation import labelling
     from besman.run import write_json
     from besman.terminal import stage_display
 
     with stage_display() as display:
-        progress, end = display(experiment)
-        result = run_experiment(experiment, data, seeds, progress)
+        progress, end = display("evaluate")
+        result = labelling.evaluate_labelling(data, seeds, progress)
         end(True)
     if json_file is not None:
         write_json(json_file, result)
-    Console().print(show_experiment(result))
+    Console().print(labelling.labelling_table(result["rows"]))
 
 
 @app.command()

@@ -23,7 +23,7 @@ from besman.records import LabelledRecording, LabelledSegments
 from besman.refinement.stage import RefineConfig, refine_results
 from besman.results import recognize_results, segment_results, write_exports
 from besman.run import Display, Run
-from besman.segmentation.stage import SegmentConfig
+from besman.segmentation.methods import DefaultSegmentConfig, SegmentStage
 from besman.stage import Config
 
 
@@ -58,7 +58,7 @@ class PipelineConfig(Config):
     task: str
     margin_s: Annotated[float, Field(gt=0)] = 0.3
     label: LabelStage = LabelConfig()
-    segment: SegmentConfig = SegmentConfig()
+    segment: SegmentStage = DefaultSegmentConfig()
     recognize: RecognizeConfig = RecognizeConfig()
     select: SelectConfig
     map: MapConfig = MapConfig()
@@ -115,7 +115,7 @@ def _apply(content: dict[str, Any], setting: str) -> None:
     """Put one ``KEY=VALUE`` into a pipeline's content."""
     key, equals, text = setting.partition("=")
     if not equals or not key:
-        raise ConfigError(f"--set: got {setting!r}, expected KEY=VALUE, e.g. segment.rate_hz=20")
+        raise ConfigError(f"--set: got {setting!r}, expected KEY=VALUE, e.g. select.label=throw")
     try:
         value = yaml.safe_load(text)
     except yaml.YAMLError:

@@ -151,6 +151,9 @@ class Segments:
         Log-probability of the segmentation (NaN where the method has none).
     rate_hz, source, first_frame
         As in `Recording`.
+    border_probability : array, shape (T,) or (0,)
+        Posterior probability of a border in the sampling period of the method that each row of
+        the recording lies in; empty where the method has none.
     """
 
     bounds: npt.NDArray[np.int64]
@@ -158,9 +161,10 @@ class Segments:
     rate_hz: float
     source: str
     first_frame: int = 1
+    border_probability: FloatArray = field(default_factory=lambda: np.empty(0))
 
     def __post_init__(self) -> None:
-        _freeze(self, {"bounds": ("S", 2)}, bounds=np.int64)
+        _freeze(self, {"bounds": ("S", 2), "border_probability": ("T",)}, bounds=np.int64)
 
 
 @dataclass(frozen=True, eq=False)

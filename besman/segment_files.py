@@ -6,10 +6,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from besman.config_file import parse_config
+from besman.exceptions import ConfigError, nearest
 from besman.io.recordings import find_recordings, read_recording
 from besman.labelling.marker_set import load_marker_set
 from besman.labelling.stage import LabelConfig
-from besman.segmentation.stage import SegmentConfig
+from besman.segmentation.methods import CONFIGS
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -46,7 +47,9 @@ def segment_files(
     content: dict[str, Any] = {"method": method}
     if rate_hz is not None:
         content["rate_hz"] = rate_hz
-    config = parse_config(content, SegmentConfig, "besman segment")
+    if method not in CONFIGS:
+        raise ConfigError(f"besman segment: --method: got {method!r}; {nearest(method, CONFIGS)}")
+    config = parse_config(content, CONFIGS[method], "besman segment")
     marker_set = load_marker_set(markers)
     label = LabelConfig(markers=markers, longest_gap_s=0.5)
     found = []

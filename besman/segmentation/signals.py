@@ -71,6 +71,39 @@ def _interpolate(at: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
     return np.stack([np.interp(at, x, column) for column in y.T], axis=1)
 
 
+class Scaling(NamedTuple):
+    """How paths are brought to zero mean and unit steps.
+
+    Attributes
+    ----------
+    centre : array, shape (m, 3)
+        Taken off the positions, metres.
+    step : array, shape (m,)
+        Unit of the positions of each marker, metres; infinite if it does not move.
+    change : array, shape (m,)
+        Unit of its speed, metres per sample; infinite if it does not move.
+    """
+
+    centre: FloatArray
+    step: FloatArray
+    change: FloatArray
+
+
+def measure_scaling(paths: npt.ArrayLike) -> Scaling:
+    """Measure the scaling of paths, shape (T, m, 3), T at least 2; see `prepare_signals`."""
+    x = np.asarray(paths, dtype=np.float64)
+    size = np.abs(x).max()
+    centre = x.mean(axis=0)
+    x = x - centre
+    speeds = np.linalg.norm(np.gradient(x, axis=0), axis=2)
+    steps = np.sqrt(np.mean(np.diff(x, axis=0) ** 2, axis=(0, 2)))
+    moving = steps > _ROUNDING * size
+    changes = np.sqrt(np.mean(np.diff(speeds, axis=0) ** 2, axis=0))
+    # A marker at constant speed has no changes to scale by.
+    changes = np.where(changes > _ROUNDING * size, changes, speeds.max(axis=0))
+    return Scaling(centre, np.where(moving, steps, np.inf), np.where(moving, changes, np.inf))
+
+
 def prepare_signals(paths: npt.ArrayLike) -> Signals:
     """Scale paths to zero mean and unit steps and derive their speeds.
 
@@ -93,14 +126,9 @@ def prepare_signals(paths: npt.ArrayLike) -> Signals:
     Thesis 4.4.1 (scaling of the data) and 4.4.2 (prior from the first differences).
     """
     x = np.asarray(paths, dtype=np.float64)
-    size = np.abs(x).max()
-    x = x - x.mean(axis=0)
-    speeds = np.linalg.norm(np.gradient(x, axis=0), axis=2)
-    steps = np.sqrt(np.mean(np.diff(x, axis=0) ** 2, axis=(0, 2)))
-    moving = steps > _ROUNDING * size
-    changes = np.sqrt(np.mean(np.diff(speeds, axis=0) ** 2, axis=0))
-    # A marker at constant speed has no changes to scale by.
-    changes = np.where(changes > _ROUNDING * size, changes, speeds.max(axis=0))
-    positions = x / np.where(moving, steps, np.inf)[:, np.newaxis]
-    speeds = speeds / np.where(moving, changes, np.inf)
-    return Signals(positions.reshape(len(x), -1), speeds, bool(moving.any()))
+    scaling = measure_scaling(x)
+    x = x - scaling.centre
+    speeds = np.linalg.norm(np.gradient(x, axis=0), axis=2) / scaling.change
+    positions = x / scaling.step[:, np.newaxis]
+    moves = bool(np.isfinite(scaling.step).any())
+    return Signals(positions.reshape(len(x), -1), speeds, moves)

@@ -5,13 +5,19 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field
 
-from besman.exceptions import SegmentationError
 from besman.records import LabelledRecording, Segments
-from besman.segmentation.signals import prepare_signals, resample
-from besman.segmentation.vmci import VmciModel, find_change_points, merge_single_samples
+from besman.segmentation.sampling import gather_paths, sample_paths, spread, to_segments
+from besman.segmentation.signals import measure_scaling, prepare_signals
+from besman.segmentation.valley_vmci import EVIDENCE_HZ, find_movements
+from besman.segmentation.vmci import (
+    VmciModel,
+    find_change_points,
+    merge_single_samples,
+    weigh_borders,
+)
+from besman.segmentation.vmci_online import OnlineVmci
 from besman.stage import Stage, Work
 
 
@@ -69,18 +75,11 @@ class SegmentConfig(Stage):
         return tuple(results)
 
     def _segment(self, recording: LabelledRecording) -> Segments:
-        paths = _gather(recording, self.markers)
-        rate_hz = min(self.rate_hz, recording.rate_hz)
-        samples = resample(recording.time, paths, rate_hz)
-        if len(samples) < 2:
-            raise SegmentationError(
-                f"{recording.source}: lasts {len(paths) / recording.rate_hz:.3g} s, which is "
-                f"{len(samples)} sample at {rate_hz:g} Hz; expected at least 2"
-            )
+        samples, rate_hz = sample_paths(recording, self.markers, self.rate_hz)
         signals = prepare_signals(samples)
         if not signals.moves:
             # Nothing moves: one segment, and no evidence to weigh it by.
-            return _to_segments(np.array([0, len(samples)]), float("nan"), rate_hz, recording)
+            return to_segments(np.array([0, len(samples)]), rate_hz, recording, float("nan"))
         longest = None if self.longest_s is None else max(2, round(self.longest_s * rate_hz))
         found = find_change_points(
             signals.positions,
@@ -89,40 +88,123 @@ class SegmentConfig(Stage):
             longest,
             VmciModel(n_centres=self.n_centres),
         )
+        weights = weigh_borders(
+            signals.positions,
+            signals.speeds,
+            self.border_probability or 1.0 / len(samples),
+            longest,
+            VmciModel(n_centres=self.n_centres),
+        )
         borders = merge_single_samples(found.borders)
-        return _to_segments(borders, found.log_probability, rate_hz, recording)
+        return to_segments(borders, rate_hz, recording, found.log_probability, weights.probability)
 
 
-def _gather(recording: LabelledRecording, markers: tuple[str, ...]) -> npt.NDArray[np.float64]:
-    """Stack the paths of markers, shape (T, m, 3); refuse gaps."""
-    if len(recording.time) < 2:
-        raise SegmentationError(
-            f"{recording.source}: got {len(recording.time)} samples; expected at least 2"
+class VmciOnlineConfig(Stage):
+    """Velocity-based multiple change-point inference, sample by sample.
+
+    Attributes
+    ----------
+    rate_hz, markers, n_centres, border_probability
+        As in `SegmentConfig`.
+    longest_s : float
+        Greatest duration of a segment, seconds.
+    calibration_s : float, optional
+        The scaling is measured on so many seconds from the start, as a live stream has to; on the
+        whole recording if not given, which gives the segments of `vmci`.
+    """
+
+    method: Literal["vmci_online"] = "vmci_online"
+    rate_hz: float = Field(default=20.0, gt=0)
+    markers: Annotated[tuple[str, ...], Field(min_length=1)] = ("hand_top",)
+    n_centres: int = Field(default=3, ge=1)
+    longest_s: float = Field(default=10.0, gt=0)
+    border_probability: float | None = Field(default=None, gt=0, lt=1)
+    calibration_s: float | None = Field(default=None, gt=0)
+
+    def run(
+        self, recordings: tuple[LabelledRecording, ...], work: Work = Work()
+    ) -> tuple[Segments, ...]:
+        """Segment recordings; as `SegmentConfig.run`."""
+        results = []
+        for index, recording in enumerate(recordings):
+            results.append(self._segment(recording))
+            work.progress((index + 1) / len(recordings))
+        return tuple(results)
+
+    def _segment(self, recording: LabelledRecording) -> Segments:
+        samples, rate_hz = sample_paths(recording, self.markers, self.rate_hz)
+        known = samples
+        if self.calibration_s is not None:
+            known = samples[: max(2, round(self.calibration_s * rate_hz))]
+        scaling = measure_scaling(known)
+        n_rows = len(recording.time)
+        borders = [0]
+        if np.isfinite(scaling.step).any():
+            online = OnlineVmci(
+                scaling,
+                self.border_probability or 1.0 / len(samples),
+                recording.rate_hz,
+                rate_hz,
+                self.longest_s,
+                VmciModel(n_centres=self.n_centres),
+            )
+            for sample in gather_paths(recording, self.markers):
+                borders += online.update(sample)
+            borders += online.finish()
+        rows = np.array([*borders, n_rows], dtype=np.int64)
+        return Segments(
+            bounds=np.stack([rows[:-1], rows[1:]], axis=1),
+            log_evidence=float("nan"),
+            rate_hz=recording.rate_hz,
+            source=recording.source,
+            first_frame=recording.first_frame,
         )
-    paths = np.stack([recording.marker(name) for name in markers], axis=1)
-    seen = np.isfinite(paths).all(axis=2)
-    if not seen.all():
-        row, column = np.argwhere(~seen)[0]
-        raise SegmentationError(
-            f"{recording.source}: marker {markers[column]!r} was not seen in frame "
-            f"{recording.first_frame + row}; expected no gaps"
+
+
+class ValleyVmciConfig(Stage):
+    """vMCI over the valleys of the speed, with rests; see `besman.segmentation.valley_vmci`.
+
+    Attributes
+    ----------
+    markers : tuple of str
+        Markers of the hand (or hands) whose speed is bell-shaped.
+    longest_s : float, optional
+        Greatest duration of a movement, seconds; it bounds time and memory for long recordings.
+    """
+
+    method: Literal["valley_vmci"] = "valley_vmci"
+    markers: Annotated[tuple[str, ...], Field(min_length=1)] = ("hand_top",)
+    longest_s: float | None = Field(default=None, gt=0)
+
+    def run(
+        self, recordings: tuple[LabelledRecording, ...], work: Work = Work()
+    ) -> tuple[Segments, ...]:
+        """Segment recordings; as `SegmentConfig.run`."""
+        results = []
+        for index, recording in enumerate(recordings):
+            results.append(self._segment(recording))
+            work.progress((index + 1) / len(recordings))
+        return tuple(results)
+
+    def _segment(self, recording: LabelledRecording) -> Segments:
+        paths = gather_paths(recording, self.markers)
+        found = find_movements(recording.time, paths, self.longest_s)
+        n_rows, rate_hz = len(paths), recording.rate_hz
+        rows = np.round(found.borders_s * rate_hz).astype(np.int64)
+        rows[-1] = n_rows
+        # Borders on the grid that fall on one row of a slow recording are one.
+        rows = np.unique(np.minimum(rows, n_rows))
+        expected = np.zeros(int(np.ceil(n_rows / rate_hz * EVIDENCE_HZ)) + 1)
+        for places, probability in zip(
+            found.candidates_s, found.candidate_probability, strict=True
+        ):
+            at = np.unique(np.round(places * EVIDENCE_HZ).astype(np.int64))
+            expected[at] = np.maximum(expected[at], probability)
+        return Segments(
+            bounds=np.stack([rows[:-1], rows[1:]], axis=1),
+            log_evidence=found.log_probability,
+            rate_hz=rate_hz,
+            source=recording.source,
+            first_frame=recording.first_frame,
+            border_probability=spread(expected, EVIDENCE_HZ, recording),
         )
-    return paths
-
-
-def _to_segments(
-    borders: npt.NDArray[np.int64],
-    log_evidence: float,
-    rate_hz: float,
-    recording: LabelledRecording,
-) -> Segments:
-    """Bring borders at the reduced rate to rows of the recording."""
-    rows = np.round(borders * (recording.rate_hz / rate_hz)).astype(np.int64)
-    rows[-1] = len(recording.time)
-    return Segments(
-        bounds=np.stack([rows[:-1], rows[1:]], axis=1),
-        log_evidence=log_evidence,
-        rate_hz=recording.rate_hz,
-        source=recording.source,
-        first_frame=recording.first_frame,
-    )

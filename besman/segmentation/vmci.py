@@ -41,12 +41,23 @@ class VmciModel(NamedTuple):
         the implementation 100 (F1 0.661).
     speed_weight_variance : float
         Prior variance of the height of the bell and of the constant, in units of the noise.
+    noise_scale : float
+        Scale S of the inverse Wishart prior of the noise, as a multiple of the identity: the
+        variance of the first differences, which is one after scaling.
+    degrees_of_freedom : float, optional
+        Its nu, for positions and speeds alike; the number of dimensions plus 2 if not given.
     """
 
     n_centres: int = 3
     bell_width: float = 0.25
     weight_variance: float = 100.0
     speed_weight_variance: float = 100.0
+    noise_scale: float = 1.0
+    degrees_of_freedom: float | None = None
+
+    def nu(self, d: int) -> float:
+        """Return the degrees of freedom for d dimensions."""
+        return d + 2.0 if self.degrees_of_freedom is None else self.degrees_of_freedom
 
 
 @dataclass(frozen=True)
@@ -63,6 +74,22 @@ class ChangePoints:
 
     borders: npt.NDArray[np.int64]
     log_probability: float
+
+
+@dataclass(frozen=True)
+class BorderWeights:
+    """How probable every border is, all segmentations taken together.
+
+    Attributes
+    ----------
+    probability : array, shape (T + 1,)
+        Posterior probability of a border before sample t; 1 at both ends.
+    log_evidence : float
+        Log-probability of the data, with the same constant as `ChangePoints.log_probability`.
+    """
+
+    probability: FloatArray
+    log_evidence: float
 
 
 def find_change_points(
@@ -110,16 +137,63 @@ def find_change_points(
     model = model or VmciModel()
     y, v = check_data(positions, speeds)
     factor = tabulate_lengths(len(y), y.shape[1], v.shape[1], border_probability, longest, model)
-    best, previous = run_viterbi(
-        y,
-        np.ascontiguousarray(np.pad(v, ((factor.size - 1, 0), (0, 0))).T),
+    best, previous = run_viterbi(*_arrange(y, v, factor, model))
+    return ChangePoints(trace_back(previous), float(best[-1]))
+
+
+def weigh_borders(
+    positions: npt.ArrayLike,
+    speeds: npt.ArrayLike,
+    border_probability: float,
+    longest: int | None = None,
+    model: VmciModel | None = None,
+) -> BorderWeights:
+    """Weigh every border: the sum over all segmentations and all bells.
+
+    Parameters and errors are those of `find_change_points`.
+
+    Returns
+    -------
+    BorderWeights
+        Posterior probabilities and the evidence.
+
+    Notes
+    -----
+    Forward and backward sums of the recursion of eq. (4.7), without simulation: O(T L) segments,
+    evaluated twice, and O(T + L) memory.
+    """
+    from besman.segmentation.posterior_kernel import run_forward_backward
+
+    model = model or VmciModel()
+    y, v = check_data(positions, speeds)
+    factor = tabulate_lengths(len(y), y.shape[1], v.shape[1], border_probability, longest, model)
+    forward, backward = run_forward_backward(*_arrange(y, v, factor, model))
+    evidence = float(forward[-1])
+    if not np.isfinite(evidence):
+        raise SegmentationError(
+            f"no segmentation of {len(y)} samples is possible with segments of at most {longest}"
+        )
+    return BorderWeights(np.minimum(np.exp(forward + backward - evidence), 1.0), evidence)
+
+
+def _arrange(
+    y: FloatArray, v: FloatArray, factor: FloatArray, model: VmciModel
+) -> tuple[FloatArray, FloatArray, FloatArray, int, float, float, float, float, float, float]:
+    """Bring data and model to the arguments of the kernels."""
+    before = np.concatenate([y[:1], y[:-1]])
+    pad = ((factor.size - 1, 0), (0, 0))
+    return (
+        np.ascontiguousarray(np.pad(np.concatenate([before, y], axis=1), pad).T),
+        np.ascontiguousarray(np.pad(v, pad).T),
         factor,
         model.n_centres,
         model.bell_width,
         model.weight_variance,
         model.speed_weight_variance,
+        model.noise_scale,
+        model.nu(y.shape[1]),
+        model.nu(v.shape[1]),
     )
-    return ChangePoints(trace_back(previous), float(best[-1]))
 
 
 def check_data(positions: npt.ArrayLike, speeds: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
@@ -153,8 +227,7 @@ def tabulate_lengths(
     evidence of positions and speed without data, eq. (A.16) and (A.17). Entry 0 is not used.
 
     The printed evidence lacks the factor 2^{(n + nu) d / 2} of the Wishart integral; it turns
-    (2 pi)^{-n d / 2} into pi^{-n d / 2}. The prior's nu is d + 2 and its S is the variance of the
-    first differences, which is one after scaling.
+    (2 pi)^{-n d / 2} into pi^{-n d / 2}.
     """
     if not 0.0 < border_probability < 1.0:
         raise SegmentationError(
@@ -164,23 +237,32 @@ def tabulate_lengths(
         raise SegmentationError(f"longest segment: got {longest} samples; must be at least 2")
     if model.n_centres < 1:
         raise SegmentationError(f"n_centres: got {model.n_centres}; must be at least 1")
+    if not model.noise_scale > 0.0:
+        raise SegmentationError(f"noise_scale: got {model.noise_scale}; must be positive")
+    least = max(d_position, d_speed) - 1
+    if model.degrees_of_freedom is not None and not model.degrees_of_freedom > least:
+        raise SegmentationError(
+            f"degrees_of_freedom: got {model.degrees_of_freedom}; must be greater than {least}"
+        )
     n = np.arange(min(longest or n_samples, n_samples) + 1, dtype=np.float64)
     prior = (n - 1) * np.log1p(-border_probability) + np.log(border_probability)
     if longest is not None:
         prior -= np.log(-np.expm1(longest * np.log1p(-border_probability)))
-    position = _length_factor(n, d_position) - 0.5 * d_position**2 * np.log(model.weight_variance)
-    speed = _length_factor(n, d_speed) - d_speed * np.log(model.speed_weight_variance)
+    position = length_factor(n, d_position, model)
+    position -= 0.5 * d_position**2 * np.log(model.weight_variance)
+    speed = length_factor(n, d_speed, model) - d_speed * np.log(model.speed_weight_variance)
     return prior - np.log(model.n_centres) + position + speed
 
 
-def _length_factor(n: FloatArray, d: int) -> FloatArray:
-    """Log of pi^{-n d / 2} Gamma_d((n + nu) / 2) / Gamma_d(nu / 2) with nu = d + 2."""
+def length_factor(n: FloatArray, d: int, model: VmciModel) -> FloatArray:
+    """Log of pi^{-n d / 2} |S|^{nu / 2} Gamma_d((n + nu) / 2) / Gamma_d(nu / 2)."""
     from scipy.special import gammaln
 
-    nu = d + 2
+    nu = model.nu(d)
     steps = np.arange(d) / 2
     growth = gammaln((n[:, np.newaxis] + nu) / 2 - steps) - gammaln(nu / 2 - steps)
-    return -0.5 * n * d * np.log(np.pi) + growth.sum(axis=1)
+    scale = 0.5 * nu * d * np.log(model.noise_scale)
+    return scale - 0.5 * n * d * np.log(np.pi) + growth.sum(axis=1)
 
 
 def trace_back(previous: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:

@@ -73,6 +73,7 @@ def evaluate_segments(y: FloatArray, v: FloatArray, longest: int, model: VmciMod
     hh, he, ee = (np.zeros((n_samples + 1, d, d)) for _ in range(3))
     outer = [np.einsum("ti,tj->tij", a, b) for a, b in ((h, h), (h, e), (e, e))]
     precision = np.eye(d) / model.weight_variance
+    scale, nu = model.noise_scale, model.nu(d)
     for n in range(1, longest + 1):
         for sums, products in zip((hh, he, ee), outer, strict=True):
             sums[n:] += products[: n_samples + 1 - n]
@@ -81,7 +82,7 @@ def evaluate_segments(y: FloatArray, v: FloatArray, longest: int, model: VmciMod
         noise = ee[n:] - np.swapaxes(he[n:], 1, 2) @ mc
         noise += precision @ (mc + np.swapaxes(mc, 1, 2) + np.eye(d) - m @ precision)
         evidence[n:, n] = 0.5 * d * np.linalg.slogdet(m)[1]
-        evidence[n:, n] -= 0.5 * (n + d + 2) * np.linalg.slogdet(noise + np.eye(d))[1]
+        evidence[n:, n] -= 0.5 * (n + nu) * np.linalg.slogdet(noise + scale * np.eye(d))[1]
         if v.shape[1]:
             evidence[n:, n] += _evaluate_speeds(v, n, model)
     return evidence
@@ -100,8 +101,9 @@ def _evaluate_speeds(v: FloatArray, n: int, model: VmciModel) -> FloatArray:
         basis = np.stack([np.exp(-(((x - centre) / radius) ** 2)), np.ones(n)], axis=1)
         m = np.linalg.inv(basis.T @ basis + np.eye(2) / model.speed_weight_variance)
         b = np.swapaxes(windows @ basis, 1, 2)
-        noise = squares - np.swapaxes(b, 1, 2) @ m @ b + np.eye(s)
-        value = 0.5 * s * np.linalg.slogdet(m)[1] - 0.5 * (n + s + 2) * np.linalg.slogdet(noise)[1]
+        noise = squares - np.swapaxes(b, 1, 2) @ m @ b + model.noise_scale * np.eye(s)
+        value = 0.5 * s * np.linalg.slogdet(m)[1]
+        value -= 0.5 * (n + model.nu(s)) * np.linalg.slogdet(noise)[1]
         hangs = ((m @ b)[:, 0] < 0).any(axis=1)
         best = np.maximum(best, np.where(hangs, -np.inf, value))
     return best
