@@ -74,7 +74,7 @@ EVIDENCE_HZ = 20.0
 _BORDERS_PER_S = 1.0
 
 # Where the peak of a movement's speed may lie: at every tenth of its duration.
-_MODEL = VmciModel(n_centres=9)
+MODEL = VmciModel(n_centres=9)
 
 # Noise of a rest over that of a movement; a half and twice of it give the same borders.
 _REST_NOISE = 0.1
@@ -157,7 +157,7 @@ def find_movements(
     longest = None if longest_s is None else max(2, round(longest_s * rate_hz))
     # A marker that stands still says nothing.
     speeds = signals.speeds[:, signals.speeds.any(axis=0)]
-    movement, rest = _evaluate(speeds, valleys, n_grid, rate_hz, longest, model or _MODEL)
+    movement, rest = _evaluate(speeds, valleys, n_grid, rate_hz, longest, model or MODEL)
     path, log_probability = _search(movement, rest)
     borders, rests = [0.0], []
     for first, last in (valleys[k - 1] for k in path[1:-1]):

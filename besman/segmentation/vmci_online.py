@@ -8,7 +8,7 @@ these starts meet, nothing that comes later can change what lies before.
 A start that stays 50 nats behind the best one for a second is given up, which lets the ways meet
 sooner. That is measured, not proven: the borders stay those of the whole recording on 12 real
 recordings and on an hour of reaches, with 30 nats as well, while with 20 nats some change. With
-segments of at most 10 s a border is final after 18 s in the median and 90 s at most; what is most
+segments of at most 10 s a border is final after 16 s in the median and 127 s at most; what is most
 probable now is known at once (`OnlineVmci.pending`).
 
 Should the ways not meet within 64 times L, the most probable one is taken for good, so that memory
