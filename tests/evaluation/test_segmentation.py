@@ -131,7 +131,8 @@ def test_bad_input(tmp_path):
     (tmp_path / "a.tsv").write_bytes((SAMPLE / "subject1.tsv").read_bytes())
     with pytest.raises(RecordingError, match="none of 1 recordings has manual segments"):
         read_dataset(tmp_path)
-    assert simulate_dataset("no_such_dataset") is None
+    with pytest.raises(ConfigError, match="no dataset 'no_such_dataset'"):
+        simulate_dataset("no_such_dataset")
 
 
 @pytest.mark.slow
