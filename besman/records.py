@@ -189,6 +189,30 @@ class LabelledSegments:
 
 
 @dataclass(frozen=True, eq=False)
+class Actions:
+    """What the building blocks of one recording make.
+
+    Attributes
+    ----------
+    levels : tuple of LabelledSegments
+        Actions of each level, the lowest first; those of a level are made of whole ones of the
+        level below, and together they cover the recording. ``distances`` are uncertainties.
+    fitness : array, shape (L,)
+        Minus the mean uncertainty of each level.
+    """
+
+    levels: tuple[LabelledSegments, ...]
+    fitness: FloatArray
+
+    def __post_init__(self) -> None:
+        _freeze(self, {"fitness": ("L",)})
+        if len(self.levels) != len(self.fitness):
+            raise ShapeError(
+                f"Actions.levels must have {len(self.fitness)} entries, got {len(self.levels)}"
+            )
+
+
+@dataclass(frozen=True, eq=False)
 class HandTrajectory:
     """The hand of one selected demonstration.
 
