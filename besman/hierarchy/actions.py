@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -155,12 +156,12 @@ def _check_seen(
     recording: LabelledRecording, paths: FloatArray, rows: Rows, markers: Sequence[str]
 ) -> None:
     """Refuse gaps inside a span."""
-    seen = np.isfinite(paths).all(axis=2)
-    missed = np.concatenate([np.zeros(1, dtype=np.int64), np.cumsum(~seen.all(axis=1))])
+    gone = np.isnan(paths).any(axis=2)
+    missed = np.append(0, np.cumsum(gone.any(axis=1)))
     bad = missed[rows[:, 1]] > missed[rows[:, 0]]
     if bad.any():
         start, end = rows[np.argmax(bad)]
-        row, column = np.argwhere(~seen[start:end])[0]
+        row, column = np.argwhere(gone[start:end])[0]
         raise RecognitionError(
             f"{recording.source}: marker {markers[column]!r} was not seen in frame "
             f"{recording.first_frame + start + row}; expected no gaps inside a segment"
@@ -285,10 +286,7 @@ def compose_level(
     for end in range(n_blocks):
         search.add(uncertainties[at[end, : search.reach]])
     best = search.best()
-    chosen = [
-        at[end - 1, end - start - 1]
-        for start, end in zip(best.borders[:-1], best.borders[1:], strict=True)
-    ]
+    chosen = [at[end - 1, end - start - 1] for start, end in pairwise(best.borders)]
     return Level(
         rows[list(best.borders)],
         tuple(labels[index] for index in chosen),

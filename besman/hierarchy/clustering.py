@@ -193,7 +193,7 @@ def _split(values: FloatArray, seed: int) -> npt.NDArray[np.bool_] | None:
 
 
 def _in_order(clusters: Clusters) -> Clusters:
-    """Number clusters in the order in which they occur."""
+    """Give clusters numbers in the order in which they occur."""
     _, first, inverse = np.unique(clusters, return_index=True, return_inverse=True)
     rank = np.empty(len(first), dtype=np.int64)
     rank[np.argsort(first)] = np.arange(len(first))

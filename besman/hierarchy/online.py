@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -53,15 +54,13 @@ class _Grower:
         self.search.add(uncertainties)
         first = self.search.first_open
         settled = self.search.best().borders[: self.search.n_settled + 1]
-        kept = set(zip(settled[:-1], settled[1:], strict=True))
+        kept = set(pairwise(settled))
         self.names = {k: v for k, v in self.names.items() if k[0] >= first or k in kept}
 
     def level(self) -> CurrentLevel:
         """Return the best actions of the blocks so far."""
         best = self.search.best()
-        found = [
-            self.names[group] for group in zip(best.borders[:-1], best.borders[1:], strict=True)
-        ]
+        found = [self.names[group] for group in pairwise(best.borders)]
         return CurrentLevel(
             np.array([self.rows[border] for border in best.borders]),
             tuple(label for label, _ in found),

@@ -15,8 +15,8 @@ from besman.hierarchy.actions import (
     merge_borders,
     train_level,
 )
-from besman.records import Actions, LabelledRecording, LabelledSegments, Segments
 from besman.recognition.examples import draw_examples
+from besman.records import Actions, LabelledRecording, LabelledSegments, Segments
 from besman.stage import Stage, Work
 
 
@@ -194,17 +194,24 @@ def pick_level(
 def leave_out_actions(
     truth: tuple[LabelledSegments | None, ...], config: ComposeConfig | None
 ) -> tuple[LabelledSegments | None, ...]:
-    """Return the manual segments that are building blocks, not actions."""
+    """Return the manual segments that are building blocks.
+
+    An action that holds other manual segments is left out; one that does not is a building block
+    as well (thesis 8.2.2 takes the same segments for both).
+    """
     if config is None:
         return truth
-    return tuple(None if manual is None else _without(manual, config.actions) for manual in truth)
+    return tuple(None if manual is None else _blocks(manual, config.actions) for manual in truth)
 
 
-def _without(manual: LabelledSegments, actions: tuple[str, ...]) -> LabelledSegments:
-    rows = [row for row, label in enumerate(manual.labels) if label not in actions]
+def _blocks(manual: LabelledSegments, actions: tuple[str, ...]) -> LabelledSegments:
+    is_action = np.array([label in actions for label in manual.labels], dtype=bool)
+    starts, ends = manual.bounds[:, 0], manual.bounds[:, 1]
+    inside = (starts >= starts[:, np.newaxis]) & (ends <= ends[:, np.newaxis])
+    rows = np.flatnonzero(~(is_action & (inside & ~is_action).any(axis=1)))
     return dataclasses.replace(
         manual,
-        bounds=manual.bounds[rows].reshape(-1, 2),
+        bounds=manual.bounds[rows],
         labels=tuple(manual.labels[row] for row in rows),
         distances=manual.distances[rows],
     )

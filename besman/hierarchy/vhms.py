@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -196,7 +197,7 @@ class GroupingSearch:
         if len(settled) < 2:
             return
         costs, first = self._costs, self.first_open
-        for start, end in zip(settled[:-1], settled[1:], strict=True):
+        for start, end in pairwise(settled):
             self._settled_sum += float(costs[end - 1 - first][end - start - 1])
         self._settled = self._settled[:-1] + tuple(settled)
         self._costs = []
@@ -228,7 +229,9 @@ def best_grouping(uncertainty: npt.ArrayLike, longest: int | None = None) -> Gro
     """
     costs = np.asarray(uncertainty, dtype=np.float64)
     if costs.ndim != 2 or costs.shape[0] != costs.shape[1]:
-        raise RecognitionError(f"compose: got uncertainties of shape {costs.shape}, expected (n, n)")
+        raise RecognitionError(
+            f"compose: got uncertainties of shape {costs.shape}, expected (n, n)"
+        )
     search = GroupingSearch(longest)
     for end in range(len(costs)):
         search.add(costs[end - search.reach + 1 : end + 1, end][::-1])
