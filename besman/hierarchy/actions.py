@@ -156,7 +156,7 @@ def _check_seen(
     recording: LabelledRecording, paths: FloatArray, rows: Rows, markers: Sequence[str]
 ) -> None:
     """Refuse gaps inside a span."""
-    gone = np.isnan(paths).any(axis=2)
+    gone = np.asarray(np.isnan(paths).any(axis=2))
     missed = np.append(0, np.cumsum(gone.any(axis=1)))
     bad = missed[rows[:, 1]] > missed[rows[:, 0]]
     if bad.any():
