@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from besman.evaluation.block_names import METHODS, Method, name_blocks, train
 from besman.evaluation.demonstrations import (
     Demonstration,
     arm_markers,
@@ -21,21 +23,14 @@ from besman.exceptions import ConfigError, RecognitionError, nearest
 from besman.hierarchy.actions import (
     LevelModel,
     compose_level,
-    cut_paths,
-    merge_borders,
-    name_spans,
-    train_level,
 )
-from besman.hierarchy.clustering import cluster_g_means, cluster_k_means, match_clusters
+from besman.hierarchy.borders import candidate_borders
 from besman.manual_segments import IDLE
-from besman.recognition.nearest_neighbour import scale
 from besman.records import LabelledSegments, Segments
 from besman.segmentation.scores import match_borders
 from besman.segmentation.stage import SegmentConfig
 
 FloatArray = npt.NDArray[np.float64]
-Method = Literal["vhms", "cl_vhms_k_means", "cl_vhms_g_means"]
-METHODS: tuple[Method, ...] = ("vhms", "cl_vhms_k_means", "cl_vhms_g_means")
 
 
 @dataclass(frozen=True)
@@ -86,6 +81,9 @@ EXPERIMENTS = {
 }
 """Datasets of tables 6.1 and 6.2 and of section 8.2."""
 
+CLUSTER_DRAWS = 3
+"""Clusters take many times longer than labels."""
+
 MARGIN_S = 0.2
 """Greatest distance of a border that counts as found, seconds (thesis 6.3)."""
 
@@ -96,6 +94,8 @@ class HierarchyScore:
 
     Attributes
     ----------
+    n : int
+        Demonstrations.
     block_f1, block_accuracy : float
         Of the borders of building blocks (true and false positives of both hands summed), and
         share of samples with the right block.
@@ -105,10 +105,9 @@ class HierarchyScore:
         Borders of actions found rightly and wrongly, a demonstration.
     seconds : float
         To compose one demonstration, without the segmentation.
-    n : int
-        Demonstrations.
     """
 
+    n: int
     block_f1: float
     block_accuracy: float
     f1: float
@@ -116,7 +115,6 @@ class HierarchyScore:
     tp: float
     fp: float
     seconds: float
-    n: int
 
 
 def read_dataset(name: str, seed: int = 0) -> list[Demonstration]:
@@ -134,7 +132,7 @@ def read_dataset(name: str, seed: int = 0) -> list[Demonstration]:
     ConfigError
         If there is no such experiment.
     """
-    from besman.synthetic.datasets import captures
+    from besman.synthetic.datasets import captures  # type: ignore[attr-defined]
 
     if name not in EXPERIMENTS:
         raise ConfigError(f"evaluate hierarchy: no dataset {name!r}; {nearest(name, EXPERIMENTS)}")
@@ -149,8 +147,61 @@ def read_dataset(name: str, seed: int = 0) -> list[Demonstration]:
     return found
 
 
-Finder = Callable[[Demonstration], dict[str, Segments]]
-"""From a demonstration to the building blocks of each arm."""
+def run_experiment(
+    name: str,
+    demonstrations: Sequence[Demonstration] | None = None,
+    draws: int = 10,
+    progress: Callable[[float], None] = lambda done: None,
+) -> list[dict[str, Any]]:
+    """Run one experiment: blocks only as in the thesis, its clusters, and valleys added.
+
+    Parameters
+    ----------
+    name : str
+        One of `EXPERIMENTS`.
+    demonstrations : sequence of Demonstration, optional
+        Simulated if not given.
+    draws : int
+        Draws of the demonstrations to learn from.
+    progress : callable
+        Gets the share done.
+
+    Returns
+    -------
+    list of dict
+        Rows for ``evaluate --json``: dataset, source, method, the means of `HierarchyScore` over
+        the draws, and the thesis' figures (on its own recordings).
+    """
+    if demonstrations is None:
+        demonstrations = read_dataset(name)
+    plan = EXPERIMENTS[name]
+    found = [find_blocks(one) for one in demonstrations]
+    rows = []
+    variants = [*((method, False) for method in METHODS), ("vhms", True)]
+    for number, (method, valleys) in enumerate(variants):
+        scores = [
+            evaluate(demonstrations, found, plan.examples, method, seed, valleys=valleys)
+            for seed in range(draws if method == "vhms" else min(draws, CLUSTER_DRAWS))
+        ]
+        means = {
+            field.name: float(np.mean([getattr(score, field.name) for score in scores]))
+            for field in dataclasses.fields(HierarchyScore)
+        }
+        seconds = means.pop("seconds")
+        rows.append(
+            {
+                "dataset": name,
+                "source": "synthetic",
+                "method": f"{method}_valleys" if valleys else method,
+                **means,
+                "examples_per_class": plan.examples,
+                "margin_s": MARGIN_S,
+                "seconds_per_recording": seconds,
+                "thesis": plan.thesis.get(method),
+            }
+        )
+        progress((number + 1) / len(variants))
+    return rows
 
 
 def find_blocks(demonstration: Demonstration, stage: Any = None) -> dict[str, Segments]:
@@ -178,6 +229,7 @@ def evaluate(
     method: Method = "vhms",
     seed: int = 0,
     margin_s: float = MARGIN_S,
+    valleys: bool = True,
 ) -> HierarchyScore:
     """Learn from some demonstrations, compose the others and score them.
 
@@ -196,6 +248,8 @@ def evaluate(
         Of the draw and of the clusters.
     margin_s : float
         Greatest distance of a border that counts as found, seconds.
+    valleys : bool
+        Actions may begin where a hand is slow too, not only at the borders of blocks.
 
     Returns
     -------
@@ -219,93 +273,13 @@ def evaluate(
     scores = []
     for batch in batches:
         tests = [(demonstrations[row], found[row]) for row in batch]
-        named = _name_blocks(tests, block_models, method, seed)
+        named = name_blocks(tests, block_models, method, seed)
         scores += [
-            _score(demonstration, blocks, labels, action_model, margin_s)
+            _score(demonstration, blocks, labels, action_model, margin_s, valleys)
             for (demonstration, blocks), labels in zip(tests, named, strict=True)
         ]
-    mean = np.mean(scores, axis=0)
-    return HierarchyScore(*(float(value) for value in mean), n=len(rows))
-
-
-def train(learnt: Sequence[Demonstration]) -> tuple[dict[str, LevelModel], LevelModel]:
-    """Learn the building blocks of each arm, and the actions of all arms together."""
-    recordings = [one.recording for one in learnt]
-    arms = arm_markers(recordings[0].markers)
-    block_models = {
-        arm: train_level(
-            recordings,
-            [one.blocks[arm].bounds for one in learnt],
-            [one.blocks[arm].labels for one in learnt],
-            names,
-        )
-        for arm, names in arms.items()
-        if arm in learnt[0].blocks
-    }
-    action_model = train_level(
-        recordings,
-        [one.actions.bounds for one in learnt],
-        [one.actions.labels for one in learnt],
-        [name for arm in block_models for name in arms[arm]],
-    )
-    return block_models, action_model
-
-
-def _name_blocks(
-    tests: Sequence[tuple[Demonstration, dict[str, Segments]]],
-    models: dict[str, LevelModel],
-    method: Method,
-    seed: int,
-) -> list[dict[str, tuple[str, ...]]]:
-    """Name the blocks of each arm of each demonstration."""
-    if method == "vhms":
-        return [
-            {
-                arm: name_spans(one.recording, blocks[arm].bounds, model)[0]
-                for arm, model in models.items()
-            }
-            for one, blocks in tests
-        ]
-    named: list[dict[str, tuple[str, ...]]] = [{} for _ in tests]
-    for arm, model in models.items():
-        paths = [
-            cut_paths(one.recording, blocks[arm].bounds, model.markers, model.n_points)
-            for one, blocks in tests
-        ]
-        values = np.concatenate(paths)
-        # Nothing was learnt here: the range is that of the blocks themselves.
-        low = values.min(axis=(0, 1))
-        span = np.full(len(low), max(float(np.ptp(values, axis=(0, 1)).max()), 1e-9))
-        vectors = scale(values, low, span)
-        if method == "cl_vhms_g_means":
-            clusters = cluster_g_means(vectors, seed)
-        else:
-            # One more than the expected classes, for what fits none of them.
-            expected = len(set(model.labels) - {IDLE}) + 1
-            clusters = cluster_k_means(vectors, min(expected, len(vectors)), seed)
-        parts = np.split(clusters, np.cumsum([len(part) for part in paths])[:-1])
-        for number, labels in enumerate(_assign(tests, arm, parts)):
-            named[number][arm] = labels
-    return named
-
-
-def _assign(
-    tests: Sequence[tuple[Demonstration, dict[str, Segments]]],
-    arm: str,
-    clusters: Sequence[npt.NDArray[np.int64]],
-) -> list[tuple[str, ...]]:
-    """Name clusters so that as many samples as possible are right; those left over are idle."""
-    by_sample: list[int] = []
-    truth: list[str] = []
-    for (one, blocks), numbers in zip(tests, clusters, strict=True):
-        n_samples = len(one.recording.time)
-        by_sample += [
-            int(name)
-            for name in sample_labels(blocks[arm].bounds, [str(k) for k in numbers], n_samples)
-        ]
-        truth += sample_labels(one.blocks[arm].bounds, one.blocks[arm].labels, n_samples)
-    classes = match_clusters(by_sample, truth)
-    return [tuple(classes.get(int(k), IDLE) for k in numbers) for numbers in clusters]
+    mean = [float(value) for value in np.mean(scores, axis=0)]
+    return HierarchyScore(len(rows), *mean)
 
 
 def _score(
@@ -314,11 +288,15 @@ def _score(
     labels: dict[str, tuple[str, ...]],
     model: LevelModel,
     margin_s: float,
+    valleys: bool,
 ) -> tuple[float, ...]:
     """Compose one demonstration; return the figures of `HierarchyScore` but the last."""
     recording = demonstration.recording
     start = time.perf_counter()
-    level = compose_level(recording, merge_borders([one.bounds for one in blocks.values()]), model)
+    markers = arm_markers(recording.markers)
+    hands = [markers[arm][0] for arm in blocks] if valleys else []
+    borders = candidate_borders(recording, [one.bounds for one in blocks.values()], hands)
+    level = compose_level(recording, borders, model)
     seconds = time.perf_counter() - start
     actions = join_idle(level.borders, level.labels, recording)
     counts = np.array(

@@ -217,29 +217,6 @@ def name_spans(
     return classify(scale(values, model.low, model.span), model.examples, model.labels)
 
 
-def merge_borders(per_arm: Sequence[npt.ArrayLike]) -> Rows:
-    """Take the borders of every arm's blocks as borders of both (thesis 6.3.2).
-
-    Parameters
-    ----------
-    per_arm : sequence of int array, shape (S, 2)
-        Half-open rows of the blocks of each arm.
-
-    Returns
-    -------
-    int array
-        Rising; borders with less than two samples between them become one.
-    """
-    rows = np.unique(np.concatenate([np.asarray(one, dtype=np.int64).ravel() for one in per_arm]))
-    if len(rows) == 0:
-        raise RecognitionError("compose: got no blocks; expected at least 1")
-    kept = [int(rows[0])]
-    for row in rows[1:-1]:
-        if row - kept[-1] >= 2 and rows[-1] - row >= 2:
-            kept.append(int(row))
-    return np.array([*kept, *rows[-1:]] if len(rows) > 1 else kept, dtype=np.int64)
-
-
 def compose_level(
     recording: LabelledRecording,
     borders: npt.ArrayLike,

@@ -12,11 +12,16 @@ from besman.exceptions import RecognitionError
 FloatArray = npt.NDArray[np.float64]
 Clusters = npt.NDArray[np.int64]
 
-# Anderson-Darling statistic of a Gaussian with unknown mean and variance at a significance of
-# 0.0001 (Hamerly and Elkan 2004, section 3).
-_CRITICAL = 1.8692
-# The statistic says nothing about fewer points (Stephens 1974 gives its correction from 8 on).
+# The p-value is given from 8 points on.
 _FEWEST_TESTED = 8
+# From a statistic on: polynomial whose exponential is the p-value, below 0.34 one minus it.
+_P_VALUES = (
+    (10.0, (-2.0, -35.0)),
+    (0.6, (0.0186, -5.709, 1.2937)),
+    (0.34, (-1.38, -4.279, 0.9177)),
+    (0.2, (-59.938, 42.796, -8.318)),
+    (0.0, (-223.73, 101.14, -13.436)),
+)
 
 
 def cluster_k_means(vectors: npt.ArrayLike, n_clusters: int, seed: int = 0) -> Clusters:
@@ -45,7 +50,10 @@ def cluster_k_means(vectors: npt.ArrayLike, n_clusters: int, seed: int = 0) -> C
 
 
 def cluster_g_means(
-    vectors: npt.ArrayLike, seed: int = 0, most_clusters: int | None = None
+    vectors: npt.ArrayLike,
+    seed: int = 0,
+    most_clusters: int | None = None,
+    significance: float = 0.01,
 ) -> Clusters:
     """Split clusters in two until each is Gaussian along the line between its halves.
 
@@ -56,6 +64,9 @@ def cluster_g_means(
     seed : int
     most_clusters : int, optional
         Stop at this number.
+    significance : float
+        Of the test. The paper takes 0.0001 for thousands of vectors; the blocks of a few
+        demonstrations need more power.
 
     Returns
     -------
@@ -69,7 +80,7 @@ def cluster_g_means(
 
     References
     ----------
-    G. Hamerly and C. Elkan: Learning the k in k-means, NIPS 2004; significance 0.0001.
+    G. Hamerly and C. Elkan: Learning the k in k-means, NIPS 2004.
     """
     values = _checked(vectors, 1)
     clusters = np.zeros(len(values), dtype=np.int64)
@@ -77,7 +88,7 @@ def cluster_g_means(
     while waiting and (most_clusters is None or count < most_clusters):
         number = waiting.pop(0)
         rows = np.flatnonzero(clusters == number)
-        halves = _split(values[rows], seed)
+        halves = _split(values[rows], seed, significance)
         if halves is None:
             continue
         clusters[rows[halves]] = count
@@ -86,18 +97,29 @@ def cluster_g_means(
     return _in_order(clusters)
 
 
-def is_gaussian(values: npt.ArrayLike) -> bool:
-    """Say whether numbers, shape (S,), may come from a normal distribution (Anderson-Darling)."""
+def gaussian_probability(values: npt.ArrayLike) -> float:
+    """Return the p-value of the Anderson-Darling test for normality of numbers, shape (S,).
+
+    References
+    ----------
+    R. D'Agostino and M. Stephens: Goodness-of-fit techniques, 1986, table 4.9; mean and variance
+    unknown.
+    """
     from scipy.special import log_ndtr
 
     ordered = np.sort(np.asarray(values, dtype=np.float64))
     n = len(ordered)
     if n < _FEWEST_TESTED or np.ptp(ordered) == 0.0:
-        return True
+        return 1.0
     z = (ordered - ordered.mean()) / ordered.std(ddof=1)
     ranks = 2 * np.arange(1, n + 1) - 1
-    statistic = -n - float(np.mean(ranks * (log_ndtr(z) + log_ndtr(-z[::-1]))))
-    return statistic * (1.0 + 4.0 / n - 25.0 / n**2) <= _CRITICAL
+    plain = -n - float(np.mean(ranks * (log_ndtr(z) + log_ndtr(-z[::-1]))))
+    statistic = plain * (1.0 + 0.75 / n + 2.25 / n**2)
+    for bound, power in _P_VALUES:
+        if statistic >= bound:
+            exponent = float(np.polyval(power, statistic))
+            return float(np.exp(exponent) if bound >= 0.34 else -np.expm1(exponent))
+    return 1.0
 
 
 def match_clusters(
@@ -183,13 +205,13 @@ def _k_means(values: FloatArray, n_clusters: int, seed: int) -> Clusters:
     return np.asarray(found, dtype=np.int64)
 
 
-def _split(values: FloatArray, seed: int) -> npt.NDArray[np.bool_] | None:
+def _split(values: FloatArray, seed: int, significance: float) -> npt.NDArray[np.bool_] | None:
     """Say which vectors make the second half, or None if the whole is Gaussian."""
     if len(values) < _FEWEST_TESTED or np.ptp(values, axis=0).max() == 0.0:
         return None
     second = _k_means(values, 2, seed) == 1
     line = values[second].mean(axis=0) - values[~second].mean(axis=0)
-    return None if is_gaussian(values @ line) else second
+    return None if gaussian_probability(values @ line) >= significance else second
 
 
 def _in_order(clusters: Clusters) -> Clusters:

@@ -12,9 +12,9 @@ from besman.exceptions import RecognitionError, nearest
 from besman.hierarchy.actions import (
     LevelModel,
     compose_levels,
-    merge_borders,
     train_level,
 )
+from besman.hierarchy.borders import candidate_borders
 from besman.recognition.examples import draw_examples
 from besman.records import Actions, LabelledRecording, LabelledSegments, Segments
 from besman.stage import Stage, Work
@@ -34,10 +34,13 @@ class ComposeConfig(Stage):
         Seed of the draw of examples.
     markers : tuple of str
         Markers whose paths are looked at; of both arms for actions of both.
+    hands : tuple of str
+        Where one of these is slow an action may begin or end too, not only at the borders of
+        blocks; none to have whole blocks only, as in the thesis.
     n_points : int
         Points that every path is interpolated to.
     longest_blocks : int, optional
-        Most blocks in one action.
+        Most blocks, or stretches between such places, in one action.
     """
 
     method: Literal["vhms"] = "vhms"
@@ -47,6 +50,7 @@ class ComposeConfig(Stage):
     examples_per_class: int = Field(default=4, ge=1)
     seed: int = Field(default=0, ge=0)
     markers: Annotated[tuple[str, ...], Field(min_length=1)] = ("hand_top", "elbow", "shoulder")
+    hands: tuple[str, ...] = ("hand_top",)
     n_points: int = Field(default=25, ge=2)
     longest_blocks: int | None = Field(default=None, ge=1)
 
@@ -160,7 +164,7 @@ class ComposeConfig(Stage):
         """
         results = []
         for done, (recording, found) in enumerate(zip(recordings, blocks, strict=True), start=1):
-            borders = merge_borders([found.bounds])
+            borders = candidate_borders(recording, [found.bounds], self.hands)
             levels = compose_levels(recording, borders, models, self.longest_blocks)
             results.append(
                 Actions(
