@@ -129,6 +129,41 @@ def synth(
         Console().print(f"wrote {path} (synthetic)", highlight=False, soft_wrap=True)
 
 
+evaluate_app = typer.Typer(
+    name="evaluate",
+    help="The tables of the thesis, on given or simulated data.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+)
+app.add_typer(evaluate_app)
+
+
+@evaluate_app.command("hierarchy")
+def evaluate_hierarchy(
+    datasets: Annotated[
+        list[str] | None, typer.Argument(help="step, object_rotation, circle_drawing, rotation.")
+    ] = None,
+    draws: Annotated[int, typer.Option(min=1, help="Draws of examples to learn from.")] = 10,
+    json_file: Json = None,
+) -> None:
+    """Blocks and actions: tables 6.1 and 6.2 and section 8.2, on simulated captures."""
+    from rich.console import Console
+
+    from besman.evaluation.hierarchy import EXPERIMENTS, hierarchy_table, run_experiment
+    from besman.run import write_json
+    from besman.terminal import stage_display
+
+    rows = []
+    with stage_display() as display:
+        for name in datasets or EXPERIMENTS:
+            progress, end = display(name)
+            rows += run_experiment(name, draws=draws, progress=progress)
+            end(True)
+    if json_file is not None:
+        write_json(json_file, {"experiment": "hierarchy", "rows": rows})
+    Console().print(hierarchy_table(rows))
+
+
 @app.command()
 def check(
     pipeline: Annotated[str, typer.Argument(help="A YAML file, or the name of a pipeline.")],

@@ -134,9 +134,7 @@ def read_dataset(name: str, seed: int = 0) -> list[Demonstration]:
     """
     from besman.synthetic.datasets import captures  # type: ignore[attr-defined]
 
-    if name not in EXPERIMENTS:
-        raise ConfigError(f"evaluate hierarchy: no dataset {name!r}; {nearest(name, EXPERIMENTS)}")
-    plan = EXPERIMENTS[name]
+    plan = _find(name)
     found: list[Demonstration] = []
     for capture in captures(name, seed=seed):
         recording = name_markers(capture.recording)
@@ -145,6 +143,13 @@ def read_dataset(name: str, seed: int = 0) -> list[Demonstration]:
             recording, capture.segments, blocks, plan.actions_each, plan.around_s
         )
     return found
+
+
+def _find(name: str) -> Experiment:
+    """Return an experiment by its name."""
+    if name not in EXPERIMENTS:
+        raise ConfigError(f"evaluate hierarchy: no dataset {name!r}; {nearest(name, EXPERIMENTS)}")
+    return EXPERIMENTS[name]
 
 
 def run_experiment(
@@ -172,9 +177,9 @@ def run_experiment(
         Rows for ``evaluate --json``: dataset, source, method, the means of `HierarchyScore` over
         the draws, and the thesis' figures (on its own recordings).
     """
+    plan = _find(name)
     if demonstrations is None:
         demonstrations = read_dataset(name)
-    plan = EXPERIMENTS[name]
     found = [find_blocks(one) for one in demonstrations]
     rows = []
     variants = [*((method, False) for method in METHODS), ("vhms", True)]
@@ -202,6 +207,34 @@ def run_experiment(
         )
         progress((number + 1) / len(variants))
     return rows
+
+
+def hierarchy_table(rows: Sequence[dict[str, Any]]) -> Any:
+    """Return rows of `run_experiment` as a table, the thesis' figures in brackets."""
+    from rich.box import SIMPLE
+    from rich.table import Table
+
+    table = Table(
+        title="building blocks and actions (synthetic)",
+        caption="in brackets: the thesis, on its own recordings; margin 0.2 s; _valleys: actions "
+        "may begin where a hand is slow, too",
+        box=SIMPLE,
+    )
+    for name in ("dataset", "method"):
+        table.add_column(name, no_wrap=True)
+    names = ("block_f1", "block_accuracy", "f1", "accuracy")
+    for name in (*names, "tp", "fp", "each"):
+        table.add_column(name.replace("_", " "), justify="right", no_wrap=True)
+    for row in rows:
+        beside = row["thesis"] or (None,) * len(names)
+        figures = [
+            f"{row[name]:.2f}" + ("" if one is None else f" ({one:.2f})")
+            for name, one in zip(names, beside, strict=True)
+        ]
+        counts = [f"{row['tp']:.1f}", f"{row['fp']:.1f}"]
+        each = f"{1000 * row['seconds_per_recording']:.1f} ms"
+        table.add_row(row["dataset"], row["method"], *figures, *counts, each)
+    return table
 
 
 def find_blocks(demonstration: Demonstration, stage: Any = None) -> dict[str, Segments]:
