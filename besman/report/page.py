@@ -241,7 +241,7 @@ def _recordings(records: dict[str, Any], results: dict[str, Any]) -> str:
 
 
 def _actions(records: dict[str, Any], results: dict[str, Any]) -> str:
-    """Building blocks and what they make, one time line a recording."""
+    """Show building blocks and what they make, one time line a recording."""
     if "compose" not in records:
         return ""
     from besman.report import figures
