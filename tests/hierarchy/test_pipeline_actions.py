@@ -42,6 +42,7 @@ def run(monkeypatch, *arguments):
     return caught.value.code or 0
 
 
+@pytest.mark.slow
 def test_an_action_is_retargeted(monkeypatch, tmp_path, capture):
     code = run(
         monkeypatch, "run", "ur5_stick_throw", "--out", tmp_path / "run",
