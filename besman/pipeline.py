@@ -18,7 +18,8 @@ from besman.inputs import Inputs, read_inputs
 from besman.labelling.marker_set import MarkerSet, load_marker_set
 from besman.labelling.stage import LabelConfig, label_results
 from besman.mapping.stage import MapConfig, SelectConfig, map_results
-from besman.recognition.stage import RecognizeConfig
+from besman.recognition.model_files import load_model
+from besman.recognition.stage import RecognizeConfig, RecognizeStage
 from besman.record_files import load_record, save_record
 from besman.records import LabelledRecording, LabelledSegments
 from besman.refinement.stage import RefineConfig, refine_results
@@ -62,7 +63,7 @@ class PipelineConfig(Config):
     margin_s: Annotated[float, Field(gt=0)] = 0.3
     label: LabelConfig = LabelConfig()
     segment: SegmentConfig = SegmentConfig()
-    recognize: RecognizeConfig = RecognizeConfig()
+    recognize: RecognizeStage = RecognizeConfig()
     compose: ComposeConfig | None = None
     select: SelectConfig
     map: MapConfig = MapConfig()
@@ -113,6 +114,9 @@ def load_pipeline(path: Path, settings: tuple[str, ...] = ()) -> PipelineConfig:
             content[key] = _absolute(content[key], path.resolve().parent)
     for key in ("robot", "task"):
         content[key] = _own_file(content.get(key), path.resolve().parent)
+    recognize = content.get("recognize")
+    if isinstance(recognize, dict) and "model" in recognize:
+        recognize["model"] = _absolute(recognize["model"], path.resolve().parent)
     for setting in settings:
         _apply(content, setting)
     return parse_config(
@@ -129,7 +133,7 @@ def _apply(content: dict[str, Any], setting: str) -> None:
         value = yaml.safe_load(text)
     except yaml.YAMLError:
         raise ConfigError(f"--set {key}: got {text!r}, which is not a YAML value") from None
-    if key in ("recordings", "training"):
+    if key in ("recordings", "training", "recognize.model"):
         value = _absolute(value, Path.cwd())
     if key in ("robot", "task"):
         value = _own_file(value, Path.cwd())
@@ -251,7 +255,8 @@ def _run_stages(config: PipelineConfig, run: Run, inputs: Inputs, trained_in: Pa
     )
 
     examples = None
-    if trained_in is None:
+    given = config.recognize.model is not None and config.compose is None
+    if trained_in is None and not given:
         examples = _examples(config, run, labelled, truth, markers)
     model = _train(config, run, examples, trained_in)
     n = sum(len(found.bounds) for found in segments)
@@ -317,7 +322,9 @@ def _examples(
 def _train(
     config: PipelineConfig, run: Run, examples: Examples | None, trained_in: Path | None
 ) -> Any:
-    """Return the trained model: another run's, or one of the labelled examples at hand."""
+    """Return the trained model: a file's, another run's, or one of the labelled examples."""
+    if config.recognize.model is not None:
+        return load_model(Path(config.recognize.model))
     if examples is None:
         assert trained_in is not None
         return trained_model(trained_in)
@@ -375,8 +382,9 @@ def retarget_pipeline(
     """
     if not (folder / "pipeline.yaml").is_file():
         raise RunError(f"{folder}: not a run: pipeline.yaml is missing")
-    trained_model(folder)
     config = load_config(folder / "pipeline.yaml", PipelineConfig)
+    if config.recognize.model is None:
+        trained_model(folder)
     changes: dict[str, Any] = {
         "recordings": tuple(str(path.resolve()) for path in recordings),
         "training": (),

@@ -66,6 +66,9 @@ class Recording:
         File name without folder.
     first_frame : int
         Frame number of row 0 (segments files count in frames).
+    orientations : array, shape (T, M, 4), or None
+        Unit quaternions (w, x, y, z), body2lab, of what was recorded as bodies (segments of a
+        sensor suit, links of an exoskeleton); None for markers, which have none.
     """
 
     time: FloatArray
@@ -74,9 +77,13 @@ class Recording:
     rate_hz: float
     source: str
     first_frame: int = 1
+    orientations: FloatArray | None = None
 
     def __post_init__(self) -> None:
-        _freeze(self, {"time": ("T",), "positions": ("T", "M", 3)})
+        shapes: dict[str, tuple[int | str, ...]] = {"time": ("T",), "positions": ("T", "M", 3)}
+        if self.orientations is not None:
+            shapes["orientations"] = ("T", "M", 4)
+        _freeze(self, shapes)
         if len(self.names) != self.positions.shape[1]:
             raise ShapeError(
                 f"Recording.names must name {self.positions.shape[1]} trajectories, "
@@ -99,7 +106,7 @@ class LabelledRecording:
         Canonical names of the marker set, e.g. ``hand_top``.
     filled : bool array, shape (T, M)
         True where a gap was filled.
-    rate_hz, source, first_frame
+    rate_hz, source, first_frame, orientations
         As in `Recording`.
     """
 
@@ -110,11 +117,17 @@ class LabelledRecording:
     rate_hz: float
     source: str
     first_frame: int = 1
+    orientations: FloatArray | None = None
 
     def __post_init__(self) -> None:
-        _freeze(
-            self, {"time": ("T",), "positions": ("T", "M", 3), "filled": ("T", "M")}, filled=bool
-        )
+        shapes: dict[str, tuple[int | str, ...]] = {
+            "time": ("T",),
+            "positions": ("T", "M", 3),
+            "filled": ("T", "M"),
+        }
+        if self.orientations is not None:
+            shapes["orientations"] = ("T", "M", 4)
+        _freeze(self, shapes, filled=bool)
         if len(self.markers) != self.positions.shape[1]:
             raise ShapeError(
                 f"LabelledRecording.markers must name {self.positions.shape[1]} markers, "
