@@ -11,6 +11,7 @@ from besman.recognition.sequences import ProbabilisticClassifier
 
 FloatArray = npt.NDArray[np.float64]
 
+_PRIOR = 1.001
 _PARTS = ("startprob", "transmat", "means", "covars")
 
 
@@ -70,8 +71,14 @@ class HmmClassifier(ProbabilisticClassifier):
                 covariance_type="diag",
                 min_covar=self.smallest_variance,
                 random_state=self.random_state,
+                # Weak priors: a state that no point belongs to stays a proper one.
+                startprob_prior=_PRIOR,
+                transmat_prior=_PRIOR,
+                means_prior=points.mean(axis=0),
+                means_weight=_PRIOR - 1.0,
             ).fit(points, [own.shape[1]] * len(own))
             covars = np.diagonal(hmm.covars_, axis1=1, axis2=2)
+            covars = np.maximum(covars, self.smallest_variance)
             values = (_proper(hmm.startprob_), _proper(hmm.transmat_), hmm.means_, covars)
             for part, value in zip(_PARTS, values, strict=True):
                 self.parameters_[f"{part}_{code}"] = np.array(value)

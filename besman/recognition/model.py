@@ -145,6 +145,7 @@ def fit_model(
     method: str,
     settings: dict[str, Any],
     unknown_factor: float | None,
+    with_fallback: bool = True,
 ) -> RecognitionModel:
     """Learn to tell classes apart.
 
@@ -162,6 +163,8 @@ def fit_model(
         Parameters of its classifier.
     unknown_factor : float or None
         See `besman.recognition.novelty.fit_threshold`; None: every segment gets a known class.
+    with_fallback : bool
+        Whether to learn a second time without features of objects, if there are any.
 
     Returns
     -------
@@ -178,7 +181,7 @@ def fit_model(
         raise RecognitionError(f"features of example {row} must be finite, got NaN or infinity")
     fallback = None
     of_objects = recipe.object_channels
-    if of_objects.any() and not of_objects.all():
+    if with_fallback and of_objects.any() and not of_objects.all():
         fallback = fit_model(
             values[:, :, ~of_objects],
             examples,

@@ -12,17 +12,17 @@ FloatArray = npt.NDArray[np.float64]
 UNKNOWN = "unknown"
 """Label of a segment that is like no example."""
 
-_QUANTILE = 0.95
+_WITHIN, _BETWEEN = 0.95, 0.5
 
 
 def fit_threshold(examples: FloatArray, labels: Sequence[str], factor: float) -> float:
     """Find the distance beyond which a segment is of no known class.
 
-    Every example is left out once, and its distance to the nearest other one of its class taken:
-    so far apart are segments of one class. The threshold is the 95 % quantile of these distances
-    times a factor, which covers people and places that are not among the examples. If no class has
-    two examples, the nearest examples of different classes take their place: what is farther from
-    all classes than they are from each other is like none of them.
+    Every example is left out once. Its distance to the nearest other example of its class tells how
+    far apart segments of one class are, that to the nearest example of another class how far apart
+    classes are. A segment is unknown if it is farther from all examples than `factor` times the
+    95 % quantile of the former, and than the median of the latter. The second bound matters for
+    few examples: of two throws of one person the distance is no measure for a third.
 
     Parameters
     ----------
@@ -42,12 +42,14 @@ def fit_threshold(examples: FloatArray, labels: Sequence[str], factor: float) ->
     np.fill_diagonal(apart, np.inf)
     names = np.asarray(labels)
     same = names[:, np.newaxis] == names
-    for wanted, tolerance in ((same, factor), (~same, 1.0)):
-        nearest = np.where(wanted, apart, np.inf).min(axis=1)
-        known = nearest[np.isfinite(nearest)]
-        if len(known):
-            return float(tolerance * np.quantile(known, _QUANTILE))
-    return float("inf")
+    within = np.where(same, apart, np.inf).min(axis=1)
+    between = np.where(same, np.inf, apart).min(axis=1)
+    bounds = [
+        tolerance * float(np.quantile(nearest[np.isfinite(nearest)], quantile))
+        for nearest, tolerance, quantile in ((within, factor, _WITHIN), (between, 1.0, _BETWEEN))
+        if np.isfinite(nearest).any()
+    ]
+    return max(bounds, default=float("inf"))
 
 
 def measure_novelty(vectors: FloatArray, examples: FloatArray) -> FloatArray:
