@@ -84,9 +84,9 @@ def run_recognition(
     -------
     dict
         ``experiment`` and ``rows``; a row has dataset, source, experiment (``examples``,
-        ``settings``, ``subjects`` or ``unknown``), method, object_features,
-        examples_per_class, draws, accuracy (every segment gets a known class), accuracy_std, per_class, train_s, predict_s, n_test and thesis_accuracy, None where the
-        thesis gives no number.
+        ``settings``, ``subjects`` or ``unknown``), method, object_features, examples_per_class,
+        draws, accuracy (every segment gets a known class), accuracy_std, per_class, train_s,
+        predict_s, n_test and thesis_accuracy, None where the thesis gives no number.
     """
     tasks = []
     for one in sets:

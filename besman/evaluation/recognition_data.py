@@ -99,9 +99,7 @@ def _load_set(folder: Path) -> LabelledSet:
     import time
 
     files = find_recordings([folder])
-    made = any(
-        Path(f"{file.with_suffix('')}{end}").exists() for file in files for end in _MADE_BY_SYNTH
-    )
+    beside = [file.with_name(file.stem + end) for file in files for end in _MADE_BY_SYNTH]
     made = data_is_embedded(folder) or any(path.exists() for path in beside)
     inputs = read_inputs([str(folder)])
     recordings = [_fill(name_markers(recording)) for recording in inputs.recordings]
