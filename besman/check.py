@@ -81,10 +81,12 @@ def _check_examples(config: PipelineConfig, inputs: Inputs) -> str:
             "recognize: no labelled examples: no recording has a segments file beside it "
             "(STEM_manually_segmented.json); name recordings that have with training:"
         )
-    if config.select.label not in counts:
+    wanted = config.select.wanted
+    if wanted not in counts:
+        key = "label" if config.select.label else "action"
         raise ConfigError(
-            f"select.label: got {config.select.label!r}, which has no labelled example; "
-            f"{nearest(config.select.label, counts)}"
+            f"select.{key}: got {wanted!r}, which has no labelled example; "
+            f"{nearest(wanted, counts)}"
         )
     listed = ", ".join(f"{label} {count}" for label, count in sorted(counts.items()))
     return f"labelled examples: {listed}"

@@ -92,6 +92,28 @@ def retarget(
 
 
 @app.command()
+def train(
+    segments: Annotated[
+        list[Path],
+        typer.Argument(help="Recordings with segments files beside them, or those, or folders."),
+    ],
+    out: Annotated[Path, typer.Option(help="Model to write: NAME.npz and NAME.json.")],
+    markers: Annotated[str, typer.Option(help="Marker set.")] = "right_arm",
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="KEY=VALUE of recognize, e.g. method=hmm."),
+    ] = None,
+) -> None:
+    """Learn to name segments; a pipeline uses the model with recognize: {model: PATH}."""
+    from rich.console import Console
+
+    from besman.training import train_files
+
+    for path in train_files(segments, out, markers, tuple(settings or ())):
+        Console().print(f"wrote {path}", highlight=False, soft_wrap=True)
+
+
+@app.command()
 def segment(
     recordings: Recordings,
     method: Annotated[str, typer.Option(help="Segmentation method.")] = "valley_vmci",
@@ -254,6 +276,71 @@ def synth(
         end(True)
     for path in paths:
         Console().print(f"wrote {path} (synthetic)", highlight=False, soft_wrap=True)
+
+
+@evaluate_app.command("recognition")
+def evaluate_recognition(
+    data: Annotated[
+        Path | None,
+        typer.Option(help="Folder of recordings with segments, or of such folders."),
+    ] = None,
+    methods: Annotated[
+        list[str] | None,
+        typer.Option("--method", help="nearest_neighbour, dtw, hmm, lstm; default all there are."),
+    ] = None,
+    draws: Annotated[int, typer.Option(min=1, help="Random choices of examples.")] = 100,
+    figures: Annotated[Path | None, typer.Option(help="Folder for figures.")] = None,
+    json_file: Json = None,
+) -> None:
+    """Accuracy over examples, settings and new subjects: figures 5.3 and 5.5 to 5.8."""
+    from rich.console import Console
+
+    from besman.evaluation.recognition import check_methods, recognition_table, run_recognition
+    from besman.evaluation.recognition_data import load_sets
+    from besman.run import write_json
+    from besman.terminal import stage_display
+
+    chosen = check_methods(methods)
+    with stage_display() as display:
+        progress, end = display("recognition")
+        sets = load_sets(data)
+        result = run_recognition(sets, chosen, draws, progress)
+        end(True)
+    if json_file is not None:
+        write_json(json_file, result)
+    console = Console()
+    console.print(recognition_table(result))
+    if figures is not None:
+        from besman.evaluation.recognition_figures import write_figures
+
+        for path in write_figures(result, sets, figures):
+            console.print(f"wrote {path}", highlight=False, soft_wrap=True)
+
+
+@evaluate_app.command("hierarchy")
+def evaluate_hierarchy(
+    datasets: Annotated[
+        list[str] | None, typer.Argument(help="step, object_rotation, circle_drawing, rotation.")
+    ] = None,
+    draws: Annotated[int, typer.Option(min=1, help="Draws of examples to learn from.")] = 10,
+    json_file: Json = None,
+) -> None:
+    """Blocks and actions: tables 6.1 and 6.2 and section 8.2, on simulated captures."""
+    from rich.console import Console
+
+    from besman.evaluation.hierarchy import EXPERIMENTS, hierarchy_table, run_experiment
+    from besman.run import write_json
+    from besman.terminal import stage_display
+
+    rows = []
+    with stage_display() as display:
+        for name in datasets or EXPERIMENTS:
+            progress, end = display(name)
+            rows += run_experiment(name, draws=draws, progress=progress)
+            end(True)
+    if json_file is not None:
+        write_json(json_file, {"experiment": "hierarchy", "rows": rows})
+    Console().print(hierarchy_table(rows))
 
 
 @app.command()

@@ -7,17 +7,20 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import yaml
-from pydantic import Field, field_validator
+from pydantic import Field, field_validator, model_validator
 
+from besman.composition import run_compose
 from besman.config_file import load_config, parse_config, read_yaml
 from besman.exceptions import BesmanError, ConfigError, RecognitionError, RunError, nearest
+from besman.hierarchy.stage import ComposeConfig, leave_out_actions
 from besman.imitation.stage import ImitateConfig, imitate_results
 from besman.inputs import Inputs, read_inputs
 from besman.labelling.marker_set import MarkerSet, load_marker_set
 from besman.labelling.results import label_results
 from besman.labelling.stage import LabelConfig, LabelStage, LabelTrajectoriesConfig
 from besman.mapping.stage import MapConfig, SelectConfig, map_results
-from besman.recognition.stage import RecognizeConfig
+from besman.recognition.model_files import load_model
+from besman.recognition.stage import RecognizeConfig, RecognizeStage
 from besman.record_files import load_record, save_record
 from besman.records import LabelledRecording, LabelledSegments
 from besman.refinement.stage import RefineConfig, refine_results
@@ -46,6 +49,8 @@ class PipelineConfig(Config):
     margin_s : float
         Greatest distance of a found border to a manual one that counts as found, where there are
         manual segments.
+    compose : ComposeConfig, optional
+        Makes actions of building blocks, for ``select: {action: NAME}``.
     label, segment, recognize, select, map, imitate, refine
         The stages.
     """
@@ -59,7 +64,8 @@ class PipelineConfig(Config):
     margin_s: Annotated[float, Field(gt=0)] = 0.3
     label: LabelStage = LabelConfig()
     segment: SegmentStage = DefaultSegmentConfig()
-    recognize: RecognizeConfig = RecognizeConfig()
+    recognize: RecognizeStage = RecognizeConfig()
+    compose: ComposeConfig | None = None
     select: SelectConfig
     map: MapConfig = MapConfig()
     imitate: ImitateConfig = ImitateConfig()
@@ -70,6 +76,17 @@ class PipelineConfig(Config):
     def _one_or_many(cls, value: Any) -> Any:
         """Accept a single path in place of a list of one."""
         return (value,) if isinstance(value, str) else value
+
+    @model_validator(mode="after")
+    def _check_action(self) -> PipelineConfig:
+        """Refuse an action that no level of `compose` has."""
+        action = self.select.action
+        known = () if self.compose is None else self.compose.actions
+        if action is not None and action not in known:
+            raise ValueError(
+                f"select.action: got {action!r}; {nearest(action, known)} (compose.levels)"
+            )
+        return self
 
 
 def load_pipeline(path: Path, settings: tuple[str, ...] = ()) -> PipelineConfig:
@@ -101,6 +118,9 @@ def load_pipeline(path: Path, settings: tuple[str, ...] = ()) -> PipelineConfig:
         label["learn_from"] = _absolute(label["learn_from"], path.resolve().parent)
     for key in ("robot", "task"):
         content[key] = _own_file(content.get(key), path.resolve().parent)
+    recognize = content.get("recognize")
+    if isinstance(recognize, dict) and "model" in recognize:
+        recognize["model"] = _absolute(recognize["model"], path.resolve().parent)
     for setting in settings:
         _apply(content, setting)
     if isinstance(content.get("label"), dict):
@@ -120,7 +140,7 @@ def _apply(content: dict[str, Any], setting: str) -> None:
         value = yaml.safe_load(text)
     except yaml.YAMLError:
         raise ConfigError(f"--set {key}: got {text!r}, which is not a YAML value") from None
-    if key in ("recordings", "training", "label.learn_from"):
+    if key in ("recordings", "training", "label.learn_from", "recognize.model"):
         value = _absolute(value, Path.cwd())
     if key in ("robot", "task"):
         value = _own_file(value, Path.cwd())
@@ -211,7 +231,18 @@ def run_pipeline(
     return folder
 
 
-STAGES = ("label", "segment", "train", "recognize", "select", "map", "imitate", "refine")
+STAGES = (
+    "label",
+    "segment",
+    "train",
+    "recognize",
+    "train_actions",
+    "compose",
+    "select",
+    "map",
+    "imitate",
+    "refine",
+)
 
 
 def _run_stages(config: PipelineConfig, run: Run, inputs: Inputs, trained_in: Path | None) -> None:
@@ -223,26 +254,35 @@ def _run_stages(config: PipelineConfig, run: Run, inputs: Inputs, trained_in: Pa
     n = len(recordings)
     known = (markers, *inputs.teacher)
     labelled = run.step("label", config.label, recordings, *known, items=n, unit="recordings")
+    blocks = leave_out_actions(truth, config.compose)
     run.results["label"] = label_results(recordings, labelled, markers, inputs.names)
 
     segments = run.step("segment", config.segment, labelled, items=n, unit="recordings")
     run.results["segment"] = segment_results(
-        segments, truth, config.segment.markers[0], config.margin_s
+        segments, blocks, config.segment.markers[0], config.margin_s
     )
 
-    model = _train(config, run, labelled, truth, markers, trained_in)
+    examples = None
+    given = config.recognize.model is not None and config.compose is None
+    if trained_in is None and not given:
+        examples = _examples(config, run, labelled, truth, markers)
+    model = _train(config, run, examples, trained_in)
     n = sum(len(found.bounds) for found in segments)
     recognized = run.step(
         "recognize", config.recognize, labelled, segments, model, items=n, unit="segments"
     )
     run.results["recognize"] = recognize_results(
-        config.recognize, labelled, recognized, truth, model
+        config.recognize, labelled, recognized, blocks, model
     )
 
-    n = sum(found.labels.count(config.select.label) for found in recognized)
-    demonstrations = run.step(
-        "select", config.select, labelled, recognized, items=n, unit="segments"
-    )
+    choice = recognized
+    if config.compose is not None:
+        models = None if trained_in is None else trained_model(trained_in, "train_actions")
+        choice = run_compose(
+            config.compose, run, (labelled, recognized), examples, models, config.select.action
+        )
+    n = sum(found.labels.count(config.select.wanted) for found in choice)
+    demonstrations = run.step("select", config.select, labelled, choice, items=n, unit="segments")
 
     robot = _load_robot(config)
     n = len(demonstrations)
@@ -259,17 +299,18 @@ def _run_stages(config: PipelineConfig, run: Run, inputs: Inputs, trained_in: Pa
     write_exports(motions, run.folder / "exports")
 
 
-def _train(
+Examples = tuple[tuple[LabelledRecording, ...], tuple[LabelledSegments, ...]]
+"""Recordings, and the manual segments of those that have some."""
+
+
+def _examples(
     config: PipelineConfig,
     run: Run,
     labelled: tuple[LabelledRecording, ...],
     truth: tuple[LabelledSegments | None, ...],
     markers: MarkerSet,
-    trained_in: Path | None,
-) -> Any:
-    """Return the trained model: another run's, or one of the labelled examples at hand."""
-    if trained_in is not None:
-        return trained_model(trained_in)
+) -> Examples:
+    """Return what can be learnt from."""
     if config.training:
         inputs = read_inputs(config.training, learn_from(config))
         n = len(inputs.recordings)
@@ -289,13 +330,25 @@ def _train(
             f"recognize: no labelled examples: none of {len(truth)} recordings has a segments file "
             "beside it (STEM_manually_segmented.json); name recordings that have with training:"
         )
-    n = config.recognize.examples_per_class
+    return labelled, manual
+
+
+def _train(
+    config: PipelineConfig, run: Run, examples: Examples | None, trained_in: Path | None
+) -> Any:
+    """Return the trained model: a file's, another run's, or one of the labelled examples."""
+    if config.recognize.model is not None:
+        return load_model(Path(config.recognize.model))
+    if examples is None:
+        assert trained_in is not None
+        return trained_model(trained_in)
+    labelled, manual = examples
     return run.step(
         "train",
         config.recognize,
         labelled,
-        manual,
-        items=n,
+        leave_out_actions(manual, config.compose),
+        items=config.recognize.examples_per_class,
         unit="a class",
         method="train",
     )
@@ -306,17 +359,24 @@ def learn_from(config: PipelineConfig) -> str | None:
     return config.label.learn_from if isinstance(config.label, LabelTrajectoriesConfig) else None
 
 
-def trained_model(folder: Path) -> Any:
+def trained_model(folder: Path, stage: str = "train") -> Any:
     """Load the trained model of a run.
+
+    Parameters
+    ----------
+    folder : Path
+        The run.
+    stage : str
+        ``train``, or ``train_actions`` for the actions of ``compose``.
 
     Raises
     ------
     RunError
         If the folder is not a run, or its training has not been done.
     """
-    places = sorted(folder.glob("[0-9][0-9]_train"))
+    places = sorted(folder.glob(f"[0-9][0-9]_{stage}"))
     if not places:
-        raise RunError(f"{folder}: no trained model here: expected a run folder with NN_train")
+        raise RunError(f"{folder}: no trained model here: expected a run folder with NN_{stage}")
     return load_record(places[-1] / "record.npz")
 
 
@@ -341,8 +401,9 @@ def retarget_pipeline(
     """
     if not (folder / "pipeline.yaml").is_file():
         raise RunError(f"{folder}: not a run: pipeline.yaml is missing")
-    trained_model(folder)
     config = load_config(folder / "pipeline.yaml", PipelineConfig)
+    if config.recognize.model is None:
+        trained_model(folder)
     changes: dict[str, Any] = {
         "recordings": tuple(str(path.resolve()) for path in recordings),
         "training": (),

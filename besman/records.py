@@ -106,7 +106,7 @@ class LabelledRecording:
         Canonical names of the marker set, e.g. ``hand_top``.
     filled : bool array, shape (T, M)
         True where a gap was filled.
-    rate_hz, source, first_frame
+    rate_hz, source, first_frame, orientations
         As in `Recording`.
     """
 
@@ -117,11 +117,17 @@ class LabelledRecording:
     rate_hz: float
     source: str
     first_frame: int = 1
+    orientations: FloatArray | None = None
 
     def __post_init__(self) -> None:
-        _freeze(
-            self, {"time": ("T",), "positions": ("T", "M", 3), "filled": ("T", "M")}, filled=bool
-        )
+        shapes: dict[str, tuple[int | str, ...]] = {
+            "time": ("T",),
+            "positions": ("T", "M", 3),
+            "filled": ("T", "M"),
+        }
+        if self.orientations is not None:
+            shapes["orientations"] = ("T", "M", 4)
+        _freeze(self, shapes, filled=bool)
         if len(self.markers) != self.positions.shape[1]:
             raise ShapeError(
                 f"LabelledRecording.markers must name {self.positions.shape[1]} markers, "
@@ -196,6 +202,30 @@ class LabelledSegments:
             raise ShapeError(
                 f"LabelledSegments.labels must have {len(self.bounds)} entries, "
                 f"got {len(self.labels)}"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class Actions:
+    """What the building blocks of one recording make.
+
+    Attributes
+    ----------
+    levels : tuple of LabelledSegments
+        Actions of each level, the lowest first; those of a level are made of whole ones of the
+        level below, and together they cover the recording. ``distances`` are uncertainties.
+    fitness : array, shape (L,)
+        Minus the mean uncertainty of each level.
+    """
+
+    levels: tuple[LabelledSegments, ...]
+    fitness: FloatArray
+
+    def __post_init__(self) -> None:
+        _freeze(self, {"fitness": ("L",)})
+        if len(self.levels) != len(self.fitness):
+            raise ShapeError(
+                f"Actions.levels must have {len(self.fitness)} entries, got {len(self.levels)}"
             )
 
 

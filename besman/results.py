@@ -7,9 +7,9 @@ from typing import Any
 
 from besman.io.exports import ros_joint_trajectory, write_joint_csv, write_ros_joint_trajectory
 from besman.manual_segments import complete_truth
-from besman.recognition.nearest_neighbour import NearestNeighbourModel
+from besman.recognition.model import RecognitionModel
 from besman.recognition.scores import RecognitionScore, score_labels
-from besman.recognition.stage import RecognizeConfig
+from besman.recognition.stage import RecognizeMethod
 from besman.records import LabelledRecording, LabelledSegments, RefinedMotion, Segments
 from besman.segmentation.scores import mean_score
 
@@ -60,24 +60,24 @@ def segment_results(
 
 
 def recognize_results(
-    config: RecognizeConfig,
+    config: RecognizeMethod,
     recordings: tuple[LabelledRecording, ...],
     recognized: tuple[LabelledSegments, ...],
     truth: tuple[LabelledSegments | None, ...],
-    model: NearestNeighbourModel,
+    model: RecognitionModel,
 ) -> dict[str, Any]:
     """Return the counts by label; with truth also how many labels are right.
 
     Parameters
     ----------
-    config : RecognizeConfig
+    config : RecognizeMethod
         The stage.
     recordings : tuple of LabelledRecording
     recognized : tuple of LabelledSegments
         What the stage gave, in the order of the recordings.
     truth : tuple of LabelledSegments or None
         In the same order.
-    model : NearestNeighbourModel
+    model : RecognitionModel
         Its examples do not count.
 
     Returns

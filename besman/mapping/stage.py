@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from besman.mapping.record import map_record, select_segments
 from besman.records import HandTrajectory, LabelledRecording, LabelledSegments
@@ -21,8 +21,10 @@ class SelectConfig(Stage):
 
     Attributes
     ----------
-    label : str
-        The class, e.g. ``throw``.
+    label : str, optional
+        The class of a building block, e.g. ``throw``.
+    action : str, optional
+        In place of `label`: an action that stage ``compose`` finds.
     object : str, optional
         Marker of an object that is thrown; where it comes down becomes the target.
     least_duration_s, greatest_duration_s : float
@@ -36,13 +38,28 @@ class SelectConfig(Stage):
     """
 
     method: Literal["label"] = "label"
-    label: str
+    label: str | None = None
+    action: str | None = None
     object: str | None = None
     least_duration_s: NotNegative = 0.0
     greatest_duration_s: Positive = 10.0
     merge: bool = False
     cutoff_hz: Positive = 10.0
     rate_hz: Positive = 100.0
+
+    @model_validator(mode="after")
+    def _check_choice(self) -> SelectConfig:
+        if (self.label is None) == (self.action is None):
+            raise ValueError(
+                "expected one of label and action, got "
+                + ("none" if self.label is None else "both")
+            )
+        return self
+
+    @property
+    def wanted(self) -> str:
+        """The class that is taken, be it a building block or an action."""
+        return self.label or self.action or ""
 
     def run(
         self,
@@ -53,7 +70,7 @@ class SelectConfig(Stage):
         """Return the demonstrations, hand poses in the person's back frame."""
         chosen = select_segments(
             segments,
-            self.label,
+            self.wanted,
             merge=self.merge,
             least_duration_s=self.least_duration_s,
             greatest_duration_s=self.greatest_duration_s,
@@ -65,7 +82,7 @@ class SelectConfig(Stage):
                 map_record(
                     recording,
                     (one.start, one.stop),
-                    self.label,
+                    self.wanted,
                     name=f"{recording.source}:{one.segment}",
                     cutoff_hz=self.cutoff_hz,
                     rate_hz=self.rate_hz,

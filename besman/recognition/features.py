@@ -3,97 +3,127 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from besman.exceptions import LabellingError, RecognitionError, nearest
-from besman.frames import back_frame, hand_frame
+from besman.frames import hand_frame
+from besman.recognition.bodies import Arm, find_body
+from besman.recognition.stretches import BACK_MARKERS, Stretch, cut_stretch
 from besman.records import LabelledRecording
 
 FloatArray = npt.NDArray[np.float64]
-Bounds = npt.NDArray[np.int64]
 
-BACK_MARKERS = ("back_top", "back_left", "back_right")
-HAND_MARKERS = ("hand_top", "hand_left", "hand_right")
-BODY_MARKERS = (*BACK_MARKERS, *HAND_MARKERS, "shoulder", "elbow", "thumb", "index", "middle")
+_ARM_PARTS = (
+    "hand_top",
+    "hand_left",
+    "hand_right",
+    "shoulder",
+    "elbow",
+    "thumb",
+    "index",
+    "middle",
+)
+BODY_MARKERS = (
+    *BACK_MARKERS,
+    *(f"{side}{part}" for side in ("", "right_", "left_") for part in _ARM_PARTS),
+)
 """Markers on the person; any other marker of a recording is on an object."""
 
-
-class Stretch(NamedTuple):
-    """Segments of one recording, resampled to the same number of points.
-
-    Attributes
-    ----------
-    paths : dict of array, shape (S, P, 3)
-        Path of each marker in the back frame at the first sample of its segment, metres.
-    step_s : array, shape (S,)
-        Time between two points, seconds.
-    """
-
-    paths: dict[str, FloatArray]
-    step_s: FloatArray
-
-    def rate(self, values: FloatArray) -> FloatArray:
-        """Return the derivative with respect to time of values, shape (S, P, ...)."""
-        step = self.step_s.reshape(-1, *[1] * (values.ndim - 1))
-        return np.gradient(values, axis=1) / step
-
-    def object_path(self, objects: Sequence[str]) -> FloatArray:
-        """Return the centroid of an object's markers, shape (S, P, 3)."""
-        return np.mean([self.paths[name] for name in objects], axis=0)
+# Where logarithms of speeds and distances become linear: slower is rest, nearer is contact.
+_REST_M_S = 0.05
+_CONTACT_M = 0.05
 
 
 Feature = Callable[[Stretch, Sequence[str], Sequence[str]], FloatArray]
 """From stretch, markers and object markers to channels, shape (S, P, C)."""
+ArmFeature = Callable[[Stretch, Arm], FloatArray]
+
+
+def _each_arm(feature: ArmFeature) -> Feature:
+    """Make a feature of all arms out of one of a single arm."""
+
+    def together(stretch: Stretch, markers: Sequence[str], objects: Sequence[str]) -> FloatArray:
+        return np.concatenate([feature(stretch, arm) for arm in stretch.arms], axis=2)
+
+    return together
 
 
 def _positions(stretch: Stretch, markers: Sequence[str], objects: Sequence[str]) -> FloatArray:
     return np.concatenate([stretch.paths[name] for name in markers], axis=2)
 
 
+def _displacements(stretch: Stretch, markers: Sequence[str], objects: Sequence[str]) -> FloatArray:
+    positions = _positions(stretch, markers, objects)
+    return positions - positions[:, :1]
+
+
 def _speeds(stretch: Stretch, markers: Sequence[str], objects: Sequence[str]) -> FloatArray:
-    speeds = [np.linalg.norm(stretch.rate(stretch.paths[name]), axis=2) for name in markers]
-    return np.stack(speeds, axis=2)
+    return np.concatenate([stretch.speed(stretch.paths[name]) for name in markers], axis=2)
 
 
 def _hand_orientation(
     stretch: Stretch, markers: Sequence[str], objects: Sequence[str]
 ) -> FloatArray:
+    if stretch.hand_axes:
+        return np.concatenate(stretch.hand_axes, axis=2)
     # Two axes of the rotation matrix: unlike angles and quaternions they never jump.
-    rotation, _ = hand_frame(*(stretch.paths[name] for name in HAND_MARKERS))
-    return np.concatenate([rotation[..., 0], rotation[..., 2]], axis=2)
+    axes = []
+    for arm in stretch.arms:
+        rotation, _ = hand_frame(*(stretch.paths[name] for name in arm.cluster))
+        axes += [rotation[..., 0], rotation[..., 2]]
+    return np.concatenate(axes, axis=2)
 
 
-def _elbow_angle(stretch: Stretch, markers: Sequence[str], objects: Sequence[str]) -> FloatArray:
-    elbow = stretch.paths["elbow"]
-    return _angle(stretch.paths["shoulder"] - elbow, stretch.paths["hand_top"] - elbow)
+def _elbow_angle(stretch: Stretch, arm: Arm) -> FloatArray:
+    elbow = stretch.paths[arm.elbow]
+    return _angle(stretch.paths[arm.shoulder] - elbow, stretch.paths[arm.hand] - elbow)
 
 
-def _elbow_rate(stretch: Stretch, markers: Sequence[str], objects: Sequence[str]) -> FloatArray:
-    return stretch.rate(_elbow_angle(stretch, markers, objects))
+def _shoulder_angle(stretch: Stretch, arm: Arm) -> FloatArray:
+    top, left, right = (stretch.paths[name] for name in stretch.back)
+    down = (left + right) / 2 - top
+    if stretch.back != BACK_MARKERS:
+        # Shoulders are level with or above the chest's segment, and one of them may stand for it.
+        down = np.broadcast_to([0.0, 0.0, -1.0], down.shape)
+    return _angle(down, stretch.paths[arm.elbow] - stretch.paths[arm.shoulder])
 
 
-def _shoulder_angle(stretch: Stretch, markers: Sequence[str], objects: Sequence[str]) -> FloatArray:
-    top, left, right = (stretch.paths[name] for name in BACK_MARKERS)
-    return _angle((left + right) / 2 - top, stretch.paths["elbow"] - stretch.paths["shoulder"])
+def _elbow_rate(stretch: Stretch, arm: Arm) -> FloatArray:
+    return stretch.rate(_elbow_angle(stretch, arm))
 
 
-def _shoulder_rate(stretch: Stretch, markers: Sequence[str], objects: Sequence[str]) -> FloatArray:
-    return stretch.rate(_shoulder_angle(stretch, markers, objects))
+def _shoulder_rate(stretch: Stretch, arm: Arm) -> FloatArray:
+    return stretch.rate(_shoulder_angle(stretch, arm))
+
+
+def _log_hand_speed(stretch: Stretch, arm: Arm) -> FloatArray:
+    return np.log(stretch.speed(stretch.paths[arm.hand]) + _REST_M_S)
 
 
 def _object_distance(
     stretch: Stretch, markers: Sequence[str], objects: Sequence[str]
 ) -> FloatArray:
-    apart = stretch.object_path(objects) - stretch.paths["hand_top"]
-    return np.linalg.norm(apart, axis=2, keepdims=True)
+    centre = stretch.object_path(objects)
+    apart = [centre - stretch.paths[arm.hand] for arm in stretch.arms]
+    return np.concatenate([np.linalg.norm(one, axis=2, keepdims=True) for one in apart], axis=2)
 
 
 def _object_speed(stretch: Stretch, markers: Sequence[str], objects: Sequence[str]) -> FloatArray:
-    velocity = stretch.rate(stretch.object_path(objects))
-    return np.linalg.norm(velocity, axis=2, keepdims=True)
+    return stretch.speed(stretch.object_path(objects))
+
+
+def _log_object_distance(
+    stretch: Stretch, markers: Sequence[str], objects: Sequence[str]
+) -> FloatArray:
+    return np.log(_object_distance(stretch, markers, objects) + _CONTACT_M)
+
+
+def _log_object_speed(
+    stretch: Stretch, markers: Sequence[str], objects: Sequence[str]
+) -> FloatArray:
+    return np.log(_object_speed(stretch, markers, objects) + _REST_M_S)
 
 
 def _angle(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -102,28 +132,41 @@ def _angle(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.arctan2(sine, np.sum(a * b, axis=2, keepdims=True))
 
 
-_FEATURES: dict[str, tuple[Feature, tuple[str, ...]]] = {
-    "positions": (_positions, ()),
-    "speeds": (_speeds, ()),
-    "hand_orientation": (_hand_orientation, HAND_MARKERS),
-    "elbow_angle": (_elbow_angle, ("shoulder", "elbow", "hand_top")),
-    "elbow_rate": (_elbow_rate, ("shoulder", "elbow", "hand_top")),
-    "shoulder_angle": (_shoulder_angle, ("shoulder", "elbow")),
-    "shoulder_rate": (_shoulder_rate, ("shoulder", "elbow")),
-    "object_distance": (_object_distance, ("hand_top",)),
-    "object_speed": (_object_speed, ()),
+# What a feature needs of each arm: nothing, its hand, its three markers, or the hand's cluster.
+_FEATURES: dict[str, tuple[Feature, str]] = {
+    "positions": (_positions, ""),
+    "speeds": (_speeds, ""),
+    "hand_orientation": (_hand_orientation, "cluster"),
+    "elbow_angle": (_each_arm(_elbow_angle), "arm"),
+    "elbow_rate": (_each_arm(_elbow_rate), "arm"),
+    "shoulder_angle": (_each_arm(_shoulder_angle), "arm"),
+    "shoulder_rate": (_each_arm(_shoulder_rate), "arm"),
+    "object_distance": (_object_distance, "hand"),
+    "object_speed": (_object_speed, ""),
+    "displacements": (_displacements, ""),
+    "log_hand_speed": (_each_arm(_log_hand_speed), "hand"),
+    "log_object_distance": (_log_object_distance, "hand"),
+    "log_object_speed": (_log_object_speed, ""),
 }
 
 FEATURE_NAMES = tuple(_FEATURES)
-"""The features of thesis 5.3.2, in its order."""
+"""The nine features of thesis 5.3.2, in its order, and four made of them.
 
-OBJECT_FEATURES = ("object_distance", "object_speed")
+``displacements`` are positions relative to the first point. The logarithms of speeds and distances
+tell rest from movement and contact from distance, however wide a movement is.
+"""
+
+OBJECT_FEATURES = ("object_distance", "object_speed", "log_object_distance", "log_object_speed")
+_PER_MARKER = {"positions": 3, "displacements": 3, "speeds": 1}
+_ONCE = ("object_speed", "log_object_speed")
 
 
 def count_channels(features: Sequence[str], markers: Sequence[str]) -> tuple[int, ...]:
     """Return how many channels each feature has."""
-    widths = {"positions": 3 * len(markers), "speeds": len(markers), "hand_orientation": 6}
-    return tuple(widths.get(name, 1) for name in features)
+    n_arms = max(1, len({name.startswith("left_") for name in markers}))
+    widths = {name: width * len(markers) for name, width in _PER_MARKER.items()}
+    widths |= {"hand_orientation": 6 * n_arms} | dict.fromkeys(_ONCE, 1)
+    return tuple(widths.get(name, n_arms) for name in features)
 
 
 def extract_features(
@@ -175,78 +218,40 @@ def extract_features(
             f"{recording.source}: features {', '.join(OBJECT_FEATURES)} need markers on an object, "
             "got none"
         )
-    stretch = _cut(
-        recording, _check_bounds(recording, bounds), _needed(features, markers, objects), n_points
-    )
+    body = find_body(recording.markers, recording.source)
+    arms = body.arms_of(markers)
+    stretch = cut_stretch(
+        recording,
+        bounds,
+        _needed(features, arms, markers, objects),
+        arms if "hand_orientation" in features else (),
+        n_points,
+    )._replace(arms=arms)
     try:
         channels = [_FEATURES[name][0](stretch, markers, objects) for name in features]
     except LabellingError as error:
         raise RecognitionError(f"{recording.source}: {error}") from None
-    return np.concatenate(channels, axis=2)
+    values = np.concatenate(channels, axis=2)
+    expected = sum(count_channels(features, markers))
+    if values.shape[2] != expected:
+        raise RecognitionError(
+            f"{recording.source}: got {values.shape[2]} channels, expected {expected}: of the arms "
+            f"of {', '.join(markers)} only that of {arms[0].hand} is complete"
+        )
+    return values
 
 
 def _needed(
-    features: Sequence[str], markers: Sequence[str], objects: Sequence[str]
+    features: Sequence[str], arms: Sequence[Arm], markers: Sequence[str], objects: Sequence[str]
 ) -> tuple[str, ...]:
-    """Return the markers that features need, each once."""
-    needed = [*BACK_MARKERS, *(name for feature in features for name in _FEATURES[feature][1])]
-    if {"positions", "speeds"} & set(features):
+    """Return the markers that features need besides the back, each once."""
+    needed: list[str] = []
+    for feature in features:
+        what = _FEATURES[feature][1]
+        for arm in arms:
+            needed += {"arm": arm.markers, "hand": (arm.hand,)}.get(what, ())
+    if set(_PER_MARKER) & set(features):
         needed += markers
     if set(OBJECT_FEATURES) & set(features):
         needed += objects
     return tuple(dict.fromkeys(needed))
-
-
-def _check_bounds(recording: LabelledRecording, bounds: npt.ArrayLike) -> Bounds:
-    """Refuse segments that are too short or not inside the recording."""
-    rows = np.asarray(bounds, dtype=np.int64).reshape(-1, 2)
-    for start, end in rows:
-        if start < 0 or end > len(recording.time) or end - start < 2:
-            raise RecognitionError(
-                f"{recording.source}: got segment [{start}, {end}); expected at least 2 samples "
-                f"inside [0, {len(recording.time)})"
-            )
-    return rows
-
-
-def _cut(
-    recording: LabelledRecording, bounds: Bounds, names: tuple[str, ...], n_points: int
-) -> Stretch:
-    """Cut segments out of a recording, interpolate them and bring them into the back frame."""
-    from scipy.interpolate import CubicSpline
-
-    missing = [name for name in names if name not in recording.markers]
-    if missing:
-        raise RecognitionError(
-            f"{recording.source}: no marker {missing[0]!r}; "
-            f"{nearest(missing[0], recording.markers)}"
-        )
-    columns = [recording.markers.index(name) for name in names]
-    paths = np.empty((len(bounds), n_points, len(names), 3))
-    step_s = np.empty(len(bounds))
-    for index, (start, end) in enumerate(bounds):
-        piece = recording.positions[start:end, columns]
-        _check_seen(piece, recording, int(start), names)
-        time = recording.time[start:end] - recording.time[start]
-        points = np.linspace(0.0, time[-1], n_points)
-        step_s[index] = points[1]
-        paths[index] = CubicSpline(time, piece)(points)
-        try:
-            rotation, origin = back_frame(*(piece[0, names.index(name)] for name in BACK_MARKERS))
-        except LabellingError as error:
-            raise RecognitionError(f"{recording.source}: row {start}: {error}") from None
-        paths[index] = (paths[index] - origin) @ rotation
-    return Stretch({name: paths[:, :, k] for k, name in enumerate(names)}, step_s)
-
-
-def _check_seen(
-    piece: FloatArray, recording: LabelledRecording, start: int, names: tuple[str, ...]
-) -> None:
-    """Refuse gaps, piece has shape (n, M, 3)."""
-    seen = np.isfinite(piece).all(axis=2)
-    if not seen.all():
-        row, column = np.argwhere(~seen)[0]
-        raise RecognitionError(
-            f"{recording.source}: marker {names[column]!r} was not seen in frame "
-            f"{recording.first_frame + start + row}; expected no gaps inside a segment"
-        )

@@ -1,9 +1,8 @@
-"""Classification by the nearest labelled example."""
+"""Scaling of features, and classification by the nearest labelled example."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -11,52 +10,6 @@ import numpy.typing as npt
 from besman.exceptions import RecognitionError
 
 FloatArray = npt.NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False)
-class NearestNeighbourModel:
-    """What was learnt; arrays and names only, so that it can be stored and used again.
-
-    Attributes
-    ----------
-    examples : array, shape (N, P * C)
-        Scaled features of the examples.
-    labels : tuple of str, length N
-        Their classes.
-    low, span : array, shape (C,)
-        Smallest value of every channel over the examples, and the range of its feature.
-    features, markers, objects : tuple of str
-        How the features are made; see `besman.recognition.features.extract_features`.
-    n_points : int
-        Points per segment P.
-    sources : tuple of str, length N
-        Recording of each example.
-    bounds : int array, shape (N, 2)
-        Rows of each example in its recording.
-    """
-
-    examples: FloatArray
-    labels: tuple[str, ...]
-    low: FloatArray
-    span: FloatArray
-    features: tuple[str, ...]
-    markers: tuple[str, ...]
-    objects: tuple[str, ...]
-    n_points: int
-    sources: tuple[str, ...]
-    bounds: npt.NDArray[np.int64]
-
-    def __post_init__(self) -> None:
-        for name in ("examples", "low", "span", "bounds"):
-            array = np.array(getattr(self, name))
-            array.setflags(write=False)
-            object.__setattr__(self, name, array)
-        n_examples, width = self.examples.shape
-        if len(self.labels) != n_examples or width != self.n_points * len(self.low):
-            raise RecognitionError(
-                f"model: got {n_examples} examples of {width} values, expected "
-                f"{len(self.labels)} of {self.n_points * len(self.low)}"
-            )
 
 
 def fit_scale(values: FloatArray, widths: Sequence[int]) -> tuple[FloatArray, FloatArray]:
@@ -83,6 +36,33 @@ def fit_scale(values: FloatArray, widths: Sequence[int]) -> tuple[FloatArray, Fl
     parts = np.split(ranges, np.cumsum(widths)[:-1])
     span = np.concatenate([np.full(len(part), part.max()) for part in parts])
     return low, np.where(span > 0, span, 1.0)
+
+
+def fit_spread(values: FloatArray, widths: Sequence[int]) -> tuple[FloatArray, FloatArray]:
+    """Find centres and spreads, so that every feature counts the same in a distance.
+
+    The spread of a feature is its root mean square distance from its mean over the examples, all
+    its channels together: unlike the range it does not depend on the number of channels, nor on the
+    two most extreme values.
+
+    Parameters
+    ----------
+    values : array, shape (N, P, C)
+        Features of training examples.
+    widths : sequence of int
+        Channels of each feature, C in all.
+
+    Returns
+    -------
+    centre, spread : array, shape (C,)
+        For `scale`; a feature that is constant has spread 1.
+    """
+    centre = values.mean(axis=(0, 1))
+    variance = ((values - centre) ** 2).mean(axis=(0, 1))
+    parts = np.split(variance, np.cumsum(widths)[:-1])
+    spread = np.sqrt(np.concatenate([np.full(len(part), part.sum()) for part in parts]))
+    # Rounding leaves a trace of spread in what is constant.
+    return centre, np.where(spread > 1e-9, spread, 1.0)
 
 
 def scale(values: FloatArray, low: FloatArray, span: FloatArray) -> FloatArray:

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from besman.exceptions import RecognitionError
 from besman.manual_segments import complete_truth
-from besman.recognition.nearest_neighbour import NearestNeighbourModel
+from besman.recognition.model import RecognitionModel
 from besman.records import LabelledSegments
 
 
@@ -39,7 +39,7 @@ def score_labels(
     found: tuple[LabelledSegments, ...],
     truth: tuple[LabelledSegments, ...],
     n_samples: tuple[int, ...],
-    model: NearestNeighbourModel,
+    model: RecognitionModel,
     idle_s: float = 0.25,
     min_overlap: float = 0.5,
 ) -> RecognitionScore:
@@ -58,7 +58,7 @@ def score_labels(
         Manual segments in the same order.
     n_samples : tuple of int
         Length of each recording.
-    model : NearestNeighbourModel
+    model : RecognitionModel
         What was learnt; its examples are left out.
     idle_s : float
         Stretches without a manual label longer than this, seconds, count as ``idle``.

@@ -127,6 +127,56 @@ def _spans(segments: LabelledSegments, time: FloatArray) -> list[tuple[float, fl
     ]
 
 
+def time_line(
+    layers: Sequence[tuple[str, LabelledSegments]], colours: dict[str, str], title: str
+) -> str:
+    """Draw layers of segments above each other: building blocks below, actions above.
+
+    Parameters
+    ----------
+    layers : sequence of (str, LabelledSegments)
+        Name and segments of each layer, the lowest first.
+    colours : dict
+        Colour of each label.
+    title : str
+
+    Returns
+    -------
+    str
+        SVG.
+    """
+    figure = new_figure(10, 0.7 + 0.42 * len(layers))
+    axes = figure.add_subplot()
+    for height, (_, layer) in enumerate(layers):
+        for (start, end), label in zip(layer.bounds / layer.rate_hz, layer.labels, strict=True):
+            axes.barh(
+                height,
+                end - start,
+                left=start,
+                height=0.8,
+                color=colours[label],
+                alpha=0.55,
+                edgecolor=INK,
+                linewidth=0.5,
+            )
+            axes.text(
+                0.5 * (start + end),
+                height,
+                label.replace("_", "\n", 1),
+                fontsize=6,
+                color=INK,
+                ha="center",
+                va="center",
+                clip_on=True,
+            )
+    axes.set_yticks(range(len(layers)), [name for name, _ in layers])
+    axes.set_xlim(0, max(layer.bounds.max() / layer.rate_hz for _, layer in layers))
+    axes.set_xlabel("time [s]")
+    axes.set_title(title, loc="left")
+    style(axes)
+    return svg(figure)
+
+
 def paths(trajectories: Sequence[JointTrajectory], motions: Sequence[RefinedMotion]) -> str:
     """Draw demonstrated and executed paths of the tool from the side and from above.
 

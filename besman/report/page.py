@@ -94,7 +94,9 @@ def _figures(folder: Path, results: dict[str, Any]) -> tuple[str, str]:
         return drawn["overview"], drawn["rest"]
     records = _records(folder)
     overview = _overview(folder, records)
-    rest = "".join(draw(records, results) for draw in (_recordings, _motions, _demonstrations))
+    rest = "".join(
+        draw(records, results) for draw in (_recordings, _actions, _motions, _demonstrations)
+    )
     write_json(kept, {"key": key, "overview": overview, "rest": rest})
     return overview, rest
 
@@ -148,9 +150,10 @@ def _overview(folder: Path, records: dict[str, Any]) -> str:
     source, _, segment = motion.plan.name.rpartition(":")
     sources = [recording.source for recording in records["label"]]
     at = sources.index(source)
+    segments = _selected(records, config["select"], at)
     drawing = overview(
         records["label"][at],
-        tuple(records["recognize"][at].bounds[int(segment)]),
+        tuple(segments.bounds[int(segment)]),
         config["select"].get("object"),
         load_robot(config["robot"], config["tool"]),
         motion,
@@ -162,6 +165,14 @@ def _overview(folder: Path, records: dict[str, Any]) -> str:
         "arm and the robot at instants evenly spread in time, later ones stronger; dotted: the "
         "thrown object.</figcaption></figure>"
     )
+
+
+def _selected(records: dict[str, Any], select: dict[str, Any], at: int) -> Any:
+    """Return the segments that demonstrations of a recording were selected from."""
+    if select.get("action") is None:
+        return records["recognize"][at]
+    levels = records["compose"][at].levels
+    return next((one for one in levels if select["action"] in one.labels), levels[0])
 
 
 def _centimetres(metres: float | None) -> str:
@@ -226,6 +237,24 @@ def _recordings(records: dict[str, Any], results: dict[str, Any]) -> str:
         f'<h2>Segments and their labels</h2><p class="key">{key}</p>{plots}<figcaption>Speed of '
         "the hand, found segments shaded by label, manual segments in the strip below."
         "</figcaption>"
+    )
+
+
+def _actions(records: dict[str, Any], results: dict[str, Any]) -> str:
+    """Show building blocks and what they make, one time line a recording."""
+    if "compose" not in records:
+        return ""
+    from besman.report import figures
+
+    drawn = []
+    for blocks, found in zip(records["recognize"], records["compose"], strict=True):
+        names = [f"actions {k}" if k > 1 else "actions" for k in range(1, len(found.levels) + 1)]
+        layers = [("blocks", blocks), *zip(names, found.levels, strict=True)]
+        colours = figures.label_colours([name for _, layer in layers for name in layer.labels])
+        drawn.append(f"<figure>{figures.time_line(layers, colours, blocks.source)}</figure>")
+    return (
+        f"<h2>Actions made of building blocks</h2>{''.join(drawn)}<figcaption>Building blocks "
+        "below, the actions they make above.</figcaption>"
     )
 
 

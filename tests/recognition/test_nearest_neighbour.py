@@ -4,12 +4,11 @@ from sklearn.neighbors import KNeighborsClassifier
 
 from besman.exceptions import RecognitionError
 from besman.recognition.nearest_neighbour import (
-    NearestNeighbourModel,
     classify,
     fit_scale,
+    fit_spread,
     scale,
 )
-from besman.record_files import load_record, save_record
 
 
 def test_labels_and_distances_are_those_of_a_second_library():
@@ -52,31 +51,9 @@ def test_scale_takes_every_feature_to_zero_and_one():
     assert span[2] == 1
 
 
-def model(**changes):
-    fields = {
-        "examples": np.zeros((2, 6)),
-        "labels": ("a", "b"),
-        "low": np.zeros(3),
-        "span": np.ones(3),
-        "features": ("positions",),
-        "markers": ("hand_top",),
-        "objects": (),
-        "n_points": 2,
-        "sources": ("a.tsv", "a.tsv"),
-        "bounds": np.array([[0, 5], [5, 9]]),
-    }
-    return NearestNeighbourModel(**{**fields, **changes})
-
-
-def test_a_model_can_be_stored(tmp_path):
-    save_record(model(), tmp_path / "model.npz")
-    loaded = load_record(tmp_path / "model.npz")
-    assert loaded.labels == ("a", "b")
-    assert loaded.objects == ()
-    np.testing.assert_array_equal(loaded.bounds, [[0, 5], [5, 9]])
-    assert not loaded.examples.flags.writeable
-
-
-def test_a_model_that_does_not_fit_is_refused():
-    with pytest.raises(RecognitionError, match="model: got 2 examples of 6 values, expected 3"):
-        model(labels=("a", "b", "c"))
+def test_every_feature_has_the_same_spread():
+    values = np.random.default_rng(1).normal(size=(5, 25, 4)) * [1, 10, 0, 3] + [0, 5, 7, -2]
+    out = scale(values, *fit_spread(values, (2, 1, 1))).reshape(5, 25, 4)
+    np.testing.assert_allclose(out.mean(axis=(0, 1)), 0, atol=1e-12)
+    variance = (out**2).mean(axis=(0, 1))
+    np.testing.assert_allclose([variance[:2].sum(), variance[2], variance[3]], [1, 0, 1])

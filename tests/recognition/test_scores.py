@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from besman.exceptions import RecognitionError
-from besman.recognition.nearest_neighbour import NearestNeighbourModel
+from besman.recognition.model import Recipe, RecognitionModel
 from besman.recognition.scores import score_labels
 from besman.records import LabelledSegments
 
@@ -16,17 +16,17 @@ def segments(*rows, source="a.tsv"):
 
 def learnt(*bounds, source="a.tsv"):
     n = len(bounds)
-    return NearestNeighbourModel(
-        np.zeros((n, 1)),
-        ("x",) * n,
-        np.zeros(1),
-        np.ones(1),
-        ("positions",),
-        (),
-        (),
-        1,
-        (source,) * n,
-        np.array(bounds).reshape(-1, 2),
+    return RecognitionModel(
+        method="nearest_neighbour",
+        settings={},
+        recipe=Recipe(("speeds",), ("hand_top",), (), 1),
+        centre=np.zeros(1),
+        spread=np.ones(1),
+        examples=np.zeros((n, 1)),
+        labels=("x",) * n,
+        sources=(source,) * n,
+        bounds=np.array(bounds).reshape(-1, 2),
+        threshold=np.inf,
     )
 
 

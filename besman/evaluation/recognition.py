@@ -1,0 +1,319 @@
+"""Experiments 1 to 3 of thesis chapter 5: accuracy over examples, settings, new subjects."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from besman.evaluation.recognition_data import LabelledSet
+from besman.exceptions import ConfigError, nearest
+from besman.recognition.model import Examples, classify_features, fit_model
+from besman.recognition.novelty import UNKNOWN
+from besman.recognition.stage import CONFIGS, RecognizeConfig
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+IntArray = npt.NDArray[np.int64]
+Progress = Callable[[float], None]
+
+EXAMPLES = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 15, 20)
+"""Examples per class (thesis 5.4.2)."""
+
+SETTINGS: dict[str, tuple[str, tuple[int, ...]]] = {
+    "nearest_neighbour": ("n_neighbors", (1, 3, 5, 10)),
+    "dtw": ("band_points", (1, 3, 5, 10)),
+    "hmm": ("n_states", (1, 2, 5, 10)),
+    "lstm": ("n_cells", (5, 15, 25, 50)),
+}
+"""What is varied of each method, and how (thesis 5.4.2)."""
+
+THESIS: dict[tuple[str, str], dict[int, float]] = {
+    ("pick_and_place", "nearest_neighbour"): {1: 0.80, 10: 0.975, 20: 0.992},
+    ("lever", "nearest_neighbour"): {1: 0.953, 4: 0.99},
+    ("lever", "hmm"): {1: 0.421},
+    ("ball_throw", "nearest_neighbour"): {1: 0.629, 4: 0.80},
+    ("ball_throw", "hmm"): {1: 0.338},
+    ("stick_throw", "nearest_neighbour"): {10: 0.88},
+    ("stick_throw", "hmm"): {10: 0.70},
+    ("stick_throw", "lstm"): {10: 0.94},
+    ("gestures", "nearest_neighbour"): {10: 0.67},
+    ("gestures", "lstm"): {10: 0.68},
+}
+"""Mean accuracies that the thesis gives as numbers, by examples per class."""
+
+# A draw of the other methods costs a hundred times as much.
+_SLOW_SHARE = 20
+_SLOW_EXAMPLES = (1, 5, 10, 20)
+_SLOW_TESTS = 200
+_SETTING_EXAMPLES = 10
+
+
+@dataclass(frozen=True)
+class Draw:
+    """One division of a set: rows to learn from, rows to test with."""
+
+    learn: IntArray
+    test: IntArray
+
+
+def run_recognition(
+    sets: Sequence[LabelledSet],
+    methods: Sequence[str],
+    draws: int,
+    progress: Progress = lambda done: None,
+) -> dict[str, Any]:
+    """Run the experiments.
+
+    Parameters
+    ----------
+    sets : sequence of LabelledSet
+    methods : sequence of str
+        Names out of `besman.recognition.stage.CONFIGS`.
+    draws : int
+        Random choices of examples; a twentieth of it for methods other than 1-NN.
+    progress : callable
+        Gets the share done.
+
+    Returns
+    -------
+    dict
+        ``experiment`` and ``rows``; a row has dataset, source, experiment (``examples``,
+        ``settings``, ``subjects`` or ``unknown``), method, object_features, examples_per_class,
+        draws, accuracy (every segment gets a known class), accuracy_std, per_class, train_s,
+        predict_s, n_test and thesis_accuracy, None where the thesis gives no number.
+    """
+    tasks = []
+    for one in sets:
+        variants = [(one, bool(one.recipe.objects))]
+        if one.recipe.objects:
+            variants.append((one.without_objects(), False))
+        tasks += [(variant, method) for variant in variants for method in methods]
+    rows: list[dict[str, Any]] = []
+    for index, ((one, with_objects), method) in enumerate(tasks):
+        n_draws = draws if method == "nearest_neighbour" else max(1, draws // _SLOW_SHARE)
+        common = {
+            "dataset": one.name,
+            "source": one.source,
+            "method": method,
+            "object_features": with_objects,
+        }
+        found = [*_over_examples(one, method, n_draws), *_over_settings(one, method, n_draws)]
+        found += _over_subjects(one, method, n_draws)
+        if method == "nearest_neighbour":
+            found += _unknown_classes(one, n_draws)
+        rows += [{**common, **row, "extract_s": one.extract_s} for row in found]
+        progress((index + 1) / len(tasks))
+    return {"experiment": "recognition", "rows": rows}
+
+
+def check_methods(names: Sequence[str] | None) -> tuple[str, ...]:
+    """Return methods by name; all whose libraries are installed if none is named.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such method.
+    """
+    from importlib.util import find_spec
+
+    for name in names or ():
+        if name not in CONFIGS:
+            raise ConfigError(f"--method: no method {name!r}; {nearest(name, CONFIGS)}")
+    needs = {"dtw": "tslearn", "hmm": "hmmlearn", "lstm": "torch"}
+    there = tuple(name for name in CONFIGS if find_spec(needs.get(name, "sklearn")) is not None)
+    return tuple(names or there)
+
+
+def draw_balanced(labels: npt.NDArray[np.str_], n: int, seed: int) -> Draw:
+    """Draw as many examples of each class; a class with no more than that is left out."""
+    rng = np.random.default_rng(seed)
+    learn: list[int] = []
+    kept: list[int] = []
+    for name in np.unique(labels):
+        rows = rng.permutation(np.flatnonzero(labels == name))
+        if len(rows) > n:
+            learn += rows[:n].tolist()
+            kept += rows[n:].tolist()
+    return Draw(np.sort(learn).astype(np.int64), np.sort(kept).astype(np.int64))
+
+
+def draw_subjects(one: LabelledSet, n: int, left_out: str, seed: int) -> Draw:
+    """Draw examples of each class and each subject but one, who is tested."""
+    rng = np.random.default_rng(seed)
+    learn: list[int] = []
+    for subject in np.unique(one.subjects):
+        for name in np.unique(one.labels):
+            own = np.flatnonzero((one.subjects == subject) & (one.labels == name))
+            chosen = rng.permutation(own)[:n]
+            if subject != left_out:
+                learn += chosen.tolist()
+    test = np.flatnonzero(
+        (one.subjects == left_out) & np.isin(one.labels, np.unique(one.labels[learn]))
+    )
+    return Draw(np.sort(learn).astype(np.int64), test)
+
+
+def _over_examples(one: LabelledSet, method: str, draws: int) -> list[dict[str, Any]]:
+    """Experiments 1 and 2: accuracy over examples per class."""
+    rows = []
+    for n in EXAMPLES if method == "nearest_neighbour" else _SLOW_EXAMPLES:
+        chosen = [draw_balanced(one.labels, n, seed) for seed in range(draws)]
+        if len(np.unique(one.labels[chosen[0].learn])) >= 2:
+            thesis = THESIS.get((one.name, method), {}).get(n)
+            rows.append({"experiment": "examples", **_measure(one, method, n, chosen, thesis)})
+    return rows
+
+
+def _over_settings(one: LabelledSet, method: str, draws: int) -> list[dict[str, Any]]:
+    """Experiment 2: one parameter of the method varied at ten examples per class."""
+    name, values = SETTINGS[method]
+    chosen = [draw_balanced(one.labels, _SETTING_EXAMPLES, seed) for seed in range(min(draws, 10))]
+    if len(np.unique(one.labels[chosen[0].learn])) < 2:
+        return []
+    return [
+        {
+            "experiment": "settings",
+            "setting": name,
+            "value": value,
+            **_measure(one, method, _SETTING_EXAMPLES, chosen, None, {name: value}),
+        }
+        for value in values
+    ]
+
+
+def _over_subjects(one: LabelledSet, method: str, draws: int) -> list[dict[str, Any]]:
+    """Experiment 3: test on a subject of whom nothing was learnt."""
+    subjects = np.unique(one.subjects)
+    if len(subjects) < 2:
+        return []
+    rows = []
+    each = max(1, min(draws, 10) if method == "nearest_neighbour" else 1)
+    for n in (1, 2, 5, 10) if method == "nearest_neighbour" else (1, 5):
+        chosen = [
+            draw_subjects(one, n, str(subject), seed)
+            for subject in subjects
+            for seed in range(each)
+        ]
+        rows.append({"experiment": "subjects", **_measure(one, method, n, chosen, None)})
+    return rows
+
+
+def _unknown_classes(one: LabelledSet, draws: int) -> list[dict[str, Any]]:
+    """Leave a class out: how many of its segments become unknown, and how many of the others."""
+    n, novel, known = 5, [], []
+    for left_out in np.unique(one.labels):
+        for seed in range(min(draws, 10)):
+            draw = draw_balanced(one.labels, n, seed)
+            learn = draw.learn[one.labels[draw.learn] != left_out]
+            if len(np.unique(one.labels[learn])) < 2:
+                continue
+            labels, _, _ = _classify(one, "nearest_neighbour", Draw(learn, draw.test), {}, True)
+            rejected = labels == UNKNOWN
+            own = one.labels[draw.test] == left_out
+            if own.any():
+                novel.append(float(rejected[own].mean()))
+            known.append(float(rejected[~own].mean()))
+    if not novel:
+        return []
+    return [
+        {
+            "experiment": "unknown",
+            "examples_per_class": n,
+            "draws": len(known),
+            "novel_found_share": float(np.mean(novel)),
+            "known_rejected_share": float(np.mean(known)),
+        }
+    ]
+
+
+def _measure(
+    one: LabelledSet,
+    method: str,
+    n: int,
+    chosen: Sequence[Draw],
+    thesis: float | None,
+    settings: dict[str, Any] | None = None,
+) -> dict[str, Any]:
+    """Train and test on every draw; return means."""
+    accuracy, times, n_test = [], [], 0
+    right: dict[str, list[float]] = {}
+    for seed, draw in enumerate(chosen):
+        test = draw.test
+        if method != "nearest_neighbour" and len(test) > _SLOW_TESTS:
+            test = np.sort(np.random.default_rng(seed).permutation(test)[:_SLOW_TESTS])
+        labels, train_s, predict_s = _classify(one, method, Draw(draw.learn, test), settings or {})
+        hits = labels == one.labels[test]
+        accuracy.append(float(hits.mean()))
+        times.append((train_s, predict_s))
+        n_test = max(n_test, len(test))
+        for name in np.unique(one.labels[test]):
+            right.setdefault(str(name), []).append(float(hits[one.labels[test] == name].mean()))
+    return {
+        "examples_per_class": n,
+        "draws": len(chosen),
+        "accuracy": float(np.mean(accuracy)),
+        "accuracy_std": float(np.std(accuracy)),
+        "per_class": {name: float(np.mean(shares)) for name, shares in right.items()},
+        "train_s": float(np.mean([t for t, _ in times])),
+        "predict_s": float(np.mean([t for _, t in times])),
+        "n_test": n_test,
+        "thesis_accuracy": thesis,
+    }
+
+
+def _classify(
+    one: LabelledSet, method: str, draw: Draw, settings: dict[str, Any], unknown: bool = False
+) -> tuple[npt.NDArray[Any], float, float]:
+    """Learn from some rows and name others; return labels and seconds of both."""
+    stage = CONFIGS[method](**settings)
+    n = len(draw.learn)
+    examples = Examples(
+        tuple(one.labels[draw.learn].tolist()), ("",) * n, np.zeros((n, 2), dtype=np.int64)
+    )
+    started = time.perf_counter()
+    model = fit_model(
+        one.values[draw.learn],
+        examples,
+        one.recipe,
+        method,
+        stage.settings,
+        RecognizeConfig().unknown_factor if unknown else None,
+        with_fallback=False,
+    )
+    trained = time.perf_counter()
+    labels, _ = classify_features(model, one.values[draw.test])
+    return np.array(labels), trained - started, time.perf_counter() - trained
+
+
+def recognition_table(result: dict[str, Any]) -> Table:
+    """Return the rows as a table for the terminal."""
+    from rich.table import Table
+
+    table = Table("dataset", "method", "ex.", "accuracy", "thesis", "train, test [ms]")
+    for row in result["rows"]:
+        objects = "" if not row["object_features"] else " + object"
+        what = "" if row["experiment"] == "examples" else f", {row['experiment']}"
+        setting = f" {row['setting']}={row['value']}" if "setting" in row else ""
+        if row["experiment"] == "unknown":
+            novel, known = row["novel_found_share"], row["known_rejected_share"]
+            figures = [f"{novel:.0%} of new, {known:.1%} of known", "", ""]
+        else:
+            thesis = row["thesis_accuracy"]
+            figures = [
+                f"{row['accuracy']:.1%} ± {row['accuracy_std']:.1%}",
+                "" if thesis is None else f"{thesis:.1%}",
+                f"{1e3 * row['train_s']:.0f}, {1e3 * row['predict_s']:.0f}",
+            ]
+        table.add_row(
+            f"{row['dataset']} ({row['source']})",
+            f"{row['method']}{objects}{what}{setting}",
+            str(row["examples_per_class"]),
+            *figures,
+        )
+    return table
