@@ -178,7 +178,7 @@ def test_a_robot_that_cannot_be_used(tmp_path, change, message):
 
 
 def test_names_that_are_not_there():
-    with pytest.raises(RobotError, match=r"no tool 'scop'.*allowed: gripper, none, stick_holder"):
+    with pytest.raises(RobotError, match=r"no tool 'scop'.*allowed: gripper, none, scoop, stick_holder"):
         load_robot("ur5", "scop")
     with pytest.raises(RobotError, match="no robot 'ur55'; did you mean 'ur5'"):
         load_robot("ur55")
