@@ -16,11 +16,12 @@ from besman.inputs import Inputs, read_inputs
 from besman.labelling.marker_set import MarkerSet, load_marker_set
 from besman.labelling.stage import LabelConfig, label_results
 from besman.mapping.stage import MapConfig, SelectConfig, map_results
+from besman.motion_exports import write_exports
 from besman.recognition.stage import RecognizeConfig
 from besman.record_files import load_record, save_record
 from besman.records import LabelledRecording, LabelledSegments
 from besman.refinement.stage import RefineConfig, refine_results
-from besman.results import recognize_results, segment_results, write_exports
+from besman.results import recognize_results, segment_results
 from besman.run import Display, Run
 from besman.segmentation.stage import SegmentConfig
 from besman.stage import Config
@@ -248,7 +249,7 @@ def _run_stages(config: PipelineConfig, run: Run, inputs: Inputs, trained_in: Pa
     task = _load_task(config)
     motions = run.step("refine", config.refine, plans, robot, task, items=n, unit="motions")
     run.results["refine"] = refine_results(motions, task)
-    write_exports(motions, run.folder / "exports")
+    write_exports(motions, robot, run.folder / "exports")
 
 
 def _train(
