@@ -5,8 +5,7 @@ control cycle with ``servoj``. The controller of the CB3 series (UR5, UR10) has 
 
 References
 ----------
-Universal Robots: The URScript Programming Language, CB3, version 3.15, module motion; "ServoJ
-command", support article.
+Universal Robots: "ServoJ command", support article: arguments, their ranges, the cycle of CB3.
 """
 
 from __future__ import annotations
