@@ -19,12 +19,13 @@ from besman.labelling.marker_set import MarkerSet, load_marker_set
 from besman.labelling.results import label_results
 from besman.labelling.stage import LabelConfig, LabelStage, LabelTrajectoriesConfig
 from besman.mapping.stage import MapConfig, SelectConfig, map_results
+from besman.motion_exports import write_exports
 from besman.recognition.model_files import load_model
 from besman.recognition.stage import RecognizeConfig, RecognizeStage
 from besman.record_files import load_record, save_record
 from besman.records import LabelledRecording, LabelledSegments
 from besman.refinement.stage import RefineConfig, refine_results
-from besman.results import recognize_results, segment_results, write_exports
+from besman.results import recognize_results, segment_results
 from besman.run import Display, Run
 from besman.segmentation.methods import DefaultSegmentConfig, SegmentStage
 from besman.stage import Config
@@ -296,7 +297,7 @@ def _run_stages(config: PipelineConfig, run: Run, inputs: Inputs, trained_in: Pa
     task = _load_task(config)
     motions = run.step("refine", config.refine, plans, robot, task, items=n, unit="motions")
     run.results["refine"] = refine_results(motions, task)
-    write_exports(motions, run.folder / "exports")
+    write_exports(motions, robot, run.folder / "exports")
 
 
 Examples = tuple[tuple[LabelledRecording, ...], tuple[LabelledSegments, ...]]

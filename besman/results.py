@@ -1,16 +1,14 @@
-"""Figures of a run that need more than one stage's record, and the exports."""
+"""Figures of a run that need more than one stage's record."""
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
-from besman.io.exports import ros_joint_trajectory, write_joint_csv, write_ros_joint_trajectory
 from besman.manual_segments import complete_truth
 from besman.recognition.model import RecognitionModel
 from besman.recognition.scores import RecognitionScore, score_labels
 from besman.recognition.stage import RecognizeMethod
-from besman.records import LabelledRecording, LabelledSegments, RefinedMotion, Segments
+from besman.records import LabelledRecording, LabelledSegments, Segments
 from besman.segmentation.scores import mean_score
 
 
@@ -116,28 +114,3 @@ def _score(score: RecognitionScore) -> dict[str, Any]:
         "per_class": score.per_class,
         "confusion": score.confusion,
     }
-
-
-def write_exports(motions: tuple[RefinedMotion, ...], folder: Path) -> None:
-    """Write every refined motion as CSV and as ROS 2 message.
-
-    Parameters
-    ----------
-    motions : tuple of RefinedMotion
-    folder : Path
-        Made if need be.
-    """
-    folder.mkdir(exist_ok=True)
-    for motion in motions:
-        source, _, segment = motion.plan.name.rpartition(":")
-        name = f"{Path(source).stem}_{segment}"
-        trajectory = (
-            motion.time,
-            motion.positions,
-            motion.velocities,
-            motion.accelerations,
-            motion.plan.joint_names,
-        )
-        write_joint_csv(folder / f"{name}.csv", *trajectory)
-        message = ros_joint_trajectory(*trajectory)
-        write_ros_joint_trajectory(folder / f"{name}.ros.json", message)

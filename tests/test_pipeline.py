@@ -264,7 +264,7 @@ def unreachable(folder, capture):
 
 
 def limit_of_zero(folder, capture):
-    robot = (ROOT / "robots" / "ur5" / "robot.yaml").read_text()
+    robot = (ROOT / "robots" / "ur5" / "robot.yaml").read_text().replace("name: ur5", "name: own")
     text = robot.replace("velocity_deg_s: 180", "velocity_deg_s: 0", 1)
     assert text != robot
     (folder / "robot.yaml").write_text(text)

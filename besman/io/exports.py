@@ -1,4 +1,4 @@
-"""Joint trajectories for the real arm: CSV and ROS 2 ``JointTrajectory`` as JSON."""
+"""Joint trajectories for the real arm: CSV and ROS 2 ``JointTrajectory`` as JSON and YAML."""
 
 from __future__ import annotations
 
@@ -96,5 +96,70 @@ def ros_joint_trajectory(
 
 
 def write_ros_joint_trajectory(path: Path, message: dict[str, Any]) -> None:
-    """Write a message of `ros_joint_trajectory` as JSON."""
-    path.write_text(json.dumps(message) + "\n", encoding="utf-8")
+    """Write a message of `ros_joint_trajectory` as JSON, or as YAML if the path ends in .yaml.
+
+    The YAML has one line a point and nine decimals, so that people can read it and
+    ``ros2 topic pub`` too.
+    """
+    if path.suffix != ".yaml":
+        path.write_text(json.dumps(message) + "\n", encoding="utf-8")
+        return
+    head = {key: value for key, value in message.items() if key != "points"}
+    lines = [f"{key}: {json.dumps(value)}" for key, value in head.items()]
+    lines += ["points:", *(f"- {_flow(point)}" for point in message["points"])]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _flow(point: dict[str, Any]) -> str:
+    """Write a point as a flow mapping; never with an exponent, which YAML 1.1 takes for text."""
+    parts = []
+    for key, value in point.items():
+        numbers = ", ".join(f"{number:.9f}" for number in value) if isinstance(value, list) else ""
+        text = f"[{numbers}]" if isinstance(value, list) else json.dumps(value)
+        parts.append(f'"{key}": {text}')
+    return "{" + ", ".join(parts) + "}"
+
+
+def read_ros_joint_trajectory(
+    path: Path,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, tuple[str, ...]]:
+    """Read what `write_ros_joint_trajectory` wrote, as JSON or YAML.
+
+    Returns
+    -------
+    time, positions, velocities, accelerations, joint_names
+        As in `write_joint_csv`; time counts from the start.
+
+    Raises
+    ------
+    RecordingError
+        If the file is no such message, or its times do not rise.
+    """
+    text = path.read_text(encoding="utf-8")
+    try:
+        message = _from_yaml(text) if path.suffix == ".yaml" else json.loads(text)
+        points = message["points"]
+        stamps = [point["time_from_start"] for point in points]
+        time = np.array([stamp["sec"] + 1e-9 * stamp["nanosec"] for stamp in stamps], float)
+        keys = ("positions", "velocities", "accelerations")
+        columns = [np.array([point[key] for point in points], float) for key in keys]
+        names = tuple(map(str, message["joint_names"]))
+    except (ValueError, KeyError, TypeError) as error:
+        raise RecordingError(f"{path}: expected a JointTrajectory, got {error!r}") from None
+    shape = (len(time), len(names))
+    if any(column.shape != shape for column in columns):
+        raise RecordingError(f"{path}: expected {shape[1]} numbers a point for every joint")
+    if not np.all(np.diff(time) > 0):
+        raise RecordingError(f"{path}: expected time_from_start to rise strictly")
+    return time, columns[0], columns[1], columns[2], names
+
+
+def _from_yaml(text: str) -> dict[str, Any]:
+    """Read the layout of `write_ros_joint_trajectory`, far faster than a reader of all YAML."""
+    head, _, points = text.partition("points:\n")
+    message = {}
+    for line in head.splitlines():
+        key, _, value = line.partition(": ")
+        message[key] = json.loads(value)
+    message["points"] = [json.loads(line.removeprefix("- ")) for line in points.splitlines()]
+    return message

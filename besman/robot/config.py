@@ -159,6 +159,8 @@ class RobotConfig(Config):
         By name.
     default_tool : str
         Used where none is named.
+    assumed : tuple of str
+        What no source states, in words; ``besman robots check`` lists it.
     """
 
     name: str
@@ -171,3 +173,4 @@ class RobotConfig(Config):
     ignored_pairs: tuple[tuple[str, str], ...] = ()
     tools: Annotated[dict[str, ToolConfig], Field(min_length=1)]
     default_tool: str
+    assumed: tuple[str, ...] = ()

@@ -15,6 +15,7 @@ from besman.exceptions import RobotError, nearest
 from besman.resources import resource_folder
 from besman.robot.config import JointConfig, RobotConfig, ToolConfig
 from besman.robot.parts import Chain, FloatArray, JointLimits, Tool, read_only
+from besman.robot.urdf_file import read_urdf
 
 _PACKAGE = "example-robot-data"
 
@@ -112,13 +113,25 @@ def load_robot(name_or_path: str | Path, tool: str | None = None) -> Robot:
     """
     path = find_robot(name_or_path)
     config = load_config(path, RobotConfig)
+    _check_name(config.name, path)
     tool_name = config.default_tool if tool is None else tool
     if tool_name not in config.tools:
         raise RobotError(f"{path}: no tool {tool_name!r}; {nearest(tool_name, config.tools)}")
     for joint in config.joints:
         _check_limits(joint, path)
-    urdf, mesh_folder = _find_urdf(config.urdf, path)
+    urdf, mesh_folder = find_urdf(config.urdf, path)
     return _build(config, tool_name, urdf, mesh_folder, path)
+
+
+def _check_name(name: str, path: Path) -> None:
+    """Refuse two robots with one name: runs and exports tell robots apart by it."""
+    own = resource_folder("robots") / name / "robot.yaml"
+    if path.resolve() == own.resolve():
+        return
+    if own.is_file():
+        raise RobotError(f"{path}: name: {name!r} is the robot {own}; expected another name")
+    if path.resolve().is_relative_to(resource_folder("robots").resolve()):
+        raise RobotError(f"{path}: name: got {name!r}, expected the folder's, {path.parent.name!r}")
 
 
 def _check_limits(joint: JointConfig, path: Path) -> None:
@@ -142,11 +155,26 @@ def _check_limits(joint: JointConfig, path: Path) -> None:
         )
 
 
-def _find_urdf(source: str, path: Path) -> tuple[Path, Path]:
-    """Return the URDF and the folder that its ``package://`` addresses start from."""
+def find_urdf(source: str, path: Path) -> tuple[Path, Path]:
+    """Return the URDF and the folder that its ``package://`` addresses start from.
+
+    Parameters
+    ----------
+    source : str
+        What the robot.yaml says under ``urdf``.
+    path : Path
+        The robot.yaml.
+
+    Raises
+    ------
+    RobotError
+        If there is no such file.
+    """
     prefix, colon, inside = source.partition(":")
     if not colon:
-        urdf, folder = path.parent / source, path.parent
+        urdf = path.parent / source
+        beside = urdf.resolve().is_relative_to(path.resolve().parent)
+        folder = path.parent if beside else urdf.parent
     elif prefix == _PACKAGE:
         folder = _share_folder()
         urdf = folder / _PACKAGE / "robots" / inside
@@ -174,8 +202,9 @@ def _build(config: RobotConfig, tool_name: str, urdf: Path, mesh_folder: Path, p
 
     limits = _limits(config.joints)
     tool = _tool(tool_name, config.tools[tool_name])
-    model, tip_frame = pinocchio_model.build_model(config, tool, limits, urdf, path)
-    chain = pinocchio_model.build_chain(model, tip_frame, config, tool, urdf, mesh_folder, path)
+    tree = read_urdf(urdf, mesh_folder)
+    model, tip_frame = pinocchio_model.build_model(config, tool, limits, tree, urdf, path)
+    chain = pinocchio_model.build_chain(model, tip_frame, config, tool, tree, urdf, path)
     content = {
         "config": config.model_dump(mode="json"),
         "tool": tool_name,

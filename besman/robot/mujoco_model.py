@@ -86,16 +86,20 @@ def arm_spec(robot: Robot, time_step_s: float) -> tuple[mujoco.MjSpec, Any]:
         bodies.append(body)
     for index, radius in enumerate(chain.capsule_radii):
         if chain.capsule_links[index] != "tool":
-            bodies[chain.capsule_joints[index] + 1].add_geom(
-                type=mujoco.mjtGeom.mjGEOM_CAPSULE,
-                fromto=chain.capsule_ends[index].ravel(),
-                size=[radius, 0.0, 0.0],
-                mass=0.0,
-                contype=ARM_BIT,
-                conaffinity=0,
-            )
+            _add_capsule(bodies[chain.capsule_joints[index] + 1], chain.capsule_ends[index], radius)
     body.add_site(name="tcp", pos=chain.tip[:3, 3], quat=matrix_to_quaternion(chain.tip[:3, :3]))
     return spec, body
+
+
+def _add_capsule(body: Any, ends: FloatArray, radius: float) -> None:
+    """Add a capsule (2, 3); MuJoCo takes one without length for a mistake, so it is a sphere."""
+    is_sphere = np.linalg.norm(ends[1] - ends[0]) < 1e-6
+    shape: dict[str, Any] = (
+        {"type": mujoco.mjtGeom.mjGEOM_SPHERE, "pos": ends[0]}
+        if is_sphere
+        else {"type": mujoco.mjtGeom.mjGEOM_CAPSULE, "fromto": ends.ravel()}
+    )
+    body.add_geom(size=[radius, 0.0, 0.0], mass=0.0, contype=ARM_BIT, conaffinity=0, **shape)
 
 
 def _add_servo(spec: mujoco.MjSpec, joint: str, kp: float, kv: float, torque: float) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -11,15 +12,20 @@ import numpy.typing as npt
 import pinocchio
 
 from besman.exceptions import RobotError, nearest
-from besman.robot.capsules import fit_capsules
 from besman.robot.config import RobotConfig
+from besman.robot.link_shapes import link_capsules
 from besman.robot.parts import Chain, JointLimits, Tool, read_only
 
 FloatArray = npt.NDArray[np.float64]
 
 
 def build_model(
-    config: RobotConfig, tool: Tool, limits: JointLimits, urdf: Path, path: Path
+    config: RobotConfig,
+    tool: Tool,
+    limits: JointLimits,
+    tree: ElementTree.Element,
+    urdf: Path,
+    path: Path,
 ) -> tuple[Any, int]:
     """Build the Pinocchio model with mounting, tool and the config's limits and inertias.
 
@@ -31,10 +37,10 @@ def build_model(
         Its mass goes to the last body; frame ``tcp`` is added.
     limits : JointLimits
         Written into the model.
-    urdf : Path
-        The URDF.
-    path : Path
-        The robot.yaml, named in errors.
+    tree : Element
+        The URDF, from `read_urdf`.
+    urdf, path : Path
+        The URDF and the robot.yaml, named in errors.
 
     Returns
     -------
@@ -48,7 +54,7 @@ def build_model(
         If the URDF cannot be used, or a joint or link is not in it.
     """
     try:
-        full = pinocchio.buildModelFromXML(_override_inertia(config, urdf, path))
+        full = pinocchio.buildModelFromXML(_amend(config, tree, path))
     except (ValueError, RuntimeError) as error:
         line = str(error).splitlines()[0] if str(error) else "not valid"
         raise RobotError(f"{urdf}: cannot be used as URDF: {line}") from None
@@ -68,15 +74,18 @@ def build_model(
     return model, tip_frame
 
 
-def _override_inertia(config: RobotConfig, urdf: Path, path: Path) -> str:
-    """Return the URDF's text with the inertias of the config in the place of its own."""
-    text = urdf.read_text(encoding="utf-8")
-    if "<!DOCTYPE" in text or "<!ENTITY" in text:
-        raise RobotError(f"{urdf}: document types and entities are not allowed in a URDF")
-    try:
-        tree = ElementTree.fromstring(text)  # noqa: S314 -- entities are refused above
-    except ElementTree.ParseError as error:
-        raise RobotError(f"{urdf}: not valid XML: {error}") from None
+def _amend(config: RobotConfig, tree: ElementTree.Element, path: Path) -> str:
+    """Return the URDF's text with the config's inertias, and its limits on hinges without end."""
+    tree = copy.deepcopy(tree)
+    limits = {joint.name: joint.position_deg for joint in config.joints}
+    for hinge in tree.iterfind("joint[@type='continuous']"):
+        if hinge.get("name") in limits:
+            hinge.set("type", "revolute")
+            lower, upper = np.radians(limits[str(hinge.get("name"))])
+            for old in hinge.findall("limit"):
+                hinge.remove(old)
+            bounds = {"lower": repr(float(lower)), "upper": repr(float(upper))}
+            ElementTree.SubElement(hinge, "limit", bounds | {"effort": "1", "velocity": "1"})
     links = {str(link.get("name")): link for link in tree.iter("link")}
     for name, inertia in config.inertia.items():
         if name not in links:
@@ -170,8 +179,8 @@ def build_chain(
     tip_frame: int,
     config: RobotConfig,
     tool: Tool,
+    tree: ElementTree.Element,
     urdf: Path,
-    mesh_folder: Path,
     path: Path,
 ) -> Chain:
     """Take the arm's geometry out of the model as plain arrays.
@@ -186,17 +195,17 @@ def build_chain(
         Ignored pairs and pedestal.
     tool : Tool
         Its capsule is added.
-    urdf, mesh_folder : Path
-        The URDF and where its meshes are.
-    path : Path
-        The robot.yaml, named in errors.
+    tree : Element
+        The URDF, from `read_urdf`.
+    urdf, path : Path
+        The URDF and the robot.yaml, named in errors.
 
     Returns
     -------
     Chain
         Arrays are read-only.
     """
-    capsules = _link_capsules(model, config, urdf, mesh_folder, path)
+    capsules = link_capsules(model, config, tree, urdf, path)
     if config.mounting.pedestal_radius_m > 0:
         radius = config.mounting.pedestal_radius_m
         height = max(config.mounting.height_m - radius, 0.0)
@@ -222,65 +231,6 @@ def build_chain(
         capsule_links=tuple(links),
         capsule_pairs=indices,
     )
-
-
-def link_meshes(
-    model: Any, config: RobotConfig, urdf: Path, mesh_folder: Path
-) -> list[tuple[str, int, FloatArray, npt.NDArray[np.int64]]]:
-    """Read the collision meshes of the links.
-
-    Returns
-    -------
-    list of (link, joint, vertices, triangles)
-        Vertices (V, 3) in the frame of the joint that moves the link (-1: in the world), metres;
-        triangles (F, 3) index them.
-    """
-    plain = pinocchio.buildModelFromUrdf(str(urdf))
-    try:
-        geometry = pinocchio.buildGeomFromUrdf(
-            plain, str(urdf), pinocchio.GeometryType.COLLISION, package_dirs=[str(mesh_folder)]
-        )
-    except (ValueError, RuntimeError) as error:
-        raise RobotError(f"{urdf}: collision meshes: {str(error).splitlines()[0]}") from None
-    meshes = []
-    for item in geometry.geometryObjects:
-        if not hasattr(item.geometry, "tri_indices"):
-            continue
-        link = plain.frames[item.parentFrame]
-        frame = model.frames[model.getFrameId(link.name, pinocchio.FrameType.BODY)]
-        pose = frame.placement * link.placement.actInv(item.placement)
-        vertices = np.asarray(item.geometry.vertices()) * item.meshScale
-        faces = [item.geometry.tri_indices(face) for face in range(item.geometry.num_tris)]
-        triangles = np.array([[face[corner] for corner in range(3)] for face in faces], np.int64)
-        placed = vertices @ pose.rotation.T + pose.translation
-        meshes.append((link.name, frame.parentJoint - 1, placed, triangles))
-    return meshes
-
-
-def _link_capsules(
-    model: Any, config: RobotConfig, urdf: Path, mesh_folder: Path, path: Path
-) -> list[tuple[str, int, FloatArray, float]]:
-    """List link, joint, ends in the joint's frame, and radius of every capsule of the links."""
-    if not config.capsules:
-        return [
-            (link, joint, ends, radius)
-            for link, joint, vertices, triangles in link_meshes(model, config, urdf, mesh_folder)
-            for ends, radius in fit_capsules(vertices, triangles)
-        ]
-    capsules = []
-    for capsule in config.capsules:
-        frame = _link_frame(model, capsule.link, path)
-        ends = np.array(capsule.ends_m) @ frame.placement.rotation.T + frame.placement.translation
-        capsules.append((capsule.link, frame.parentJoint - 1, ends, capsule.radius_m))
-    return capsules
-
-
-def _link_frame(model: Any, link: str, path: Path) -> Any:
-    """Return the frame of a link."""
-    if not model.existFrame(link, pinocchio.FrameType.BODY):
-        links = [frame.name for frame in model.frames if frame.type == pinocchio.FrameType.BODY]
-        raise RobotError(f"{path}: capsules: no link {link!r}; {nearest(link, links)}")
-    return model.frames[model.getFrameId(link, pinocchio.FrameType.BODY)]
 
 
 def _pairs(links: list[str], joints: list[int], config: RobotConfig) -> list[tuple[int, int]]:

@@ -2,6 +2,7 @@ import json
 
 import numpy as np
 import pytest
+import yaml
 
 from besman.exceptions import RecordingError
 from besman.io import exports
@@ -38,3 +39,44 @@ def test_ros_message_rises_from_zero_and_keeps_the_samples(tmp_path, trajectory)
     np.testing.assert_allclose(seconds, time, atol=1e-9)
     np.testing.assert_array_equal([point["positions"] for point in read["points"]], rest[0])
     assert read["joint_names"] == list("abcdef")
+
+
+@pytest.mark.parametrize("ending", ["json", "yaml"])
+def test_ros_message_round_trip(tmp_path, trajectory, ending):
+    path = tmp_path / f"a.{ending}"
+    exports.write_ros_joint_trajectory(path, exports.ros_joint_trajectory(*trajectory))
+    *columns, names = exports.read_ros_joint_trajectory(path)
+    for wrote, read in zip(trajectory, columns, strict=False):
+        np.testing.assert_allclose(read, wrote, atol=1e-9)
+    assert names == trajectory[-1]
+
+
+def test_the_yaml_is_yaml(tmp_path, trajectory):
+    time, positions, *rest = trajectory
+    message = exports.ros_joint_trajectory(time, positions * 1e-7, *rest)
+    exports.write_ros_joint_trajectory(tmp_path / "a.yaml", message)
+    read = yaml.safe_load((tmp_path / "a.yaml").read_text())
+    assert read["header"] == message["header"]
+    assert read["joint_names"] == message["joint_names"]
+    for found, point in zip(read["points"], message["points"], strict=True):
+        assert found["time_from_start"] == point["time_from_start"]
+        assert found["effort"] == []
+        np.testing.assert_allclose(found["positions"], point["positions"], atol=1e-9)
+        np.testing.assert_allclose(found["accelerations"], point["accelerations"], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda m: m.pop("points"), "expected a JointTrajectory"),
+        (lambda m: m["points"][1].update(velocities=[1.0]), "expected a JointTrajectory"),
+        (lambda m: m["joint_names"].pop(), "expected 5 numbers a point"),
+        (lambda m: m["points"].reverse(), "time_from_start to rise strictly"),
+    ],
+)
+def test_a_message_that_cannot_be_used(tmp_path, trajectory, change, message):
+    content = exports.ros_joint_trajectory(*trajectory)
+    change(content)
+    (tmp_path / "a.json").write_text(json.dumps(content))
+    with pytest.raises(RecordingError, match=message):
+        exports.read_ros_joint_trajectory(tmp_path / "a.json")

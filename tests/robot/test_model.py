@@ -11,8 +11,9 @@ from besman.exceptions import ConfigError, RobotError
 from besman.resources import resource_folder
 from besman.robot.capsules import fit_capsules
 from besman.robot.config import RobotConfig
+from besman.robot.link_shapes import link_meshes
 from besman.robot.model import find_robot, list_robots, load_robot
-from besman.robot.pinocchio_model import link_meshes
+from besman.robot.urdf_file import read_urdf
 
 UR5 = resource_folder("robots") / "ur5" / "robot.yaml"
 
@@ -30,7 +31,7 @@ BOX_ARM = """<robot name="arm">
 
 
 def write_robot(folder, change):
-    content = yaml.safe_load(UR5.read_text())
+    content = yaml.safe_load(UR5.read_text()) | {"name": "own"}
     change(content)
     path = folder / "robot.yaml"
     path.write_text(yaml.safe_dump(content))
@@ -108,7 +109,7 @@ def test_the_stored_capsules_enclose_the_meshes():
     urdf = folder / "example-robot-data/robots" / config.urdf.partition(":")[2]
     chain = robot.chain
     checked = 0
-    for link, joint, vertices, triangles in link_meshes(robot.model, config, urdf, folder):
+    for link, joint, vertices, triangles in link_meshes(robot.model, read_urdf(urdf, folder), urdf):
         depth = []
         for index, owner in enumerate(chain.capsule_links):
             if owner != link:
@@ -178,11 +179,25 @@ def test_a_robot_that_cannot_be_used(tmp_path, change, message):
 
 
 def test_names_that_are_not_there():
-    with pytest.raises(RobotError, match=r"no tool 'scop'.*allowed: gripper, none, stick_holder"):
+    with pytest.raises(RobotError, match=r"no tool 'scop'; did you mean 'scoop'.*stick_holder"):
         load_robot("ur5", "scop")
     with pytest.raises(RobotError, match="no robot 'ur55'; did you mean 'ur5'"):
         load_robot("ur55")
     assert find_robot("ur5") == UR5
+
+
+def test_two_robots_with_one_name(tmp_path):
+    path = write_robot(tmp_path, lambda content: content.update(name="ur5"))
+    with pytest.raises(RobotError, match=r"name: 'ur5' is the robot .*expected another name"):
+        load_robot(path)
+
+
+def test_a_name_that_is_not_the_folders(tmp_path, monkeypatch):
+    (tmp_path / "robots" / "arm").mkdir(parents=True)
+    write_robot(tmp_path / "robots" / "arm", lambda content: None)
+    monkeypatch.setattr("besman.robot.model.resource_folder", lambda kind: tmp_path / kind)
+    with pytest.raises(RobotError, match="name: got 'own', expected the folder's, 'arm'"):
+        load_robot("arm")
 
 
 def test_a_misspelt_key_is_named(tmp_path):

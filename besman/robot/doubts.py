@@ -1,0 +1,188 @@
+"""What is missing or doubtful in the description of a robot."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from besman.config_file import load_config
+from besman.exceptions import BesmanError
+from besman.robot.collision import distances
+from besman.robot.config import RobotConfig
+from besman.robot.kinematics import manipulability
+from besman.robot.model import Robot, find_robot, find_urdf, load_robot
+from besman.robot.urdf_file import read_urdf
+
+FloatArray = npt.NDArray[np.float64]
+
+Kind = Literal["missing", "doubtful", "assumed"]
+
+# No body has a greater radius of gyration than half of its length; links are more than their
+# capsules, so that only what is far beyond counts.
+_GYRATION_SHARE = 0.75
+_LEAST_SIZE_M = 0.15
+_LEAST_MANIPULABILITY = 1e-4
+_FASTEST_RAD_S = 10.0
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """One line of the report.
+
+    Attributes
+    ----------
+    kind : "missing", "doubtful" or "assumed"
+        With something missing the robot cannot be used; what is assumed says the robot.yaml.
+    text : str
+        What it is.
+    """
+
+    kind: Kind
+    text: str
+
+
+def check_robot(name_or_path: str | Path) -> list[Doubt]:
+    """Look for what is missing or doubtful: files, limits, inertias, capsules, home.
+
+    Parameters
+    ----------
+    name_or_path : str or Path
+        A robot that is there, or the path of a robot.yaml.
+
+    Returns
+    -------
+    list of Doubt
+        Empty if there is none.
+
+    Raises
+    ------
+    RobotError, ConfigError
+        If there is no such robot, or its robot.yaml is not valid.
+    """
+    path = find_robot(name_or_path)
+    config = load_config(path, RobotConfig)
+    doubts = [Doubt("assumed", text) for text in config.assumed]
+    if not path.with_name("SOURCES.md").is_file():
+        doubts.append(Doubt("doubtful", "no SOURCES.md beside it: no number has an origin"))
+    missing = _zero_limits(config) + _missing_meshes(config, path)
+    try:
+        robot = load_robot(path)
+    except BesmanError as error:
+        return [*missing, *([] if missing else [Doubt("missing", str(error))]), *doubts]
+    return (
+        missing + _fast_limits(robot) + _inertias(robot) + _capsules(robot) + _home(robot) + doubts
+    )
+
+
+def _zero_limits(config: RobotConfig) -> list[Doubt]:
+    """Find limits that no movement could keep."""
+    doubts = []
+    for joint in config.joints:
+        lower, upper = joint.position_deg
+        for key, value in (
+            ("position_deg", upper - lower),
+            ("velocity_deg_s", joint.velocity_deg_s),
+            ("acceleration_rad_s2", joint.acceleration_rad_s2),
+            ("torque_nm", joint.torque_nm),
+        ):
+            if not value > 0:
+                doubts.append(Doubt("missing", f"joint {joint.name}: {key} leaves no room to move"))
+    return doubts
+
+
+def _missing_meshes(config: RobotConfig, path: Path) -> list[Doubt]:
+    """Find meshes of collision shapes that are not there."""
+    try:
+        urdf, folder = find_urdf(config.urdf, path)
+        tree = read_urdf(urdf, folder)
+    except BesmanError as error:
+        return [Doubt("missing", str(error))]
+    meshes = {str(mesh.get("filename")) for mesh in tree.iterfind("link/collision/geometry/mesh")}
+    # Capsules in the robot.yaml stand for the meshes.
+    kind: Kind = "doubtful" if config.capsules else "missing"
+    return [
+        Doubt(kind, f"mesh {mesh}: no such file")
+        for mesh in sorted(meshes)
+        if not Path(mesh).is_file()
+    ]
+
+
+def _fast_limits(robot: Robot) -> list[Doubt]:
+    """Find speeds beyond those of any arm."""
+    return [
+        Doubt("doubtful", f"joint {name}: a speed of {np.degrees(speed):.0f} degrees/s")
+        for name, speed in zip(robot.joint_names, robot.limits.velocity, strict=True)
+        if speed > _FASTEST_RAD_S
+    ]
+
+
+def _inertias(robot: Robot) -> list[Doubt]:
+    """Find inertias that no body of the link's size and mass has."""
+    doubts = []
+    for index, name in enumerate(robot.joint_names):
+        body: Any = robot.model.inertias[index + 1]
+        what = f"inertia of what joint {name} moves"
+        if body.mass < 1e-3:
+            doubts.append(Doubt("doubtful", f"{what}: a mass of {body.mass:g} kg"))
+            continue
+        moments = np.linalg.eigvalsh(body.inertia)
+        if moments[0] <= 0 or moments[2] > moments[0] + moments[1] + 1e-9:
+            values = ", ".join(f"{moment:.3g}" for moment in moments)
+            doubts.append(Doubt("doubtful", f"{what}: no body has the moments {values} kg m^2"))
+        size, gyration = _size(robot, index), float(np.sqrt(max(moments[2], 0.0) / body.mass))
+        if gyration > _GYRATION_SHARE * size:
+            doubts.append(
+                Doubt(
+                    "doubtful",
+                    f"{what}: a radius of gyration of {gyration:.2f} m in {size:.2f} m of length",
+                )
+            )
+    return doubts
+
+
+def _size(robot: Robot, joint: int) -> float:
+    """Return how long the body of a joint is, metres."""
+    chain = robot.chain
+    points = [np.zeros((1, 3))]
+    following = chain.placements[joint + 1] if joint + 1 < robot.n else chain.tip
+    points.append(following[None, :3, 3])
+    for index in np.flatnonzero(chain.capsule_joints == joint):
+        ends, radius = chain.capsule_ends[index], chain.capsule_radii[index]
+        points += [ends - radius, ends + radius]
+    placed = np.vstack(points)
+    return max(float(np.linalg.norm(np.ptp(placed, axis=0))), _LEAST_SIZE_M)
+
+
+def _capsules(robot: Robot) -> list[Doubt]:
+    """Find joints whose links nothing encloses."""
+    joints = set(robot.chain.capsule_joints.tolist())
+    bare = [name for index, name in enumerate(robot.joint_names) if index not in joints]
+    if len(bare) == robot.n:
+        return [Doubt("doubtful", "no capsules: collisions are not seen")]
+    return [Doubt("doubtful", f"no capsule on what joint {name} moves") for name in bare]
+
+
+def _home(robot: Robot) -> list[Doubt]:
+    """Find out whether the arm can stand at home."""
+    import pinocchio
+
+    doubts = []
+    if distances(robot.chain, robot.home).min() <= 0:
+        doubts.append(Doubt("doubtful", "home: the arm touches itself, its pedestal or the floor"))
+    # With less than six joints it is zero everywhere.
+    if robot.n >= 6 and manipulability(robot.chain, robot.home) < _LEAST_MANIPULABILITY:
+        doubts.append(Doubt("doubtful", "home: singular; movements are looked for from there"))
+    data = robot.model.createData()
+    held = np.abs(pinocchio.computeGeneralizedGravity(robot.model, data, robot.home))
+    for index in np.flatnonzero(held > robot.limits.torque):
+        doubts.append(
+            Doubt(
+                "doubtful",
+                f"home: joint {robot.joint_names[index]} would need {held[index]:.0f} Nm to stand",
+            )
+        )
+    return doubts

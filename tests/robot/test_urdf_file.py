@@ -1,0 +1,58 @@
+import pytest
+
+from besman.exceptions import RobotError
+from besman.robot.urdf_file import mesh_path, read_urdf
+
+LINKS = "".join(f"<link name='{name}'/>" for name in "abc")
+
+
+def joint(name, parent, child):
+    ends = f"<parent link='{parent}'/><child link='{child}'/>"
+    return f"<joint name='{name}' type='fixed'>{ends}</joint>"
+
+
+def read(folder, text):
+    (folder / "arm.urdf").write_bytes(text.encode("utf-8") if isinstance(text, str) else text)
+    return read_urdf(folder / "arm.urdf", folder)
+
+
+def robot(*joints):
+    return f"<robot name='arm'>{LINKS}{''.join(joints)}</robot>"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (robot(joint("j", "a", "b"), joint("k", "b", "c"), joint("l", "c", "b")),
+         "loop: link 'b' hangs on 'a' and, by joint l, on 'c'"),
+        (robot(joint("j", "a", "b"), joint("k", "b", "a")), "loop: link 'a' hangs on itself"),
+        (robot(joint("j", "a", "b")), "one link that hangs on nothing, got a, c"),
+        (robot(joint("j", "a", "d")), "joint j: no link 'd'"),
+        ("<!DOCTYPE r [<!ENTITY b '" + "c" * 9 + "'>]><robot/>", "entities are not allowed"),
+        ("<robot", "not valid XML"),
+        ("<robot/>", "expected <robot> with links"),
+        (b"\xff\xfe<\x00", "expected text in UTF-8"),
+    ],
+)  # fmt: skip
+def test_a_urdf_that_cannot_be_used(tmp_path, text, message):
+    with pytest.raises(RobotError, match=message):
+        read(tmp_path, text)
+
+
+@pytest.mark.parametrize(
+    "address", ["../../etc/passwd", "/etc/passwd", "file:///etc/passwd", "package://../x.stl"]
+)
+def test_a_mesh_outside_the_folder(tmp_path, address):
+    shape = f"<collision><geometry><mesh filename='{address}'/></geometry></collision>"
+    mesh = f"<link name='d'>{shape}</link>"
+    joints = [joint("j", "a", "b"), joint("k", "b", "c"), joint("l", "c", "d")]
+    with pytest.raises(RobotError, match=r"mesh .* is outside"):
+        read(tmp_path, f"<robot name='arm'>{LINKS}{mesh}{''.join(joints)}</robot>")
+
+
+def test_addresses_of_meshes(tmp_path):
+    home = tmp_path.resolve()
+    urdf = home / "urdf" / "arm.urdf"
+    assert mesh_path("package://arm/a.stl", urdf, home) == home / "arm" / "a.stl"
+    assert mesh_path("../meshes/a.stl", urdf, home) == home / "meshes" / "a.stl"
+    assert mesh_path(f"package://{home.name}/a.stl", urdf, home) == home / "a.stl"
