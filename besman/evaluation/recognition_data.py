@@ -48,6 +48,8 @@ class LabelledSet:
         What the recording's name begins with, up to the first underscore.
     extract_s : float
         Seconds that the features took.
+    n_left_out : int
+        Stretches without a label in which the hand moves: neither rest nor a known movement.
     """
 
     name: str
@@ -57,6 +59,7 @@ class LabelledSet:
     labels: npt.NDArray[np.str_]
     subjects: npt.NDArray[np.str_]
     extract_s: float
+    n_left_out: int = 0
 
     def without_objects(self) -> LabelledSet:
         """Return the same without the features of objects."""
@@ -106,6 +109,7 @@ def _load_set(folder: Path) -> LabelledSet:
     truth = [segments for segments in inputs.truth if segments is not None]
     stage = RecognizeConfig()
     candidates = find_candidates(recordings, truth, stage.idle_s, stage.idle_speed_m_s)
+    n_all = len(find_candidates(recordings, truth, stage.idle_s, np.inf))
     if not candidates:
         raise RecognitionError(f"{folder}: no labelled segments; expected segments files")
     lengths = [one.bounds[1] - one.bounds[0] for one in candidates]
@@ -118,8 +122,9 @@ def _load_set(folder: Path) -> LabelledSet:
         recipe,
         values,
         np.array([one.label for one in candidates]),
-        np.array([one.recording.source.split("_")[0] for one in candidates]),
+        np.array([Path(one.recording.source).stem.split("_")[0] for one in candidates]),
         time.perf_counter() - started,
+        n_all - len(candidates),
     )
 
 

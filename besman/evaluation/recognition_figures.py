@@ -96,6 +96,11 @@ def _settings(rows: list[dict[str, Any]], title: str) -> str | None:
     methods = list(dict.fromkeys(row["method"] for row in rows))
     figure = new_figure(2.6 * len(methods), 6)
     measures = (("accuracy", "accuracy"), ("train_s", "training [s]"), ("predict_s", "test [s]"))
+    # One scale for all methods: their times lie orders of magnitude apart.
+    limits = {
+        key: (min(row[key] for row in rows) / 2, 2 * max(row[key] for row in rows))
+        for key in ("train_s", "predict_s")
+    }
     for column, method in enumerate(methods):
         own = [row for row in rows if row["method"] == method]
         for line, (key, name) in enumerate(measures):
@@ -107,6 +112,7 @@ def _settings(rows: list[dict[str, Any]], title: str) -> str | None:
                 axes.set_title(method.replace("_", " "), fontsize=9)
             else:
                 axes.set_yscale("log")
+                axes.set_ylim(*limits[key])
             if column == 0:
                 axes.set_ylabel(name)
             if line == 2:
@@ -131,7 +137,7 @@ def _map(one: LabelledSet, title: str) -> str | None:
     figure = new_figure(6.5, 5)
     axes = figure.add_subplot()
     subjects = sorted(set(one.subjects.tolist()))
-    palette = figure_colours(len(set(one.labels.tolist())))
+    palette = _class_colours(len(set(one.labels.tolist())))
     for colour, label in zip(palette, sorted(set(one.labels.tolist())), strict=True):
         for shape, subject in enumerate(subjects):
             own = (one.labels[rows] == label) & (one.subjects[rows] == subject)
@@ -151,7 +157,7 @@ def _map(one: LabelledSet, title: str) -> str | None:
     return svg(figure)
 
 
-def figure_colours(n: int) -> list[Any]:
+def _class_colours(n: int) -> list[Any]:
     """Return colours for classes, different ones for up to twenty."""
     if n <= len(COLOURS):
         return list(COLOURS[:n])

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from besman.recognition.sequences import ProbabilisticClassifier
+from besman.recognition.sequences import ProbabilisticClassifier, import_extra
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -37,8 +37,8 @@ class HmmClassifier(ProbabilisticClassifier):
     def __init__(
         self,
         n_channels: int = 1,
-        n_states: int = 2,
-        smallest_variance: float = 1e-3,
+        n_states: int = 1,
+        smallest_variance: float = 1e-2,
         random_state: int = 0,
     ) -> None:
         self.n_channels = n_channels
@@ -56,8 +56,6 @@ class HmmClassifier(ProbabilisticClassifier):
         """
         import logging
 
-        from hmmlearn.hmm import GaussianHMM
-
         sequences, codes = self._check_training(X, y)
         # States that no point belongs to, and a likelihood that falls by rounding, are no news.
         logging.getLogger("hmmlearn").setLevel(logging.ERROR)
@@ -66,7 +64,7 @@ class HmmClassifier(ProbabilisticClassifier):
             own = sequences[codes == code]
             points = own.reshape(-1, self.n_channels)
             n_states = min(self.n_states, len(np.unique(points, axis=0)))
-            hmm = GaussianHMM(
+            hmm = _gaussian_hmm(
                 n_states,
                 covariance_type="diag",
                 min_covar=self.smallest_variance,
@@ -100,13 +98,15 @@ class HmmClassifier(ProbabilisticClassifier):
         return np.asarray(weights / weights.sum(axis=1, keepdims=True))
 
     def _model(self, code: int) -> Any:
-        from hmmlearn.hmm import GaussianHMM
-
         start, moves, means, covars = (self.parameters_[f"{part}_{code}"] for part in _PARTS)
-        hmm = GaussianHMM(len(start), covariance_type="diag")
+        hmm = _gaussian_hmm(len(start), covariance_type="diag")
         hmm.n_features = self.n_channels
         hmm.startprob_, hmm.transmat_, hmm.means_, hmm.covars_ = start, moves, means, covars
         return hmm
+
+
+def _gaussian_hmm(n_states: int, **settings: Any) -> Any:
+    return import_extra("hmmlearn.hmm", "hmm", "sequences").GaussianHMM(n_states, **settings)
 
 
 def _proper(probabilities: FloatArray) -> FloatArray:

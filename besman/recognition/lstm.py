@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from besman.exceptions import RecognitionError
-from besman.recognition.sequences import ProbabilisticClassifier
+from besman.recognition.sequences import ProbabilisticClassifier, import_extra
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -122,13 +121,7 @@ class LstmClassifier(ProbabilisticClassifier):
 
 
 def _torch() -> Any:
-    try:
-        import torch
-    except ImportError:
-        raise RecognitionError(
-            "method lstm needs PyTorch, which is not installed: pip install besman[lstm]"
-        ) from None
-    return torch
+    return import_extra("torch", "lstm", "lstm")
 
 
 def _network(torch: Any, n_channels: int, n_cells: int, n_classes: int) -> Any:

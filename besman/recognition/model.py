@@ -192,6 +192,11 @@ def fit_model(
         )
     centre, spread = fit_spread(values, count_channels(recipe.features, recipe.markers))
     vectors = scale(values, centre, spread)
+    if settings.get("n_neighbors", 1) > len(vectors):
+        raise RecognitionError(
+            f"n_neighbors: got {settings['n_neighbors']}, expected at most the number of examples, "
+            f"{len(vectors)}"
+        )
     parameters: dict[str, Any] = {}
     if method in ("hmm", "lstm"):
         classifier = make_classifier(method, settings, values.shape[2])

@@ -67,7 +67,7 @@ def fit_spread(values: FloatArray, widths: Sequence[int]) -> tuple[FloatArray, F
 
 def scale(values: FloatArray, low: FloatArray, span: FloatArray) -> FloatArray:
     """Scale features (S, P, C) and flatten them to (S, P * C)."""
-    return ((values - low) / span).reshape(len(values), -1)
+    return ((values - low) / span).reshape(len(values), values.shape[1] * values.shape[2])
 
 
 def classify(

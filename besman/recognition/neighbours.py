@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from sklearn.neighbors import KNeighborsClassifier
 
-from besman.recognition.sequences import SequenceClassifier
+from besman.recognition.sequences import SequenceClassifier, import_extra
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -19,7 +19,7 @@ class NearestNeighbours(KNeighborsClassifier):
     Parameters
     ----------
     n_neighbors : int
-        Examples that vote; all of them if there are fewer.
+        Examples that vote.
 
     References
     ----------
@@ -77,10 +77,9 @@ class DtwNeighbour(SequenceClassifier):
     def _apart(self, X: npt.ArrayLike) -> FloatArray:
         """Return distances to all examples, shape (S, N)."""
         sequences = self._check_test(X)
-        from tslearn.metrics import cdist_dtw
-
+        metrics = import_extra("tslearn.metrics", "dtw", "sequences")
         return np.asarray(
-            cdist_dtw(
+            metrics.cdist_dtw(
                 sequences,
                 self.examples_,
                 global_constraint="sakoe_chiba",

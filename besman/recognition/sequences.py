@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,26 @@ from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import check_is_fitted, validate_data
 
+from besman.exceptions import RecognitionError
+
 FloatArray = npt.NDArray[np.float64]
+
+
+def import_extra(name: str, method: str, extra: str) -> Any:
+    """Import a library that only one method needs.
+
+    Raises
+    ------
+    RecognitionError
+        If it is not installed.
+    """
+    try:
+        return importlib.import_module(name)
+    except ImportError:
+        library = name.split(".")[0]
+        raise RecognitionError(
+            f"method {method} needs {library}, which is not installed: pip install besman[{extra}]"
+        ) from None
 
 
 class SequenceClassifier(ClassifierMixin, BaseEstimator):

@@ -279,7 +279,7 @@ class HmmConfig(_TrainedStage):
     """
 
     method: Literal["hmm"] = "hmm"
-    n_states: int = Field(default=2, ge=1)
+    n_states: int = Field(default=1, ge=1)
 
     @property
     def settings(self) -> dict[str, Any]:

@@ -12,6 +12,7 @@ import numpy as np
 from besman.config_file import read_yaml
 from besman.exceptions import RunError
 from besman.record_files import digest, load_record
+from besman.report.confusion import confusion_table
 from besman.report.terminal import outcome_lines
 from besman.report.timing import read_json, seconds, stage_rows
 from besman.run import code_version, write_json, write_text
@@ -71,6 +72,7 @@ def write_page(folder: Path) -> Path:
         _head(state, timing, results),
         overview,
         _stage_table(timing, results),
+        confusion_table(results),
         rest,
         _provenance(folder, state, results),
     ]

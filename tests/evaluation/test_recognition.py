@@ -1,0 +1,104 @@
+import json
+
+import numpy as np
+import pytest
+
+from besman.evaluation.recognition import (
+    check_methods,
+    draw_balanced,
+    draw_subjects,
+    recognition_table,
+    run_recognition,
+)
+from besman.evaluation.recognition_data import LabelledSet, load_sets
+from besman.evaluation.recognition_figures import write_figures
+from besman.exceptions import ConfigError, RecognitionError
+from besman.recognition.model import Recipe
+
+RECIPE = Recipe(("positions", "log_object_speed"), ("hand_top",), ("box_back",), 5)
+
+
+@pytest.fixture
+def toy():
+    rng = np.random.default_rng(0)
+    labels = np.array(["a", "b", "c"] * 14)
+    values = rng.normal(scale=0.05, size=(42, 5, 4))
+    values[:, :, 0] += np.array([0, 1, 2] * 14)[:, np.newaxis]
+    subjects = np.array(["subject1"] * 21 + ["subject2"] * 21)
+    return LabelledSet("toy", "synthetic", RECIPE, values, labels, subjects, 0.0)
+
+
+def test_draws_take_as_many_of_each_class_and_leave_small_ones_out(toy):
+    labels = np.append(toy.labels, ["rare"] * 3)
+    draw = draw_balanced(labels, 3, 5)
+    assert sorted(labels[draw.learn]) == ["a"] * 3 + ["b"] * 3 + ["c"] * 3
+    assert "rare" not in labels[draw.test]
+    assert not set(draw.learn) & set(draw.test)
+    again = draw_balanced(labels, 3, 5)
+    np.testing.assert_array_equal(draw.learn, again.learn)
+
+
+def test_a_subject_left_out_teaches_nothing(toy):
+    draw = draw_subjects(toy, 2, "subject2", 0)
+    assert set(toy.subjects[draw.learn]) == {"subject1"}
+    assert set(toy.subjects[draw.test]) == {"subject2"}
+    assert len(draw.learn) == 6
+
+
+def test_experiments_give_rows_and_figures(toy, tmp_path):
+    shares = []
+    result = run_recognition([toy], ["nearest_neighbour"], 3, shares.append)
+    json.dumps(result)
+    kinds = {row["experiment"] for row in result["rows"]}
+    assert kinds == {"examples", "settings", "subjects", "unknown"}
+    assert {row["object_features"] for row in result["rows"]} == {True, False}
+    assert all(row["source"] == "synthetic" for row in result["rows"])
+    plain = [r for r in result["rows"] if not r["object_features"] and "accuracy" in r]
+    assert all(r["accuracy"] == 1.0 for r in plain if r["experiment"] == "examples")
+    assert [r["examples_per_class"] for r in plain if r["experiment"] == "examples"][-1] == 10
+    unknown = [r for r in result["rows"] if r["experiment"] == "unknown"]
+    assert unknown[0]["known_rejected_share"] < 0.1
+    assert shares == [0.5, 1.0]
+    assert recognition_table(result).row_count == len(result["rows"])
+    paths = write_figures(result, [toy], tmp_path / "figures")
+    assert [path.name for path in paths] == [
+        "toy_examples.svg",
+        "toy_subjects.svg",
+        "toy_settings.svg",
+        "toy_map.svg",
+    ]
+    assert all("<svg" in path.read_text() for path in paths)
+
+
+@pytest.mark.parametrize("method", ["dtw", "hmm", "lstm"])
+def test_other_methods_are_measured_too(toy, method):
+    pytest.importorskip({"dtw": "tslearn", "hmm": "hmmlearn", "lstm": "torch"}[method])
+    rows = run_recognition([toy.without_objects()], [method], 1)["rows"]
+    best = max(row["accuracy"] for row in rows)
+    assert best > 0.9
+    assert all(row["train_s"] >= 0 and row["predict_s"] > 0 for row in rows)
+
+
+def test_the_embedded_sample_is_synthetic():
+    (one,) = load_sets(None)
+    assert (one.name, one.source) == ("stick_throw", "synthetic")
+    assert {"throw", "idle"} <= set(one.labels)
+    assert set(one.subjects) == {"subject1", "subject2"}
+    assert one.values.shape[:2] == (len(one.labels), 25)
+
+
+def test_a_folder_without_labels_is_refused(tmp_path):
+    from besman.resources import resource_folder
+
+    source = resource_folder("data") / "stick_throw" / "subject1.tsv"
+    (tmp_path / "a.tsv").write_bytes(source.read_bytes())
+    with pytest.raises(RecognitionError, match="no labelled segments; expected segments files"):
+        load_sets(tmp_path)
+
+
+def test_an_unknown_method_is_refused():
+    with pytest.raises(
+        ConfigError, match="--method: no method 'knn'; allowed: dtw, hmm, lstm"
+    ):
+        check_methods(["knn"])
+    assert "nearest_neighbour" in check_methods(None)
