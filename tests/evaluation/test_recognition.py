@@ -97,8 +97,6 @@ def test_a_folder_without_labels_is_refused(tmp_path):
 
 
 def test_an_unknown_method_is_refused():
-    with pytest.raises(
-        ConfigError, match="--method: no method 'knn'; allowed: dtw, hmm, lstm"
-    ):
+    with pytest.raises(ConfigError, match="--method: no method 'knn'; allowed: dtw, hmm, lstm"):
         check_methods(["knn"])
     assert "nearest_neighbour" in check_methods(None)
