@@ -92,7 +92,7 @@ def load_sets(data: Path | None) -> list[LabelledSet]:
     RecordingError
         If a recording cannot be read.
     """
-    root = resource_folder("data") if data is None else data
+    root = resource_folder("data") / "stick_throw" if data is None else data
     inside = sorted(path for path in root.iterdir() if path.is_dir()) if root.is_dir() else []
     folders = [folder for folder in inside if any(folder.glob("*_manually_segmented.json"))]
     return [_load_set(folder) for folder in folders or [root]]
