@@ -180,7 +180,7 @@ def test_configs_refuse_what_makes_no_sense():
     ):
         with pytest.raises(ConfigError, match=message):
             parse_config(content, MapConfig, "p.yaml")
-    with pytest.raises(ConfigError, match="key 'label' is missing"):
+    with pytest.raises(ConfigError, match="expected one of label and action, got none"):
         parse_config({}, SelectConfig, "p.yaml")
 
 
