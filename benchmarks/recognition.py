@@ -8,7 +8,7 @@ import time
 
 import numpy as np
 
-from besman.evaluation.demonstrations import name_markers
+from besman.evaluation.recognition_data import name_parts
 from besman.inputs import read_inputs
 from besman.recognition.examples import find_candidates
 from besman.recognition.features import count_channels
@@ -35,7 +35,7 @@ def main():
     from sklearn.neighbors import KNeighborsClassifier
 
     inputs = read_inputs([str(resource_folder("data") / "stick_throw")])
-    recordings = [name_markers(recording) for recording in inputs.recordings]
+    recordings = [name_parts(recording) for recording in inputs.recordings]
     candidates = find_candidates(recordings, [t for t in inputs.truth if t], 0.25, 0.4)
     own = [one for one in candidates if one.recording is recordings[0]]
     recipe = RecognizeConfig().make_recipe(recordings, [1])

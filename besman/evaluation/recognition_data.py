@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import defaultdict
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from besman.evaluation.demonstrations import name_markers
 from besman.exceptions import RecognitionError
 from besman.inputs import read_inputs
 from besman.io.recordings import find_recordings
@@ -18,7 +18,7 @@ from besman.recognition.examples import Candidate, find_candidates
 from besman.recognition.features import count_channels
 from besman.recognition.model import Recipe
 from besman.recognition.stage import RecognizeConfig
-from besman.records import LabelledRecording
+from besman.records import LabelledRecording, Recording
 from besman.resources import resource_folder
 
 FloatArray = npt.NDArray[np.float64]
@@ -105,7 +105,7 @@ def _load_set(folder: Path) -> LabelledSet:
     beside = [file.with_name(file.stem + end) for file in files for end in _MADE_BY_SYNTH]
     made = data_is_embedded(folder) or any(path.exists() for path in beside)
     inputs = read_inputs([str(folder)])
-    recordings = [_fill(name_markers(recording)) for recording in inputs.recordings]
+    recordings = [_fill(name_parts(recording)) for recording in inputs.recordings]
     truth = [segments for segments in inputs.truth if segments is not None]
     stage = RecognizeConfig()
     candidates = find_candidates(recordings, truth, stage.idle_s, stage.idle_speed_m_s)
@@ -131,6 +131,29 @@ def _load_set(folder: Path) -> LabelledSet:
 def data_is_embedded(folder: Path) -> bool:
     """Tell whether a folder is part of what besman brings along, all of which is synthetic."""
     return folder.resolve().is_relative_to(resource_folder("data").resolve())
+
+
+def name_parts(recording: Recording) -> LabelledRecording:
+    """Take names as those of markers: ``Hand top`` is hand_top, ``RightForeArm`` right_fore_arm.
+
+    Raises
+    ------
+    RecognitionError
+        If a trajectory has no name.
+    """
+    names = [re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name or "") for name in recording.names]
+    if "" in names:
+        raise RecognitionError(f"{recording.source}: trajectory {names.index('') + 1} has no name")
+    return LabelledRecording(
+        recording.time,
+        recording.positions,
+        tuple(name.strip().lower().replace(" ", "_") for name in names),
+        np.zeros(recording.positions.shape[:2], dtype=bool),
+        recording.rate_hz,
+        recording.source,
+        recording.first_frame,
+        recording.orientations,
+    )
 
 
 def _fill(recording: LabelledRecording) -> LabelledRecording:

@@ -10,10 +10,11 @@ from besman.evaluation.recognition import (
     recognition_table,
     run_recognition,
 )
-from besman.evaluation.recognition_data import LabelledSet, load_sets
+from besman.evaluation.recognition_data import LabelledSet, load_sets, name_parts
 from besman.evaluation.recognition_figures import write_figures
 from besman.exceptions import ConfigError, RecognitionError
 from besman.recognition.model import Recipe
+from besman.records import Recording
 
 RECIPE = Recipe(("positions", "log_object_speed"), ("hand_top",), ("box_back",), 5)
 
@@ -100,3 +101,17 @@ def test_an_unknown_method_is_refused():
     with pytest.raises(ConfigError, match="--method: no method 'knn'; allowed: dtw, hmm, lstm"):
         check_methods(["knn"])
     assert "nearest_neighbour" in check_methods(None)
+
+
+def test_names_become_those_of_markers():
+    names = ("Hand top", "RightForeArm", "T8", "left_elbow")
+    quaternions = np.tile([1.0, 0, 0, 0], (3, 4, 1))
+    raw = Recording(
+        np.arange(3.0), np.zeros((3, 4, 3)), names, 1.0, "a.mvnx", orientations=quaternions
+    )
+    named = name_parts(raw)
+    assert named.markers == ("hand_top", "right_fore_arm", "t8", "left_elbow")
+    assert named.orientations.shape == (3, 4, 4)
+    bare = Recording(np.arange(3.0), np.zeros((3, 2, 3)), ("a", None), 1.0, "b.tsv")
+    with pytest.raises(RecognitionError, match=r"b.tsv: trajectory 2 has no name"):
+        name_parts(bare)
