@@ -25,7 +25,9 @@ are borders.
        R_k = \log g(n) + \log \frac{\Gamma_s((n + \nu) / 2)}{\pi^{n s / 2} \Gamma_s(\nu / 2)}
              + \frac{\nu}{2} \log |S_0| - \frac{n + \nu}{2} \log |S_0 + v' v|
 
-4. The most probable segmentation maximises the sum over its movements and rests, found by dynamic
+4. No movement leads past a valley deeper than 0.3 of the lower peak beside it: the evidence alone
+   takes many short, alike movements for one (simulated step patterns: F1 0.69 and 1.00).
+5. The most probable segmentation maximises the sum over its movements and rests, found by dynamic
    programming over valleys, B_k = R_k + max_j (B_j + M_jk). Forward and backward sums of the same
    terms give every valley its posterior probability.
 
@@ -59,6 +61,7 @@ from besman.segmentation.valleys import (
     GRID_HZ,
     Valley,
     ValleyShape,
+    find_sure,
     find_valleys,
     smooth_speed,
 )
@@ -158,6 +161,7 @@ def find_movements(
     # A marker that stands still says nothing.
     speeds = signals.speeds[:, signals.speeds.any(axis=0)]
     movement, rest = _evaluate(speeds, valleys, n_grid, rate_hz, longest, model or MODEL)
+    movement = _keep_sure(movement, find_sure(speed, valleys, shape.sure))
     path, log_probability = _search(movement, rest)
     borders, rests = [0.0], []
     for first, last in (valleys[k - 1] for k in path[1:-1]):
@@ -234,6 +238,14 @@ def _evaluate_rest(speeds: FloatArray, p: float, model: VmciModel) -> float:
     evidence = length_factor(np.array([float(n)]), s, model)[0]
     evidence -= 0.5 * (n + model.nu(s)) * np.linalg.slogdet(scatter)[1]
     return float(length + evidence)
+
+
+def _keep_sure(movement: FloatArray, sure: npt.NDArray[np.bool_]) -> FloatArray:
+    """Forbid movements that lead past a valley that is a border in any case."""
+    n = len(movement)
+    upto = np.concatenate([[0], np.cumsum(sure), [np.count_nonzero(sure)]])
+    before = upto[np.maximum(np.arange(n) - 1, 0)]
+    return np.where(before[None, :] > upto[:, None], -np.inf, movement)
 
 
 def _search(movement: FloatArray, rest: FloatArray) -> tuple[IntArray, float]:

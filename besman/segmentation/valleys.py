@@ -36,6 +36,8 @@ class ValleyShape(NamedTuple):
         A rest is slower than this share of the peak before it and after it.
     least_rest_s : float
         A shorter rest is a turning point: one border at its slowest instant.
+    sure : float
+        A valley deeper than this share of the lower peak beside it is a border in any case.
     """
 
     smoothing_s: float = 0.05
@@ -43,6 +45,7 @@ class ValleyShape(NamedTuple):
     depth: float = 0.5
     rest: float = 0.08
     least_rest_s: float = 0.45
+    sure: float = 0.3
 
 
 class Valley(NamedTuple):
@@ -127,6 +130,31 @@ def find_valleys(speed: FloatArray, shape: ValleyShape | None = None) -> list[Va
     minima = _drop_low_hills(speed, minima, shape.hill * typical_speed(speed))
     minima = _drop_shallow(speed, minima, shape.depth)
     return _find_rests(speed, minima, shape)
+
+
+def find_sure(speed: FloatArray, valleys: list[Valley], share: float) -> npt.NDArray[np.bool_]:
+    """Tell which valleys are so deep that they are borders in any case.
+
+    Parameters
+    ----------
+    speed : array, shape (G,)
+        On a grid of `GRID_HZ`.
+    valleys : list of Valley
+        In their order in time.
+    share : float
+        Of the lower of the two peaks beside a valley; of the one there is, at the ends.
+
+    Returns
+    -------
+    bool array, shape (V,)
+    """
+    edges = [0, *(edge for valley in valleys for edge in valley), len(speed) - 1]
+    hills = [
+        speed[a : b + 1].max(initial=-np.inf) for a, b in zip(edges[::2], edges[1::2], strict=True)
+    ]
+    floors = [speed[first : last + 1].min() for first, last in valleys]
+    beside = [min(x for x in pair if x > 0) if max(pair) > 0 else 0.0 for pair in pairwise(hills)]
+    return np.array([low < share * peak for low, peak in zip(floors, beside, strict=True)], bool)
 
 
 def _peaks(speed: FloatArray, minima: IntArray) -> FloatArray:

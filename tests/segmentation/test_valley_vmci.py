@@ -133,3 +133,13 @@ def test_search_and_weights_against_all_ways():
     weights = np.exp(np.array(values) - logsumexp(values))
     expected = [sum(w for way, w in zip(ways, weights, strict=True) if k in way) for k in range(n)]
     np.testing.assert_allclose(_weigh(movement, rest), expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("n_movements", [3, 12])
+def test_no_movement_leads_past_a_deep_valley(n_movements):
+    x = np.linspace(0, 1, 61)[:-1]
+    reach = 10 * x**3 - 15 * x**4 + 6 * x**5
+    way = np.concatenate([k + reach for k in range(n_movements)])
+    paths = np.stack([way, 0 * way, 0 * way], axis=1)[:, None]
+    found = find_movements(np.arange(len(way)) / 100, paths)
+    np.testing.assert_allclose(found.borders_s, 0.6 * np.arange(n_movements + 1), atol=0.03)
