@@ -44,6 +44,8 @@ def write_exports(motions: tuple[RefinedMotion, ...], robot: Any, folder: Path) 
         If a file that was written does not hold the motion.
     """
     folder.mkdir(exist_ok=True)
+    # Written last: where it is, the exports are whole.
+    (folder / "limits.json").unlink(missing_ok=True)
     reports: dict[str, Any] = {}
     for motion in motions:
         source, _, segment = motion.plan.name.rpartition(":")

@@ -297,7 +297,9 @@ def _run_stages(config: PipelineConfig, run: Run, inputs: Inputs, trained_in: Pa
     task = _load_task(config)
     motions = run.step("refine", config.refine, plans, robot, task, items=n, unit="motions")
     run.results["refine"] = refine_results(motions, task)
-    write_exports(motions, robot, run.folder / "exports")
+    # The same motions give the same files; a changed motion or a missing report writes them anew.
+    if not (run.timing[-1]["cached"] and (run.folder / "exports" / "limits.json").is_file()):
+        write_exports(motions, robot, run.folder / "exports")
 
 
 Examples = tuple[tuple[LabelledRecording, ...], tuple[LabelledSegments, ...]]
