@@ -297,9 +297,15 @@ def _run_stages(config: PipelineConfig, run: Run, inputs: Inputs, trained_in: Pa
     task = _load_task(config)
     motions = run.step("refine", config.refine, plans, robot, task, items=n, unit="motions")
     run.results["refine"] = refine_results(motions, task)
-    # The same motions give the same files; a changed motion or a missing report writes them anew.
-    if not (run.timing[-1]["cached"] and (run.folder / "exports" / "limits.json").is_file()):
+    if not _exports_are_current(run):
         write_exports(motions, robot, run.folder / "exports")
+
+
+def _exports_are_current(run: Run) -> bool:
+    """Tell whether whole exports were written after the motions were stored, also past a crash."""
+    limits = run.folder / "exports" / "limits.json"
+    stored = next(run.folder.glob("[0-9][0-9]_refine/stage.json"))
+    return limits.is_file() and limits.stat().st_mtime_ns >= stored.stat().st_mtime_ns
 
 
 Examples = tuple[tuple[LabelledRecording, ...], tuple[LabelledSegments, ...]]
