@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from besman.exceptions import ConfigError, RecognitionError, RefinementError, nearest
+from besman.hierarchy.stage import leave_out_actions
 from besman.inputs import Inputs, read_inputs
 from besman.labelling.marker_set import load_marker_set
 from besman.labelling.stage import LabelTrajectoriesConfig
-from besman.manual_segments import complete_truth
+from besman.manual_segments import complete_truth, side_of
 from besman.pipeline import PipelineConfig, learn_from, load_pipeline
 from besman.resources import find_resource
 from besman.robot.model import load_robot
@@ -71,7 +72,10 @@ def _check_recordings(config: PipelineConfig) -> list[str]:
 def _check_examples(config: PipelineConfig, inputs: Inputs) -> str:
     """Count the labelled examples."""
     counts: dict[str, int] = {}
-    for recording, manual in zip(inputs.recordings, inputs.truth, strict=True):
+    truth = inputs.truth
+    if config.select.label is not None:
+        truth = leave_out_actions(truth, config.compose, side_of(config.segment.markers))
+    for recording, manual in zip(inputs.recordings, truth, strict=True):
         if manual is None:
             continue
         for label in complete_truth(manual, len(recording.time), config.recognize.idle_s).labels:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from besman.exceptions import RecordingError
-from besman.io.recordings import find_recordings, read_recording
+from besman.io.recordings import find_companions, find_recordings, read_recording
 from besman.io.segments_json import find_segments, read_segments
 from besman.io.true_names import find_true_names, read_true_names
 from besman.records import LabelledSegments, Recording
@@ -29,7 +29,8 @@ class Inputs:
     teacher : tuple of Recording
         The recording that markers are learnt from, if there is one.
     checksums : dict of str
-        SHA-256 of every file by its name.
+        SHA-256 of every file by its name; of the URDF of a joint log too, by both names where logs
+        of two folders have different ones of one name.
     """
 
     recordings: tuple[Recording, ...]
@@ -63,7 +64,8 @@ def read_inputs(paths: Sequence[str], teacher: str | None = None) -> Inputs:
     if twice:
         folders = ", ".join(str(file.parent) for file in files if file.name == twice[0])
         raise RecordingError(f"{twice[0]}: two recordings have this name, in {folders}")
-    recordings, truth, names, checksums = [], [], [], {}
+    recordings, truth, names = [], [], []
+    checksums: dict[str, str] = {}
     for file in files:
         recording = read_recording(file)
         segments = find_segments(file)
@@ -71,11 +73,18 @@ def read_inputs(paths: Sequence[str], teacher: str | None = None) -> Inputs:
         truth.append(None if segments is None else read_segments(segments, recording))
         names_file = find_true_names(file)
         names.append(None if names_file is None else read_true_names(names_file, recording))
-        for path in (file, segments, names_file):
-            if path is not None:
-                checksums[path.name] = hashlib.sha256(path.read_bytes()).hexdigest()
+        beside = (path for path in (segments, names_file) if path is not None)
+        _note_checksums(checksums, file, *beside, *find_companions(file))
     learnt: tuple[Recording, ...] = ()
     if teacher is not None:
         learnt = (read_recording(Path(teacher)),)
-        checksums[Path(teacher).name] = hashlib.sha256(Path(teacher).read_bytes()).hexdigest()
+        _note_checksums(checksums, Path(teacher), *find_companions(Path(teacher)))
     return Inputs(tuple(recordings), tuple(truth), tuple(names), learnt, checksums)
+
+
+def _note_checksums(checksums: dict[str, str], recording: Path, *others: Path) -> None:
+    """Add the checksums of a recording and of the files that belong to it."""
+    for path in (recording, *others):
+        sha = hashlib.sha256(path.read_bytes()).hexdigest()
+        if checksums.setdefault(path.name, sha) != sha:
+            checksums[f"{recording.name}: {path.name}"] = sha

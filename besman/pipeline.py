@@ -18,6 +18,7 @@ from besman.inputs import Inputs, read_inputs
 from besman.labelling.marker_set import MarkerSet, load_marker_set
 from besman.labelling.results import label_results
 from besman.labelling.stage import LabelConfig, LabelStage, LabelTrajectoriesConfig
+from besman.manual_segments import side_of
 from besman.mapping.stage import MapConfig, SelectConfig, map_results
 from besman.motion_exports import write_exports
 from besman.recognition.model_files import load_model
@@ -127,9 +128,21 @@ def load_pipeline(path: Path, settings: tuple[str, ...] = ()) -> PipelineConfig:
     if isinstance(content.get("label"), dict):
         # A config without a method is the simplest one.
         content["label"].setdefault("method", "named")
-    return parse_config(
-        {k: v for k, v in content.items() if v is not None}, PipelineConfig, path, lines
-    )
+    content = {k: v for k, v in content.items() if v is not None}
+    return _look_at_arms(parse_config(content, PipelineConfig, path, lines))
+
+
+def _look_at_arms(config: PipelineConfig) -> PipelineConfig:
+    """Let stages whose section names no markers look at the arms of the marker set."""
+    marker_set = load_marker_set(config.label.markers)
+    changes: dict[str, Any] = {}
+    if marker_set.hand and "markers" not in config.segment.model_fields_set:
+        changes["segment"] = config.segment.model_copy(update={"markers": marker_set.hand})
+    if config.compose is not None and marker_set.arms:
+        usual = {"markers": marker_set.arms, "hands": marker_set.hands}
+        unset = {k: v for k, v in usual.items() if k not in config.compose.model_fields_set}
+        changes["compose"] = config.compose.model_copy(update=unset)
+    return config.model_copy(update=changes)
 
 
 def _apply(content: dict[str, Any], setting: str) -> None:
@@ -249,13 +262,13 @@ STAGES = (
 def _run_stages(config: PipelineConfig, run: Run, inputs: Inputs, trained_in: Path | None) -> None:
     """Run the stages in their order."""
     recordings, truth = inputs.recordings, inputs.truth
-    save_record(truth, run.folder / "truth.npz")
+    blocks = leave_out_actions(truth, config.compose, side_of(config.segment.markers))
+    save_record(blocks, run.folder / "truth.npz")
     markers = load_marker_set(config.label.markers)
 
     n = len(recordings)
     known = (markers, *inputs.teacher)
     labelled = run.step("label", config.label, recordings, *known, items=n, unit="recordings")
-    blocks = leave_out_actions(truth, config.compose)
     run.results["label"] = label_results(recordings, labelled, markers, inputs.names)
 
     segments = run.step("segment", config.segment, labelled, items=n, unit="recordings")
@@ -352,11 +365,12 @@ def _train(
         assert trained_in is not None
         return trained_model(trained_in)
     labelled, manual = examples
+    blocks = leave_out_actions(manual, config.compose, side_of(config.segment.markers))
     return run.step(
         "train",
         config.recognize,
         labelled,
-        leave_out_actions(manual, config.compose),
+        tuple(one for one in blocks if one is not None),
         items=config.recognize.examples_per_class,
         unit="a class",
         method="train",

@@ -5,7 +5,8 @@ Arrays are copied, made read-only and checked once, at construction.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -181,12 +182,16 @@ class LabelledSegments:
     ----------
     bounds : int array, shape (S, 2)
         Half-open row indices into the recording at its own rate; may overlap in manual segments.
+        Those of one layer do not.
     labels : tuple of str, length S
         One label per segment.
     distances : array, shape (S,)
         Uncertainty of each label: distance to the nearest training example, 0 for manual labels.
     rate_hz, source, first_frame
         As in `Recording`.
+    layers : tuple of str, length S or 0
+        What a person looked at when labelling: ``right_hand``, ``left_hand`` or ``actions`` (see
+        `besman.manual_segments`), "" for a segment without a layer; empty if no segment has one.
     """
 
     bounds: npt.NDArray[np.int64]
@@ -195,14 +200,28 @@ class LabelledSegments:
     rate_hz: float
     source: str
     first_frame: int = 1
+    layers: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         _freeze(self, {"bounds": ("S", 2), "distances": ("S",)}, bounds=np.int64)
-        if len(self.labels) != len(self.bounds):
-            raise ShapeError(
-                f"LabelledSegments.labels must have {len(self.bounds)} entries, "
-                f"got {len(self.labels)}"
-            )
+        if not any(self.layers) and len(self.layers) == len(self.bounds):
+            object.__setattr__(self, "layers", ())
+        for name, got in (("labels", len(self.labels)), ("layers", len(self.layers))):
+            if got != len(self.bounds) and not (name == "layers" and got == 0):
+                raise ShapeError(
+                    f"LabelledSegments.{name} must have {len(self.bounds)} entries, got {got}"
+                )
+
+    def take(self, rows: Sequence[int] | npt.NDArray[np.int64]) -> LabelledSegments:
+        """Return some of the segments, in the order of `rows`, shape (K,)."""
+        chosen = [int(row) for row in rows]
+        return replace(
+            self,
+            bounds=self.bounds[chosen].reshape(-1, 2),
+            labels=tuple(self.labels[row] for row in chosen),
+            distances=self.distances[chosen],
+            layers=tuple(self.layers[row] for row in chosen) if self.layers else (),
+        )
 
 
 @dataclass(frozen=True, eq=False)

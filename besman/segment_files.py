@@ -44,13 +44,15 @@ def segment_files(
     BesmanError
         If a recording cannot be read, labelled or segmented, or there is no such method.
     """
+    marker_set = load_marker_set(markers)
     content: dict[str, Any] = {"method": method}
+    if marker_set.hand:
+        content["markers"] = marker_set.hand
     if rate_hz is not None:
         content["rate_hz"] = rate_hz
     if method not in CONFIGS:
         raise ConfigError(f"besman segment: --method: got {method!r}; {nearest(method, CONFIGS)}")
     config = parse_config(content, CONFIGS[method], "besman segment")
-    marker_set = load_marker_set(markers)
     label = LabelConfig(markers=markers, longest_gap_s=0.5)
     found = []
     for path in find_recordings(paths):

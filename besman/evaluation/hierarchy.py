@@ -138,7 +138,7 @@ def read_dataset(name: str, seed: int = 0) -> list[Demonstration]:
     found: list[Demonstration] = []
     for capture in captures(name, seed=seed):
         recording = name_markers(capture.recording)
-        blocks = {key.removeprefix("blocks_"): layer for key, layer in capture.layers.items()}
+        blocks = {key.removesuffix("_hand"): layer for key, layer in capture.layers.items()}
         found += cut_demonstrations(
             recording, capture.segments, blocks, plan.actions_each, plan.around_s
         )

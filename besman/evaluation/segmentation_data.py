@@ -11,6 +11,7 @@ from besman.exceptions import RecordingError
 from besman.inputs import read_inputs
 from besman.labelling.marker_set import load_marker_set
 from besman.labelling.stage import LabelConfig
+from besman.manual_segments import building_blocks
 from besman.records import LabelledRecording, LabelledSegments, Recording
 
 SIMULATED = ("step", "stick_throw", "pick_and_place")
@@ -144,9 +145,9 @@ def read_dataset(folder: Path, source: str = "real", markers: str = "right_arm")
     """
     inputs = read_inputs([str(folder)])
     pairs = [
-        (recording, truth)
+        (recording, blocks)
         for recording, truth in zip(inputs.recordings, inputs.truth, strict=True)
-        if truth is not None
+        if truth is not None and (blocks := building_blocks(truth)) is not None
     ]
     if not pairs:
         raise RecordingError(

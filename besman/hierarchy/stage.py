@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -15,9 +14,13 @@ from besman.hierarchy.actions import (
     train_level,
 )
 from besman.hierarchy.borders import candidate_borders
+from besman.manual_segments import IDLE, Side, actions_of, building_blocks, complete_truth
 from besman.recognition.examples import draw_examples
 from besman.records import Actions, LabelledRecording, LabelledSegments, Segments
 from besman.stage import Stage, Work
+
+# Stretches without an action that are longer than this are ``idle``, seconds.
+_IDLE_S = 0.25
 
 
 class ComposeConfig(Stage):
@@ -27,7 +30,8 @@ class ComposeConfig(Stage):
     ----------
     levels : tuple of tuples of str
         Classes of the actions of each level, the lowest first. Their examples are manual segments
-        with these labels, which overlap those of the building blocks.
+        with these labels in layer ``actions``, or, in a file without layers, segments that overlap
+        those of the building blocks. ``idle`` stands for the stretches between them.
     examples_per_class : int
         Labelled actions of each class to learn from; of a class with fewer, all are taken.
     seed : int
@@ -111,9 +115,13 @@ class ComposeConfig(Stage):
                     f"manual segments of {manual.source!r} have no recording; "
                     f"{nearest(manual.source, by_source)}"
                 )
+            recording = by_source[manual.source]
+            actions = actions_of(manual)
+            if IDLE in self.actions:
+                actions = complete_truth(actions, len(recording.time), _IDLE_S)
             candidates += [
-                (by_source[manual.source], bounds, label)
-                for bounds, label in zip(manual.bounds, manual.labels, strict=True)
+                (recording, bounds, label)
+                for bounds, label in zip(actions.bounds, actions.labels, strict=True)
             ]
         labels = [label for _, _, label in candidates]
         models = []
@@ -196,29 +204,46 @@ def pick_level(
 
 
 def leave_out_actions(
-    truth: tuple[LabelledSegments | None, ...], config: ComposeConfig | None
+    truth: tuple[LabelledSegments | None, ...], config: ComposeConfig | None, side: Side = "right"
 ) -> tuple[LabelledSegments | None, ...]:
-    """Return the manual segments that are building blocks.
+    """Return the manual segments that are building blocks of one arm.
 
-    An action that holds other manual segments is left out; one that does not is a building block
-    as well (thesis 8.2.2 takes the same segments for both).
+    Layers tell them. Where there are none, labels do: an action that holds other manual segments is
+    left out; one that does not is a building block as well (thesis 8.2.2 takes the same segments
+    for both).
+
+    Parameters
+    ----------
+    truth : tuple of LabelledSegments or None
+        Manual segments of each recording.
+    config : ComposeConfig, optional
+        Knows the labels of actions.
+    side : "right" or "left"
+        The arm.
+
+    Returns
+    -------
+    tuple of LabelledSegments or None
+        None where no building block is labelled.
     """
-    if config is None:
-        return truth
-    return tuple(None if manual is None else _blocks(manual, config.actions) for manual in truth)
+    return tuple(None if manual is None else _blocks(manual, config, side) for manual in truth)
 
 
-def _blocks(manual: LabelledSegments, actions: tuple[str, ...]) -> LabelledSegments:
+def _blocks(
+    manual: LabelledSegments, config: ComposeConfig | None, side: Side
+) -> LabelledSegments | None:
+    blocks = building_blocks(manual, side)
+    if blocks is None or config is None or actions_of(manual) is not manual:
+        return blocks
+    return _leave_out(blocks, config.actions)
+
+
+def _leave_out(manual: LabelledSegments, actions: tuple[str, ...]) -> LabelledSegments:
     is_action = np.array([label in actions for label in manual.labels], dtype=bool)
     starts, ends = manual.bounds[:, 0], manual.bounds[:, 1]
     inside = (starts >= starts[:, np.newaxis]) & (ends <= ends[:, np.newaxis])
     rows = np.flatnonzero(~(is_action & (inside & ~is_action).any(axis=1)))
-    return dataclasses.replace(
-        manual,
-        bounds=manual.bounds[rows],
-        labels=tuple(manual.labels[row] for row in rows),
-        distances=manual.distances[rows],
-    )
+    return manual.take(rows)
 
 
 def compose_results(actions: tuple[Actions, ...]) -> dict[str, Any]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from besman.exceptions import RecordingError
 from besman.io.c3d import Units, read_c3d, write_c3d
-from besman.io.exoskeleton import read_joint_log
+from besman.io.exoskeleton import find_log_urdf, read_joint_log
 from besman.io.mvnx import read_mvnx
 from besman.io.qtm_tsv import read_tsv, write_tsv
 from besman.records import LabelledRecording, Recording
@@ -73,6 +73,27 @@ def read_recording(path: Path, units: Units | None = None) -> Recording:
             f"{np.median(distances):.4g} m); are the units of the file right?"
         )
     return recording
+
+
+def find_companions(path: Path) -> tuple[Path, ...]:
+    """Return the files that a recording is read with besides its own.
+
+    Parameters
+    ----------
+    path : Path
+        A recording.
+
+    Returns
+    -------
+    tuple of Path
+        Of a joint log its URDF; nothing of another format.
+
+    Raises
+    ------
+    RecordingError
+        If the file cannot be read, or what it names is not there.
+    """
+    return (find_log_urdf(path),) if _recognise(_read_head(path)) == "joint log" else ()
 
 
 def write_recording(recording: Recording | LabelledRecording, path: Path) -> None:

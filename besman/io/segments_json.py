@@ -5,16 +5,29 @@ from __future__ import annotations
 import json
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from besman.exceptions import RecordingError
+from besman.exceptions import RecordingError, nearest
+from besman.manual_segments import LAYERS, is_layer
 from besman.records import LabelledRecording, LabelledSegments, Recording
 
 SEGMENTS_SUFFIX = "_manually_segmented.json"
 _KEYS = ("start index", "end index", "label")
+_LAYER = "layer"
+_ALLOWED = (*_KEYS, _LAYER)
 _PART = "_part"
+
+
+class _Row(NamedTuple):
+    """One segment of a file: half-open rows of the recording, and its number in the file."""
+
+    start: int
+    end: int
+    label: str
+    layer: str
+    number: int
 
 
 @dataclass(frozen=True)
@@ -59,7 +72,8 @@ def read_segments(
     path : Path
         A list of ``{"start index", "end index", "label"}``, or an object that holds the list as
         ``segments``. Indices are absolute frame numbers; segments are half-open, so that a border
-        is the end of one and the start of the next.
+        is the end of one and the start of the next. A segment may have a ``"layer"``, one of
+        `besman.manual_segments.LAYERS`; segments of one layer do not overlap.
     recording : Recording or LabelledRecording
         The recording that the segments belong to.
     keep_parts : bool
@@ -73,7 +87,8 @@ def read_segments(
     Raises
     ------
     RecordingError
-        If the file is missing, not of this layout, or belongs to other frames.
+        If the file is missing, not of this layout, or belongs to other frames, or two segments of
+        one layer overlap.
     """
     content = _read_json(path)
     rows = content.get("segments") if isinstance(content, dict) else content
@@ -86,13 +101,13 @@ def read_segments(
         _read_segment(row, number, recording.first_frame, n_samples, path)
         for number, row in enumerate(rows, start=1)
     ]
-    kept = sorted(
-        (segment for segment in segments if keep_parts or not segment[2].endswith(_PART)),
-        key=lambda segment: segment[:2],
-    )
+    segments.sort(key=lambda segment: segment[:2])
+    _refuse_overlap(segments, recording.first_frame, path)
+    kept = [segment for segment in segments if keep_parts or not segment.label.endswith(_PART)]
     return LabelledSegments(
         bounds=np.array([segment[:2] for segment in kept], dtype=np.int64).reshape(-1, 2),
-        labels=tuple(segment[2] for segment in kept),
+        labels=tuple(segment.label for segment in kept),
+        layers=tuple(segment.layer for segment in kept),
         distances=np.zeros(len(kept)),
         rate_hz=recording.rate_hz,
         source=recording.source,
@@ -137,7 +152,8 @@ def write_segments(
     Parameters
     ----------
     segments : LabelledSegments
-        What to write; bounds become absolute frame numbers.
+        What to write; bounds become absolute frame numbers. A segment without a layer gets no
+        key ``layer``.
     path : Path
         The file; replaced if it exists.
     throws : tuple of ThrowEvent, optional
@@ -145,9 +161,11 @@ def write_segments(
         ``{"segments": [...], "events": {"throws": [...]}}``, else the bare list.
     """
     bounds = (segments.bounds + segments.first_frame).tolist()
+    layers = segments.layers or ("",) * len(bounds)
     rows = [
         {"start index": start, "end index": end, "label": label}
-        for (start, end), label in zip(bounds, segments.labels, strict=True)
+        | ({_LAYER: layer} if layer else {})
+        for (start, end), label, layer in zip(bounds, segments.labels, layers, strict=True)
     ]
     content: Any = rows
     if throws is not None:
@@ -167,23 +185,51 @@ def _read_json(path: Path) -> Any:
         raise RecordingError(f"{path}: cannot be read as text: {error}") from None
 
 
-def _read_segment(
-    row: Any, number: int, first_frame: int, n_samples: int, path: Path
-) -> tuple[int, int, str]:
-    """Check one segment; return start row, end row and label."""
+def _read_segment(row: Any, number: int, first_frame: int, n_samples: int, path: Path) -> _Row:
+    """Check one segment."""
     where = f"{path}: segment {number}"
     if not isinstance(row, dict) or not set(_KEYS) <= set(row):
         raise RecordingError(f"{where}: got {row!r:.80}, expected the keys {', '.join(_KEYS)}")
+    unknown = sorted(set(row) - {*_KEYS, _LAYER})
+    if unknown:
+        raise RecordingError(f"{where}: no key {unknown[0]!r}; {nearest(unknown[0], _ALLOWED)}")
     start, end, label = (row[key] for key in _KEYS)
     if not (type(start) is int and type(end) is int and isinstance(label, str) and label):
         raise RecordingError(f"{where}: got {row!r:.80}, expected two frame numbers and a label")
+    layer = row.get(_LAYER, "")
+    if not (isinstance(layer, str) and (is_layer(layer) or _LAYER not in row)):
+        raise RecordingError(
+            f"{where} ({label}): no layer {layer!r}; {nearest(str(layer), LAYERS)}"
+        )
     last_frame = first_frame + n_samples - 1
     if not first_frame <= start < end <= last_frame + 1:
         raise RecordingError(
             f"{where} ({label}): frames {start} to {end} do not lie in the recording's frames "
             f"{first_frame} to {last_frame}, or end before they start"
         )
-    return start - first_frame, end - first_frame, label
+    return _Row(start - first_frame, end - first_frame, label, layer, number)
+
+
+def _refuse_overlap(segments: list[_Row], first_frame: int, path: Path) -> None:
+    """Refuse segments of one layer that overlap; rows are in the order of their start.
+
+    Parts lie inside another segment, and segments without a layer may be of several.
+    """
+    last: dict[str, _Row] = {}
+    for one in segments:
+        if not one.layer or one.label.endswith(_PART):
+            continue
+        before = last.get(one.layer)
+        if before is not None and one.start < before.end:
+            both = " and ".join(
+                f"segment {row.number} ({row.label}, frames {row.start + first_frame} to "
+                f"{row.end + first_frame})"
+                for row in (before, one)
+            )
+            raise RecordingError(
+                f"{path}: {both} overlap in layer {one.layer!r}; expected one after the other"
+            )
+        last[one.layer] = one
 
 
 def _read_point(values: Any) -> tuple[float, float, float]:

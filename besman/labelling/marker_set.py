@@ -28,7 +28,9 @@ class MarkerSet(Config):
     clusters : dict of str to tuple of str
         Markers that move as one rigid body.
     roles : dict of str to str
-        Which marker stands for the shoulder, the elbow and the hand.
+        Which marker stands for ``hand``, ``elbow`` and ``shoulder``, of the right arm where there
+        are two, and for ``left_hand``, ``left_elbow`` and ``left_shoulder``. Stages look at these
+        unless their section names markers itself.
     objects : dict of str to tuple of str
         Markers on objects.
     pose_m : dict of str to (x, y, z)
@@ -78,6 +80,24 @@ class MarkerSet(Config):
                         f"{place}: no marker {marker!r}; {nearest(marker, self.markers)}"
                     )
         return self
+
+    @property
+    def hand(self) -> tuple[str, ...]:
+        """Marker of the hand whose movement is segmented, none if no role says so."""
+        return tuple(self.roles[role] for role in ("hand",) if role in self.roles)
+
+    @property
+    def hands(self) -> tuple[str, ...]:
+        """Markers of all hands."""
+        return tuple(self.roles[role] for role in ("hand", "left_hand") if role in self.roles)
+
+    @property
+    def arms(self) -> tuple[str, ...]:
+        """Markers of hand, elbow and shoulder of all arms."""
+        roles = [
+            f"{side}{part}" for side in ("", "left_") for part in ("hand", "elbow", "shoulder")
+        ]
+        return tuple(self.roles[role] for role in roles if role in self.roles)
 
     def match(self, names: Sequence[str | None], source: str) -> dict[str, int]:
         """Find the markers among the trajectories of a recording.

@@ -87,7 +87,16 @@ class LabelConfig(Stage):
             rate_hz=recording.rate_hz,
             source=recording.source,
             first_frame=recording.first_frame,
+            orientations=_keep_orientations(recording, tuple(columns.values())),
         )
+
+
+def _keep_orientations(recording: Recording, columns: tuple[int, ...]) -> FloatArray | None:
+    """Return the orientations of the trajectories that are kept, shape (T, M, 4), if there are."""
+    if recording.orientations is None:
+        return None
+    kept: FloatArray = recording.orientations[:, columns]
+    return kept
 
 
 def _refuse_gap(

@@ -14,8 +14,15 @@ import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 from scipy.signal import butter, savgol_filter, sosfiltfilt
 
-from besman.exceptions import MappingError
-from besman.frames import back_frame, hand_frame, rotation_to_quaternion
+from besman.bodies import Arm, find_body
+from besman.exceptions import MappingError, RecognitionError
+from besman.frames import (
+    back_frame,
+    hand_frame,
+    quaternion_to_rotation,
+    rotation_to_quaternion,
+)
+from besman.manual_segments import Side
 from besman.records import HandTrajectory, LabelledRecording, LabelledSegments
 
 FloatArray = npt.NDArray[np.float64]
@@ -23,6 +30,8 @@ FloatArray = npt.NDArray[np.float64]
 GRAVITY = 9.81  # m/s^2
 _BACK = ("back_top", "back_left", "back_right")
 _HAND = ("hand_top", "hand_left", "hand_right")
+# Where orientations were measured, they are filtered as three markers around the hand.
+_REACH_M = 0.03
 # Beside the segment the filter sees this much of the recording, so that its ends do not bend.
 _FILTER_MARGIN_S = 1.0
 _ACCELERATION_WINDOW_S = 0.09
@@ -124,6 +133,7 @@ def map_record(
     cutoff_hz: float = 10.0,
     rate_hz: float = 100.0,
     thrown: str | None = None,
+    side: Side = "right",
 ) -> HandTrajectory:
     """Take the hand's movement out of a recording, in the person's back frame.
 
@@ -133,7 +143,8 @@ def map_record(
     Parameters
     ----------
     recording : LabelledRecording
-        With the markers of back and hand.
+        With the markers of back and hand, or the segments of a sensor suit or links of an
+        exoskeleton with their orientations; see `besman.bodies.find_body`.
     bounds : pair of int
         Half-open rows of the segment.
     label : str
@@ -146,6 +157,8 @@ def map_record(
         Samples per second of the result, at least.
     thrown : str, optional
         Marker of an object that is thrown; its touchdown becomes the target.
+    side : "right" or "left"
+        The arm.
 
     Returns
     -------
@@ -154,8 +167,8 @@ def map_record(
     Raises
     ------
     MappingError
-        If the segment is shorter than three samples or reaches beyond the recording, or a marker
-        is not there or not seen.
+        If the segment is shorter than three samples or reaches beyond the recording, a marker is
+        not there or not seen, or nothing tells how the hand is turned.
     """
     start, stop = bounds
     if not 0 <= start < stop <= len(recording.time) or stop - start < 3:
@@ -165,7 +178,7 @@ def map_record(
         )
     margin = int(_FILTER_MARGIN_S * recording.rate_hz)
     low, high = max(start - margin, 0), min(stop + margin, len(recording.time))
-    markers = _smooth(_seen(recording, _BACK + _HAND, low, high, name), recording, cutoff_hz)
+    markers = _smooth(_body_points(recording, side, low, high, name), recording, cutoff_hz)
     rotation, origin = back_frame(*markers[start - low, :3])
     duration = float(recording.time[stop - 1] - recording.time[start])
     n_samples = max(int(np.ceil(duration * rate_hz - 1e-9)) + 1, 3)
@@ -178,6 +191,45 @@ def map_record(
         target = (object_touchdown(recording, bounds, thrown) - origin) @ rotation
     poses = np.hstack([position, rotation_to_quaternion(hand2back)])
     return HandTrajectory(time=time, poses=poses, name=name, label=label, target=target)
+
+
+def _body_points(
+    recording: LabelledRecording, side: Side, low: int, high: int, name: str
+) -> FloatArray:
+    """Return three points on the back and three on the hand, shape (T, 6, 3), metres."""
+    if _BACK[0] in recording.markers:
+        prefix = "left_" if side == "left" else ""
+        if side == "right" and "right_hand_top" in recording.markers:
+            prefix = "right_"
+        return _seen(recording, _BACK + tuple(prefix + one for one in _HAND), low, high, name)
+    try:
+        body = find_body(recording.markers, recording.source)
+    except RecognitionError as error:
+        raise MappingError(f"{name}: {error}") from None
+    arm = next((one for one in body.arms if one.side == side), None)
+    if arm is None:
+        raise MappingError(
+            f"{name}: the {side} arm is not complete; got {', '.join(recording.markers)}"
+        )
+    points = _seen(recording, (*body.back, arm.hand), low, high, name)
+    return np.concatenate([points[:, :3], _turned_points(recording, arm, low, high, name)], axis=1)
+
+
+def _turned_points(
+    recording: LabelledRecording, arm: Arm, low: int, high: int, name: str
+) -> FloatArray:
+    """Return three points around a hand whose orientation was measured, shape (T, 3, 3)."""
+    if recording.orientations is None:
+        raise MappingError(
+            f"{name}: nothing tells how {arm.hand} is turned; expected its orientation or the "
+            "markers hand_top, hand_left and hand_right"
+        )
+    column = recording.markers.index(arm.hand)
+    hand2lab = arm.turn(quaternion_to_rotation(recording.orientations[low:high, column]))
+    # Top, left and right of `hand_frame`, with the hand as their centroid.
+    offsets = _REACH_M * np.array([[2.0, 0.0, 0.0], [-1.0, 1.0, 0.0], [-1.0, -1.0, 0.0]])
+    around: FloatArray = np.einsum("tij,kj->tki", hand2lab, offsets)
+    return recording.positions[low:high, [column]] + around
 
 
 def _seen(

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
+from besman.manual_segments import Side
 from besman.mapping.record import map_record, select_segments
 from besman.records import HandTrajectory, LabelledRecording, LabelledSegments
 from besman.robot.model import Robot
@@ -27,6 +28,8 @@ class SelectConfig(Stage):
         In place of `label`: an action that stage ``compose`` finds.
     object : str, optional
         Marker of an object that is thrown; where it comes down becomes the target.
+    arm : "right" or "left"
+        The arm whose hand is followed.
     least_duration_s, greatest_duration_s : float
         Shorter and longer segments are left out, seconds.
     merge : bool
@@ -41,6 +44,7 @@ class SelectConfig(Stage):
     label: str | None = None
     action: str | None = None
     object: str | None = None
+    arm: Side = "right"
     least_duration_s: NotNegative = 0.0
     greatest_duration_s: Positive = 10.0
     merge: bool = False
@@ -87,6 +91,7 @@ class SelectConfig(Stage):
                     cutoff_hz=self.cutoff_hz,
                     rate_hz=self.rate_hz,
                     thrown=self.object,
+                    side=self.arm,
                 )
             )
             work.progress(done / len(chosen))

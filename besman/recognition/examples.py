@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from besman.bodies import find_body
 from besman.exceptions import RecognitionError, nearest
-from besman.manual_segments import IDLE, complete_truth
-from besman.recognition.bodies import find_body
+from besman.manual_segments import IDLE, Side, building_blocks, complete_truth
 from besman.records import LabelledRecording, LabelledSegments
 
 
@@ -35,6 +35,7 @@ def find_candidates(
     truth: Sequence[LabelledSegments],
     idle_s: float,
     idle_speed_m_s: float,
+    side: Side = "right",
 ) -> list[Candidate]:
     """Gather what can be learnt from: manual segments, and rests between them.
 
@@ -48,6 +49,8 @@ def find_candidates(
     idle_speed_m_s : float
         ... unless a hand moves faster than this, metres per second: then they are movements that
         could not be assigned to a class, and are left out (thesis 5.3.1).
+    side : "right" or "left"
+        Arm whose building blocks are taken, where there are layers of both.
 
     Returns
     -------
@@ -67,8 +70,11 @@ def find_candidates(
                 f"{nearest(manual.source, by_source)}"
             )
         recording = by_source[manual.source]
-        whole = complete_truth(manual, len(recording.time), idle_s)
-        labelled = {tuple(rows) for rows in manual.bounds.tolist()}
+        blocks = building_blocks(manual, side)
+        if blocks is None:
+            continue
+        whole = complete_truth(blocks, len(recording.time), idle_s)
+        labelled = {tuple(rows) for rows in blocks.bounds.tolist()}
         for (start, end), label in zip(whole.bounds.tolist(), whole.labels, strict=True):
             derived = label == IDLE and (start, end) not in labelled
             if not derived or _fastest_hand(recording, start, end) <= idle_speed_m_s:
@@ -120,7 +126,10 @@ def draw_examples(
     """
     found = sorted(set(labels))
     if not found:
-        raise RecognitionError("no labelled segments to learn from; expected manual segments")
+        raise RecognitionError(
+            "no labelled segments to learn from; expected manual segments, of building blocks in "
+            "the layer of the arm that is looked at (right_hand, left_hand) or in none"
+        )
     for name in classes or ():
         if name not in found:
             raise RecognitionError(

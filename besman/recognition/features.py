@@ -7,9 +7,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import numpy.typing as npt
 
+from besman.bodies import Arm, find_body
 from besman.exceptions import LabellingError, RecognitionError, nearest
 from besman.frames import hand_frame
-from besman.recognition.bodies import Arm, find_body
 from besman.recognition.stretches import BACK_MARKERS, Stretch, cut_stretch
 from besman.records import LabelledRecording
 

@@ -8,8 +8,9 @@ from typing import Annotated, Any, Literal, get_args
 import numpy as np
 from pydantic import BeforeValidator, Field, field_validator
 
+from besman.bodies import find_body
 from besman.exceptions import RecognitionError, nearest
-from besman.recognition.bodies import find_body
+from besman.manual_segments import Side, hand_side, side_of
 from besman.recognition.examples import draw_examples, find_candidates
 from besman.recognition.features import BODY_MARKERS, FEATURE_NAMES
 from besman.recognition.model import (
@@ -43,7 +44,8 @@ class _TrainedStage(Stage):
         Features of an object, if there is one.
     markers : "auto" or tuple of str
         Markers whose positions, displacements and speeds are features, and which tell the arms to
-        look at. ``auto`` takes hand, elbow and shoulder of every arm that the recordings have.
+        look at. ``auto`` takes hand, elbow and shoulder of every arm that the recordings have; of
+        one arm if the manual segments have layers of hands.
     objects : "auto" or tuple of str
         Markers on the object that is handled. ``auto`` takes every marker of a camera system that
         is not on the body and has no gap in the recordings that are learnt from.
@@ -120,13 +122,18 @@ class _TrainedStage(Stage):
         RecognitionError
             If a class has no examples, or features cannot be made of an example.
         """
-        candidates = find_candidates(recordings, truth, self.idle_s, self.idle_speed_m_s)
+        layered = hand_side(truth)
+        side = layered or "right"
+        if self.markers != "auto":
+            side = side_of(self.markers)
+        candidates = find_candidates(recordings, truth, self.idle_s, self.idle_speed_m_s, side)
         labels = [candidate.label for candidate in candidates]
         drawn = draw_examples(labels, self.examples_per_class, self.seed, self.classes)
         chosen = [candidates[index] for index in drawn]
         recipe = self.make_recipe(
             [candidate.recording for candidate in candidates],
             [int(c.bounds[1] - c.bounds[0]) for c in chosen],
+            layered,
         )
         values = np.concatenate([recipe.extract(c.recording, [c.bounds]) for c in chosen])
         examples = Examples(
@@ -138,7 +145,10 @@ class _TrainedStage(Stage):
         return fit_model(values, examples, recipe, self.method, self.settings, self.unknown_factor)
 
     def make_recipe(
-        self, recordings: Sequence[LabelledRecording], lengths: Sequence[int]
+        self,
+        recordings: Sequence[LabelledRecording],
+        lengths: Sequence[int],
+        side: Side | None = None,
     ) -> Recipe:
         """Decide how features are made, by what the recordings have.
 
@@ -148,10 +158,14 @@ class _TrainedStage(Stage):
             What is learnt from.
         lengths : sequence of int
             Samples of each example.
+        side : "right" or "left", optional
+            Arm that ``markers: auto`` takes; all arms if not given.
         """
         first = recordings[0]
         body = find_body(first.markers, first.source)
-        of_arms = tuple(name for arm in body.arms for name in arm.markers)
+        of_arms = tuple(
+            name for arm in body.arms if side in (None, arm.side) for name in arm.markers
+        )
         markers = of_arms if self.markers == "auto" else self.markers
         objects = self._find_objects(recordings)
         features = self.features

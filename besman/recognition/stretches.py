@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from besman.bodies import Arm, find_body
 from besman.exceptions import LabellingError, RecognitionError, nearest
 from besman.frames import back_frame, quaternion_to_rotation
-from besman.recognition.bodies import Arm, find_body
 from besman.recognition.splines import resample
 from besman.records import LabelledRecording
 
@@ -139,7 +139,8 @@ def _hand_axes(recording: LabelledRecording, hands: Sequence[Arm]) -> FloatArray
             "markers on the hand, got neither"
         )
     columns = [recording.markers.index(arm.hand) for arm in measured]
-    rotation = quaternion_to_rotation(recording.orientations[:, columns])
+    measured_axes = quaternion_to_rotation(recording.orientations[:, columns])
+    rotation = np.stack([arm.turn(measured_axes[:, k]) for k, arm in enumerate(measured)], axis=1)
     axes = np.concatenate([rotation[..., 0], rotation[..., 2]], axis=2)
     return axes.reshape(len(axes), -1)
 

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from besman.exceptions import RecordingError
 from besman.io.qtm_tsv import write_tsv
 from besman.io.segments_json import ThrowEvent, segments_path, write_segments
+from besman.manual_segments import ACTIONS, stack_layers
 from besman.records import LabelledSegments, Recording
 from besman.synthetic.body import Body
 
@@ -75,7 +76,8 @@ class Capture:
     throws : tuple of ThrowEvent
         True release and touchdown of every throw.
     layers : mapping of LabelledSegments
-        Further true segments by name, e.g. the building blocks of each hand.
+        Building blocks of each hand where `segments` are actions, ``right_hand`` and
+        ``left_hand``.
     trajectories : tuple of str
         What each trajectory of an unnamed recording is: a canonical marker name or `GHOST`.
     body : Body or None
@@ -95,13 +97,20 @@ class Capture:
     boxes: tuple[Box, ...] = ()
     joint_log: JointLog | None = None
 
+    @property
+    def truth(self) -> LabelledSegments:
+        """What the segments file says: all layers."""
+        if not self.layers:
+            return self.segments
+        return stack_layers({**self.layers, ACTIONS: self.segments})
+
 
 def write_capture(capture: Capture, folder: Path) -> Path:
     """Write a capture as Qualisys TSV, MVNX or joint log with its truth beside it.
 
-    The segments file holds the true segments and throws. ``<stem>_truth.json`` holds what each
-    trajectory is, in the order of the columns, and the further layers of segments;
-    ``<stem>_hands.npz`` holds the true hand poses (metres, quaternion wxyz).
+    The segments file holds the true segments, of all layers, and throws. ``<stem>_truth.json``
+    holds what each trajectory is, in the order of the columns; ``<stem>_hands.npz`` holds the true
+    hand poses (metres, quaternion wxyz).
 
     Parameters
     ----------
@@ -127,9 +136,10 @@ def write_capture(capture: Capture, folder: Path) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         _write_recording(capture, path)
-        write_segments(capture.segments, segments_path(path), capture.throws or None)
-        if capture.trajectories or capture.layers:
-            truth.write_text(json.dumps(_truth(capture), indent=1) + "\n", encoding="utf-8")
+        write_segments(capture.truth, segments_path(path), capture.throws or None)
+        if capture.trajectories:
+            content = {"trajectories": list(capture.trajectories)}
+            truth.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
         if capture.body is not None:
             _write_hands(capture, hands)
     except OSError as error:
@@ -162,20 +172,6 @@ def _write_recording(capture: Capture, path: Path) -> None:
         write_mvnx(capture.recording, path)
     else:
         write_tsv(capture.recording, path)
-
-
-def _truth(capture: Capture) -> dict[str, object]:
-    """Gather what does not fit into a segments file."""
-    layers = {
-        name: [
-            {"start index": start, "end index": end, "label": label}
-            for (start, end), label in zip(
-                (layer.bounds + layer.first_frame).tolist(), layer.labels, strict=True
-            )
-        ]
-        for name, layer in capture.layers.items()
-    }
-    return {"trajectories": list(capture.trajectories), "layers": layers}
 
 
 def _write_hands(capture: Capture, path: Path) -> None:

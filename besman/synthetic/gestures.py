@@ -86,6 +86,11 @@ GESTURE_CLASSES = tuple(_GESTURES)
 
 _GESTURE_POLE = (-0.30, -0.75, -0.60)
 _HOLD_S = 0.7
+# A suit's axes in those of a limb here, whose x goes along it and z out of the back of the hand.
+_SUIT_AXES = {
+    RIGHT: np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
+    LEFT: np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
+}
 # What a sensor suit measures drifts by centimetres and hardly jitters.
 _DRIFT_M = 0.012
 _DRIFT_S = 4.0
@@ -189,18 +194,23 @@ def see_segments(capture: Capture, rng: np.random.Generator) -> Capture:
 
 
 def suit_segments(body: Body) -> dict[str, tuple[FloatArray, FloatArray]]:
-    """Segments of the body as a sensor suit calls them: joint (T, 3), metres; axes (T, 3, 3)."""
+    """Segments of the body as a sensor suit calls them: joint (T, 3), metres; axes (T, 3, 3).
+
+    Each has the axes of the laboratory (x forward, y left, z up) when the person stands with the
+    arms stretched out sideways and the palms down.
+    """
     names = {
         "Pelvis": "torso",
         "T8": "chest",
         "Neck": "neck",
         "Head": "head",
     }
+    segments = {name: body.parts[part] for name, part in names.items()}
     for side in (RIGHT, LEFT):
-        if f"{side}_hand" in body.parts:
-            names |= {
-                f"{side.capitalize()}UpperArm": f"{side}_upper_arm",
-                f"{side.capitalize()}ForeArm": f"{side}_forearm",
-                f"{side.capitalize()}Hand": f"{side}_hand",
-            }
-    return {name: body.parts[part] for name, part in names.items()}
+        if f"{side}_hand" not in body.parts:
+            continue
+        limbs = {"UpperArm": "upper_arm", "ForeArm": "forearm", "Hand": "hand"}
+        for name, limb in limbs.items():
+            joint, axes = body.parts[f"{side}_{limb}"]
+            segments[side.capitalize() + name] = joint, axes @ _SUIT_AXES[side]
+    return segments

@@ -113,7 +113,7 @@ def play(person: Person, stance: Stance, plan: Plan, setting: Setting) -> Captur
     -------
     Capture
         With the phases of the arm as segments; with actions if there are any, and then the
-        phases of each hand as layers ``blocks_right`` and ``blocks_left``.
+        phases of each hand as layers ``right_hand`` and ``left_hand``.
     """
     time = np.arange(round(plan.end * setting.rate_hz) + 1) / setting.rate_hz
     body = _move_body(person, stance, plan, setting, time)
@@ -123,10 +123,10 @@ def play(person: Person, stance: Stance, plan: Plan, setting: Setting) -> Captur
     positions = np.stack([body.markers[name] for name in names], axis=1)
     positions += setting.noise.normal(0.0, setting.noise_m, positions.shape)
     layers = {
-        f"blocks_{side}": _record(_label(script, spans[side]), len(time), setting)
+        f"{side}_hand": _record(_label(script, spans[side]), len(time), setting)
         for side, script in plan.arms.items()
     }
-    main = layers[f"blocks_{RIGHT}"]
+    main = layers[f"{RIGHT}_hand"]
     if plan.actions:
         main = _record(_label_actions(plan, spans), len(time), setting)
     return Capture(

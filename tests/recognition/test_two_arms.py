@@ -102,8 +102,9 @@ def test_features_of_a_suit_do_not_depend_on_where_the_person_stands(feature):
 
 def test_the_orientation_of_a_hand_is_the_suits():
     axes = extract_features(suit(), [(0, 50)], ["hand_orientation"], MARKERS[:3])[0]
-    np.testing.assert_allclose(axes[:, :3], np.tile([1.0, 0, 0], (25, 1)), atol=1e-6)
-    np.testing.assert_allclose(axes[[0, -1], 5], [1, -1], atol=1e-6)
+    # The fingers of a right hand point to the right where the suit's axes are the laboratory's.
+    np.testing.assert_allclose(axes[[0, -1], :3], [[0, -1, 0], [0, 1, 0]], atol=1e-6)
+    np.testing.assert_allclose(axes[[0, -1], 3:], [[0, 0, 1], [0, 0, -1]], atol=1e-6)
 
 
 def test_a_suit_without_orientations_has_positions_alone():

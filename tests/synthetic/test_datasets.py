@@ -9,6 +9,7 @@ import pytest
 from besman.exceptions import ConfigError, RecordingError
 from besman.io.recordings import find_recordings, read_recording
 from besman.io.segments_json import find_segments, read_segments, read_throws
+from besman.manual_segments import LAYERS
 from besman.synthetic.cameras import Room
 from besman.synthetic.capture import truth_path
 from besman.synthetic.datasets import DATASETS, captures, write_synthetic
@@ -179,7 +180,7 @@ def test_truth_of_unnamed_trajectories_is_written(tmp_path):
     recording = read_recording(path)
     assert len(truth["trajectories"]) == len(recording.names)
     assert set(recording.names) == {None}
-    assert set(truth["layers"]) == {"blocks_right", "blocks_left"}
+    assert set(read_segments(find_segments(path), recording).layers) == {*LAYERS}
     assert shares == [1.0]
     with np.load(path.with_name("subject1_hands.npz"), allow_pickle=False) as hands:
         assert hands["left"].shape == (len(recording.time), 7)

@@ -1,7 +1,7 @@
 import pytest
 
+from besman.bodies import Arm, find_body
 from besman.exceptions import RecognitionError
-from besman.recognition.bodies import Arm, find_body
 
 BACK = ("back_top", "back_left", "back_right")
 ARM = ("hand_top", "elbow", "shoulder", "hand_left", "hand_right")

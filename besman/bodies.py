@@ -1,14 +1,27 @@
-"""Which markers, or segments of a sensor suit, are a person's back and arms."""
+"""Which markers, segments of a sensor suit or links of an exoskeleton are a person's body."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+import numpy.typing as npt
+
 from besman.exceptions import RecognitionError
+from besman.manual_segments import SIDES, Side, side_of
+
+FloatArray = npt.NDArray[np.float64]
+Axes = tuple[tuple[float, float, float], ...]
 
 _CHEST = "t8"
-_SIDES = ("right", "left")
+_SAME: Axes = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+# All segments of a suit have the axes of the laboratory while the arms are stretched out sideways,
+# palms down: x forward, y left, z up.
+_SUIT_HANDS: dict[Side, Axes] = {
+    "right": ((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
+    "left": ((0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
+}
 
 
 @dataclass(frozen=True)
@@ -21,12 +34,25 @@ class Arm:
         What is near each joint; a sensor suit names segments by the limb that starts there.
     cluster : tuple of str
         Three markers that tell the hand's orientation; empty for a suit, which measures it.
+    axes : three of three float
+        Axes of the hand's frame in the frame that is measured where there is no cluster: x towards
+        the fingers, then y, and z out of the back of the hand.
     """
 
     hand: str
     elbow: str
     shoulder: str
     cluster: tuple[str, ...] = ()
+    axes: Axes = _SAME
+
+    @property
+    def side(self) -> Side:
+        """Which arm it is."""
+        return side_of((self.hand,))
+
+    def turn(self, part2lab: FloatArray) -> FloatArray:
+        """Return hand2lab, shape (..., 3, 3), for the measured orientation of the same shape."""
+        return part2lab @ np.array(self.axes).T
 
     @property
     def markers(self) -> tuple[str, str, str]:
@@ -51,12 +77,8 @@ class Body:
 
     def arms_of(self, markers: Sequence[str]) -> tuple[Arm, ...]:
         """Return the arms that some of the markers are on; the first one if they are on none."""
-        named = {_side(name) for name in markers}
-        return tuple(arm for arm in self.arms if _side(arm.hand) in named) or self.arms[:1]
-
-
-def _side(marker: str) -> str:
-    return "left" if marker.startswith("left_") else "right"
+        named = {side_of((name,)) for name in markers}
+        return tuple(arm for arm in self.arms if arm.side in named) or self.arms[:1]
 
 
 def find_body(markers: Sequence[str], source: str) -> Body:
@@ -66,7 +88,9 @@ def find_body(markers: Sequence[str], source: str) -> Body:
     arm ``shoulder``, ``elbow``, ``hand_top``, ``hand_left``, ``hand_right``, with or without
     ``right_`` in front, for the left arm with ``left_``. A sensor suit reports ``t8`` (the chest),
     ``right_shoulder`` and ``left_shoulder``, or the upper arms, which begin near them, and for each
-    arm ``right_upper_arm``, ``right_fore_arm``, ``right_hand``.
+    arm ``right_upper_arm``, ``right_fore_arm``, ``right_hand``. An exoskeleton with two arms has
+    ``right_shoulder``, ``right_elbow`` and ``right_wrist``, and the same of the left arm; the
+    person's frame lies between the shoulders, and the link at the wrist has the hand's axes.
 
     Parameters
     ----------
@@ -89,17 +113,23 @@ def find_body(markers: Sequence[str], source: str) -> Body:
     Thesis 5.3.1.
     """
     names = frozenset(markers)
-    body = _suit(names) if _CHEST in names and "back_top" not in names else _cameras(names)
+    body = _cameras(names)
+    if "back_top" not in names and _CHEST in names:
+        body = _suit(names)
+    elif "back_top" not in names and names & {"right_wrist", "left_wrist"}:
+        body = _exoskeleton(names)
     missing = [name for name in body.back if name not in names]
     if missing:
         raise RecognitionError(
             f"{source}: no marker {missing[0]!r}: the person's frame needs back_top, back_left, "
-            "back_right, or of a sensor suit t8, right_shoulder, left_shoulder"
+            "back_right, of a sensor suit t8, right_shoulder, left_shoulder, or of an exoskeleton "
+            "right_shoulder, left_shoulder"
         )
     if not body.arms:
         raise RecognitionError(
             f"{source}: no arm is complete: got {', '.join(markers)}; expected hand_top, elbow and "
-            "shoulder, or of a sensor suit right_hand, right_fore_arm and right_upper_arm"
+            "shoulder, of a sensor suit right_hand, right_fore_arm and right_upper_arm, or of an "
+            "exoskeleton right_wrist, right_elbow and right_shoulder"
         )
     return body
 
@@ -116,7 +146,10 @@ def _cameras(names: frozenset[str]) -> Body:
 
 def _suit(names: frozenset[str]) -> Body:
     """Find the segments of a suit; where it reports one side alone, the chest is the other."""
-    arms = (Arm(f"{side}_hand", f"{side}_fore_arm", f"{side}_upper_arm") for side in _SIDES)
+    arms = (
+        Arm(f"{side}_hand", f"{side}_fore_arm", f"{side}_upper_arm", axes=_SUIT_HANDS[side])
+        for side in SIDES
+    )
     sides = {
         side: next((name for name in options if name in names), options[0])
         for side, options in (
@@ -126,3 +159,10 @@ def _suit(names: frozenset[str]) -> Body:
     }
     complete = tuple(arm for arm in arms if set(arm.markers) <= names)
     return Body((_CHEST, sides["left"], sides["right"]), complete)
+
+
+def _exoskeleton(names: frozenset[str]) -> Body:
+    """Find the links; the shoulders do not move against the frame of the URDF's root."""
+    arms = (Arm(f"{side}_wrist", f"{side}_elbow", f"{side}_shoulder") for side in SIDES)
+    complete = tuple(arm for arm in arms if set(arm.markers) <= names)
+    return Body(("right_shoulder", "left_shoulder", "right_shoulder"), complete)
