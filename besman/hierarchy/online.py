@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -133,6 +134,13 @@ class OnlineHierarchy:
             current.append(dataclasses.replace(level, n_final=grower.search.n_settled))
         self._forget()
         return tuple(current)
+
+    def copy(self) -> OnlineHierarchy:
+        """Return a hierarchy that goes on from here on its own."""
+        twin = copy.copy(self)
+        twin._levels = [level.copy() for level in self._levels]
+        twin._fed = self._fed[:]
+        return twin
 
     def _forget(self) -> None:
         """Drop samples that no action to come can hold."""

@@ -241,6 +241,33 @@ def extract_features(
     return values
 
 
+def needed_markers(
+    names: Sequence[str], features: Sequence[str], markers: Sequence[str], source: str
+) -> tuple[str, ...]:
+    """Return the markers on the person that `extract_features` needs, the back's included.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Markers that there are.
+    features, markers : sequence of str
+        See `extract_features`.
+    source : str
+        Named in errors.
+
+    Raises
+    ------
+    RecognitionError
+        If the back cannot be found, or no arm is complete.
+    """
+    body = find_body(names, source)
+    arms = body.arms_of(markers)
+    hands = arms if "hand_orientation" in features else ()
+    clusters = [name for arm in hands for name in arm.cluster]
+    needed = _needed(features, arms, markers, ())
+    return tuple(dict.fromkeys((*body.back, *needed, *clusters)))
+
+
 def _needed(
     features: Sequence[str], arms: Sequence[Arm], markers: Sequence[str], objects: Sequence[str]
 ) -> tuple[str, ...]:

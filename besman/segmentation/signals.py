@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -102,6 +103,29 @@ def measure_scaling(paths: npt.ArrayLike) -> Scaling:
     # A marker at constant speed has no changes to scale by.
     changes = np.where(changes > _ROUNDING * size, changes, speeds.max(axis=0))
     return Scaling(centre, np.where(moving, steps, np.inf), np.where(moving, changes, np.inf))
+
+
+def pool_scalings(scalings: Sequence[Scaling]) -> Scaling:
+    """Return one scaling for what is like several recordings: the root mean square of their units.
+
+    Parameters
+    ----------
+    scalings : sequence of Scaling
+        Of the same m markers; at least one.
+
+    Returns
+    -------
+    Scaling
+        A marker counts where it moved; one that never did stays infinite.
+    """
+    centre = np.mean([one.centre for one in scalings], axis=0)
+    units = []
+    for name in ("step", "change"):
+        squares = np.square([getattr(one, name) for one in scalings])
+        moved = np.isfinite(squares)
+        mean = np.where(moved, squares, 0.0).sum(axis=0) / np.maximum(moved.sum(axis=0), 1)
+        units.append(np.where(moved.any(axis=0), np.sqrt(mean), np.inf))
+    return Scaling(centre, units[0], units[1])
 
 
 def prepare_signals(paths: npt.ArrayLike) -> Signals:

@@ -1,0 +1,1 @@
+"""Blocks and actions while a person moves: segmentation, recognition and hierarchy, joined."""

@@ -1,0 +1,127 @@
+"""Actions of a stream: of the final borders, and ahead of them of the most probable ones."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from besman.following.frames import FrameBuffer
+from besman.following.pieces import Change, Ledger, Piece
+from besman.hierarchy.actions import BACK_MARKERS, LevelModel
+from besman.hierarchy.borders import merge_borders
+from besman.hierarchy.online import CurrentLevel, OnlineHierarchy
+from besman.recognition.novelty import UNKNOWN
+
+
+class _Moment(NamedTuple):
+    """What the actions were when the block before `row` had ended."""
+
+    row: int
+    hierarchy: OnlineHierarchy
+    levels: tuple[CurrentLevel, ...]
+
+
+class ActionStream:
+    """Groups the blocks of all arms to actions of every level.
+
+    The hierarchy is kept for the last final border and for each border after it. Where the most
+    probable borders change, it goes on from the last one that stays.
+
+    Parameters
+    ----------
+    models : sequence of LevelModel
+        One for each level, the lowest first.
+    longest, horizon : int, optional
+        See `besman.hierarchy.online.OnlineHierarchy`.
+    frames : FrameBuffer
+        Gets the frames of the stream.
+    """
+
+    def __init__(
+        self,
+        models: Sequence[LevelModel],
+        longest: int | None,
+        horizon: int | None,
+        frames: FrameBuffer,
+    ) -> None:
+        self._frames = frames
+        self.needed = tuple(dict.fromkeys(name for model in models for name in model.markers))
+        back = BACK_MARKERS if set(BACK_MARKERS) <= set(frames.markers) else ()
+        there = [n for n in dict.fromkeys((*back, *self.needed)) if n in frames.markers]
+        self._columns = frames.columns(there)
+        self._of_level = [
+            frames.columns([n for n in (*back, *model.markers) if n in there]) for model in models
+        ]
+        self._moments = [_Moment(0, OnlineHierarchy(models, longest, horizon), ())]
+        self.ledgers = [Ledger() for _ in models]
+
+    @property
+    def final_row(self) -> int:
+        """The last border of both arms that is final."""
+        return self._moments[0].row
+
+    @property
+    def fitness(self) -> tuple[float, ...]:
+        """Fitness of each level; none before the first block."""
+        return tuple(level.fitness for level in self._moments[-1].levels)
+
+    def update(self, per_arm: Sequence[Sequence[int]], final_row: int, done: bool) -> list[Change]:
+        """Take the present borders of every arm.
+
+        Parameters
+        ----------
+        per_arm : sequence of sequences of int
+            Rows after `final_row`, rising.
+        final_row : int
+            Up to it the borders of all arms are final.
+        done : bool
+            Whether the stream has ended; its end is a border then.
+
+        Returns
+        -------
+        list of Change
+            Of all levels, the lowest first.
+        """
+        first, now = self.final_row, self._frames.n_rows
+        if now - first < 2:
+            return []
+        rows = merge_borders([[first, now], *per_arm])[1 : None if done else -1].tolist()
+        same = 0
+        while same < min(len(rows), len(self._moments) - 1) and (
+            self._moments[same + 1].row == rows[same]
+        ):
+            same += 1
+        changed = same < max(len(rows), len(self._moments) - 1)
+        del self._moments[same + 1 :]
+        for row in rows[same:]:
+            self._go_on(row)
+        n_final = sum(row <= final_row for row in rows)
+        del self._moments[:n_final]
+        return self._compare(done) if changed or n_final or done else []
+
+    def _go_on(self, row: int) -> None:
+        """Add the block that ends before a row."""
+        last = self._moments[-1]
+        hierarchy = last.hierarchy.copy()
+        levels = hierarchy.update(self._frames.cut(last.row, row, self._columns))
+        self._moments.append(_Moment(row, hierarchy, levels))
+
+    def _compare(self, done: bool) -> list[Change]:
+        """Tell what changed, level by level."""
+        changes: list[Change] = []
+        settled, latest = self._moments[0].levels, self._moments[-1].levels
+        for index, (ledger, level) in enumerate(zip(self.ledgers, latest, strict=False)):
+            n_final = settled[index].n_final if settled else 0
+            n_final = len(level.labels) if done else n_final
+            pieces = []
+            for k in range(ledger.n_final, len(level.labels)):
+                start, end = int(level.borders[k]), int(level.borders[k + 1])
+                gone = self._frames.was_lost(start, end, self._of_level[index])
+                label = UNKNOWN if gone else level.labels[k]
+                value = np.inf if gone else float(level.uncertainties[k])
+                name = str(index + 1)
+                pieces.append(Piece("action", name, start, end, label, value, k < n_final))
+            changes += ledger.update(pieces)
+        return changes

@@ -1,0 +1,188 @@
+"""One arm of a stream: its borders, and the names of its blocks."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from besman.exceptions import SegmentationError
+from besman.following.frames import FrameBuffer
+from besman.following.pieces import Change, Ledger, Piece
+from besman.following.steadiness import SteadyBorders
+from besman.recognition.features import needed_markers
+from besman.recognition.model import RecognitionModel, name_segments
+from besman.recognition.novelty import UNKNOWN
+from besman.segmentation.signals import Scaling, measure_scaling, resample
+from besman.segmentation.stage import VmciOnlineConfig
+from besman.segmentation.vmci import VmciModel
+from besman.segmentation.vmci_online import OnlineVmci
+
+FloatArray = npt.NDArray[np.float64]
+
+_CALIBRATION_S = 10.0
+
+
+@dataclass(frozen=True, eq=False)
+class Arm:
+    """What is followed of one arm, or of both as one.
+
+    Attributes
+    ----------
+    name : str
+    hands : tuple of str, length m
+        Markers whose speed is bell-shaped; their movement is segmented.
+    model : RecognitionModel
+        Names the blocks.
+    scaling : Scaling, optional
+        Of earlier movements of `hands`, at the rate of the segmentation. If not given, it is
+        measured on the first seconds of the stream, which are segmented once they are over.
+    """
+
+    name: str
+    hands: tuple[str, ...]
+    model: RecognitionModel
+    scaling: Scaling | None = None
+
+
+class ArmStream:
+    """Segments one arm and names its blocks, sample by sample.
+
+    Parameters
+    ----------
+    arm : Arm
+    segment : VmciOnlineConfig
+        How to segment; its markers do not matter. Without a border probability one border a second
+        is expected, without `calibration_s` the scaling is measured on 10 s.
+    frames : FrameBuffer
+        Gets the frames of the stream, before `add`.
+    steady_s : float
+        Borders that are not final are taken once they did not change for so long, seconds.
+
+    Raises
+    ------
+    RecognitionError
+        If markers are missing that the model needs.
+    SegmentationError
+        If a parameter is out of its range.
+    """
+
+    def __init__(
+        self, arm: Arm, segment: VmciOnlineConfig, frames: FrameBuffer, steady_s: float
+    ) -> None:
+        self.arm, self._segment, self._frames = arm, segment, frames
+        recipe = arm.model.recipe
+        body = needed_markers(frames.markers, recipe.features, recipe.markers, frames.source)
+        self.needed = tuple(dict.fromkeys((*arm.hands, *body)))
+        self._hands = [frames.markers.index(n) for n in arm.hands if n in frames.markers]
+        self._columns = [frames.markers.index(n) for n in self.needed if n in frames.markers]
+        self._rate_hz = min(segment.rate_hz, frames.rate_hz)
+        self._early: list[FloatArray] = []
+        self._online = None if arm.scaling is None else self._start(arm.scaling)
+        self._names: dict[tuple[int, int], tuple[str, float]] = {}
+        self._final = [0]
+        self._open: list[int] = []
+        self._steady = SteadyBorders(round(steady_s * frames.rate_hz))
+        self.ledger = Ledger()
+        self._done = False
+
+    @property
+    def final_row(self) -> int:
+        """The last final border."""
+        return self._final[-1]
+
+    def borders_after(self, row: int) -> list[int]:
+        """Return the most probable borders after a row, as of the last `update`."""
+        return [*self._final[bisect_right(self._final, row) :], *self._open]
+
+    def add(self, positions: FloatArray) -> None:
+        """Take one frame, shape (M, 3), metres, hands seen."""
+        sample = positions[self._hands]
+        if self._online is not None:
+            self._final += self._online.update(sample)
+            return
+        self._early.append(sample)
+        if len(self._early) >= self._calibration_rows:
+            self._calibrate()
+
+    def finish(self) -> None:
+        """End the stream; its end is a border."""
+        if self._online is None:
+            self._calibrate()
+        assert self._online is not None
+        self._final += [*self._online.finish(), self._frames.n_rows]
+        self._done = True
+
+    def update(self) -> list[Change]:
+        """Name the blocks that are new; return what changed."""
+        before = self._open
+        now, final = self._frames.n_rows, self._final[-1]
+        self._open = [] if self._done else self._steady.update(self._pending(), final, now)
+        known = self._final[self.ledger.n_final :]
+        if len(known) == 1 and self._open == before:
+            return []
+        pieces = [self._name(*rows, True) for rows in pairwise(known)]
+        pieces += [self._name(*rows, False) for rows in pairwise([known[-1], *self._open])]
+        self._names = {(one.start, one.end): (one.label, one.uncertainty) for one in pieces}
+        return self.ledger.update(pieces)
+
+    def _pending(self) -> list[int]:
+        """Return borders that are not final, at least two rows apart and before the present."""
+        if self._online is None:
+            return []
+        rows = [self._final[-1]]
+        for row in self._online.pending:
+            if row - rows[-1] >= 2 and self._frames.n_rows - row >= 2:
+                rows.append(row)
+        return rows[1:]
+
+    def _name(self, start: int, end: int, final: bool) -> Piece:
+        if (start, end) not in self._names:
+            label, uncertainty = UNKNOWN, float("inf")
+            if not self._frames.was_lost(start, end, np.array(self._columns)):
+                block = self._frames.cut(start, end)
+                labels, values = name_segments(self.arm.model, block, [[0, end - start]])
+                label, uncertainty = labels[0], float(values[0])
+            self._names[start, end] = (label, uncertainty)
+        return Piece("block", self.arm.name, start, end, *self._names[start, end], final)
+
+    def _start(self, scaling: Scaling) -> OnlineVmci:
+        return OnlineVmci(
+            scaling,
+            self._segment.border_probability or 1.0 / max(self._rate_hz, 2.0),
+            self._frames.rate_hz,
+            self._rate_hz,
+            self._segment.longest_s,
+            VmciModel(n_centres=self._segment.n_centres),
+        )
+
+    @property
+    def _calibration_rows(self) -> int:
+        seconds = self._segment.calibration_s or _CALIBRATION_S
+        return max(2, round(seconds * self._frames.rate_hz))
+
+    def _calibrate(self) -> None:
+        """Measure the scaling on what came so far, and segment that."""
+        source, n = self._frames.source, len(self._early)
+        if n < 2:
+            raise SegmentationError(f"{source}: got {n} samples; expected at least 2")
+        paths = np.stack(self._early)
+        samples = resample(np.arange(n) / self._frames.rate_hz, paths, self._rate_hz)
+        if len(samples) < 2:
+            raise SegmentationError(
+                f"{source}: lasts {n / self._frames.rate_hz:.3g} s, which is 1 sample at "
+                f"{self._rate_hz:g} Hz; expected at least 2"
+            )
+        scaling = measure_scaling(samples)
+        if not np.isfinite(scaling.step).any():
+            raise SegmentationError(
+                f"{source}: {', '.join(self.arm.hands)} did not move in the first "
+                f"{n / self._frames.rate_hz:.3g} s, on which the scaling is measured; expected "
+                "movement, a longer calibration_s, or the scaling of earlier movements"
+            )
+        self._online, self._early = self._start(scaling), []
+        for sample in paths:
+            self._final += self._online.update(sample)
