@@ -12,17 +12,20 @@ FloatArray = npt.NDArray[np.float64]
 UNKNOWN = "unknown"
 """Label of a segment that is like no example."""
 
-_WITHIN, _BETWEEN = 0.95, 0.5
+# Chosen on synthetic captures and one subject of the real recordings (benchmarks/README.md).
+_KEPT, _OUTSIDE, _TOWARDS_OUTSIDE = 0.95, 0.25, 0.7
+_FEW, _ALONE = 0.5, 2.0
 
 
-def fit_threshold(examples: FloatArray, labels: Sequence[str], factor: float) -> float:
-    """Find the distance beyond which a segment is of no known class.
+def fit_threshold(examples: FloatArray, labels: Sequence[str], factor: float = 1.0) -> float:
+    """Find the distance to the nearest example beyond which a segment is of no known class.
 
-    Every example is left out once. Its distance to the nearest other example of its class tells how
-    far apart segments of one class are, that to the nearest example of another class how far apart
-    classes are. A segment is unknown if it is farther from all examples than `factor` times the
-    95 % quantile of the former, and than the median of the latter. The second bound matters for
-    few examples: of two throws of one person the distance is no measure for a third.
+    The examples themselves say how far that is. Each is left out once: its distance to the nearest
+    of all others is what a segment of a known class would get. Each class is left out once: the
+    distance of its examples to those of all other classes is what a segment of an unknown class
+    would get. The threshold lies between the 95 % quantile of the former and the lower quartile of
+    the latter, 0.7 of the way on a logarithmic scale; where the two overlap, it is the 95 %
+    quantile, so that known segments are kept.
 
     Parameters
     ----------
@@ -31,25 +34,31 @@ def fit_threshold(examples: FloatArray, labels: Sequence[str], factor: float) ->
     labels : sequence of str, length N
         Their classes.
     factor : float
-        Tolerance.
+        What the threshold is multiplied by.
 
     Returns
     -------
     float
-        In units of `distances`; infinite if there is a single example.
+        In units of `distances`. With a single example of each class it is the median distance
+        between classes; with a single class, twice the 95 % quantile; with a single example,
+        infinite.
     """
     apart = distances(examples, examples)
     np.fill_diagonal(apart, np.inf)
     names = np.asarray(labels)
     same = names[:, np.newaxis] == names
-    within = np.where(same, apart, np.inf).min(axis=1)
-    between = np.where(same, np.inf, apart).min(axis=1)
-    bounds = [
-        tolerance * float(np.quantile(nearest[np.isfinite(nearest)], quantile))
-        for nearest, tolerance, quantile in ((within, factor, _WITHIN), (between, 1.0, _BETWEEN))
-        if np.isfinite(nearest).any()
-    ]
-    return max(bounds, default=float("inf"))
+    outside = np.where(same, np.inf, apart).min(axis=1)
+    known = apart.min(axis=1)[same.sum(axis=1) > 1]
+    several = bool(np.isfinite(outside).all())
+    if len(known) == 0:
+        return factor * float(np.quantile(outside, _FEW)) if several else float("inf")
+    near = float(np.quantile(known, _KEPT))
+    if not several:
+        return factor * _ALONE * near
+    far = max(near, float(np.quantile(outside, _OUTSIDE)))
+    # Examples that are all alike leave no scale but that of what is outside.
+    near = max(near, 1e-3 * far)
+    return factor * near ** (1.0 - _TOWARDS_OUTSIDE) * far**_TOWARDS_OUTSIDE
 
 
 def measure_novelty(vectors: FloatArray, examples: FloatArray) -> FloatArray:

@@ -60,8 +60,9 @@ class _TrainedStage(Stage):
     classes : tuple of str, optional
         Classes to learn; all that are labelled if not given.
     unknown_factor : float, optional
-        Segments farther from all examples than this many times the distances within a class, and
-        than those between classes, are ``unknown``; null: every segment gets a known class.
+        Segments farther from all examples than the distance that the examples suggest (see
+        `besman.recognition.novelty.fit_threshold`), times this, are ``unknown``; null: every
+        segment gets a known class.
     """
 
     method: str
@@ -81,7 +82,7 @@ class _TrainedStage(Stage):
     idle_s: float = Field(default=0.25, ge=0)
     idle_speed_m_s: float = Field(default=0.4, gt=0)
     classes: tuple[str, ...] | None = None
-    unknown_factor: float | None = Field(default=2.0, gt=0)
+    unknown_factor: float | None = Field(default=1.0, gt=0)
 
     @field_validator("features", "object_features")
     @classmethod

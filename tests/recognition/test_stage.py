@@ -218,5 +218,7 @@ def accuracy(real, seeds=5, **settings):
 
 
 def test_real_movements_are_recognized_as_well_as_measured_before(real):
-    assert accuracy(real, objects=()) > 0.95
+    assert accuracy(real, objects=(), unknown_factor=None) > 0.95
     assert accuracy(real) > 0.98
+    # Some of the known are taken for unknown.
+    assert accuracy(real, objects=()) > 0.93
