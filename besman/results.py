@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
-from besman.manual_segments import complete_truth
+import numpy as np
+
+from besman.manual_segments import side_of
+from besman.recognition.examples import Candidate, find_candidates
 from besman.recognition.model import RecognitionModel
 from besman.recognition.scores import RecognitionScore, score_labels
 from besman.recognition.stage import RecognizeMethod
@@ -83,6 +88,8 @@ def recognize_results(
     dict
         counts; with truth accuracy, per_class, confusion of the detected segments that overlap a
         manual one, and accuracy_manual, per_class_manual of the manual segments themselves.
+        n_left_out: stretches without a label in which a hand moves, which are neither rest nor of
+        a class, and not compared.
     """
     labels = sorted(label for found in recognized for label in found.labels)
     results: dict[str, Any] = {"counts": {label: labels.count(label) for label in labels}}
@@ -92,19 +99,60 @@ def recognize_results(
     known = tuple(recordings[row] for row in rows)
     manual = tuple(segments for segments in truth if segments is not None)
     lengths = tuple(len(recording.time) for recording in known)
-    whole = tuple(
-        complete_truth(segments, length, config.idle_s)
-        for segments, length in zip(manual, lengths, strict=True)
-    )
+    # The same segments that training may choose from and `besman evaluate recognition` tests with.
+    whole, n_left_out = _comparable(config, known, manual, model)
     found = tuple(recognized[row] for row in rows)
-    detected = score_labels(found, manual, lengths, model, config.idle_s)
+    detected = score_labels(found, whole, lengths, model, np.inf)
     named = config.run(known, whole, model)
-    by_hand = score_labels(named, manual, lengths, model, config.idle_s)
+    by_hand = score_labels(named, whole, lengths, model, np.inf)
     return {
         **results,
         **_score(detected),
         **{f"{key}_manual": value for key, value in _score(by_hand).items()},
+        "n_left_out": n_left_out,
     }
+
+
+def _comparable(
+    config: RecognizeMethod,
+    recordings: tuple[LabelledRecording, ...],
+    manual: tuple[LabelledSegments, ...],
+    model: RecognitionModel,
+) -> tuple[tuple[LabelledSegments, ...], int]:
+    """Return the manual segments and rests of each recording, and how many stretches are neither.
+
+    Parameters
+    ----------
+    config : RecognizeMethod
+        Says what rest is.
+    recordings : tuple of LabelledRecording
+    manual : tuple of LabelledSegments
+        In the same order.
+    model : RecognitionModel
+        Its markers say whose building blocks are compared.
+    """
+    side = side_of(model.recipe.markers)
+
+    def find(speed_m_s: float) -> list[Candidate]:
+        return find_candidates(recordings, manual, config.idle_s, speed_m_s, side)
+
+    chosen = find(config.idle_speed_m_s)
+    whole = tuple(
+        _segments_of(segments, [one for one in chosen if one.recording.source == segments.source])
+        for segments in manual
+    )
+    return whole, len(find(np.inf)) - len(chosen)
+
+
+def _segments_of(manual: LabelledSegments, chosen: Sequence[Candidate]) -> LabelledSegments:
+    """Make a record of some candidates of one recording."""
+    return replace(
+        manual,
+        bounds=np.array([one.bounds for one in chosen], dtype=np.int64).reshape(-1, 2),
+        labels=tuple(one.label for one in chosen),
+        distances=np.zeros(len(chosen)),
+        layers=(),
+    )
 
 
 def _score(score: RecognitionScore) -> dict[str, Any]:

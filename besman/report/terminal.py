@@ -95,6 +95,7 @@ def outcome_lines(results: dict[str, Any]) -> list[str]:
         lines.append(
             f"recognition: {recognize['accuracy']:.1%} of the detected segments, "
             f"{recognize['accuracy_manual']:.1%} of the manual segments"
+            + left_out(recognize.get("n_left_out", 0))
         )
     mapped = results.get("map", {})
     if mapped:
@@ -119,3 +120,8 @@ def outcome_lines(results: dict[str, Any]) -> list[str]:
 def _number(value: float | None) -> float:
     """Return NaN for a figure that JSON holds as null."""
     return float("nan") if value is None else value
+
+
+def left_out(n: int) -> str:
+    """Say how many stretches of the recordings recognition was not measured on."""
+    return f"; {n} unlabelled, in which the hand moves, left out" if n else ""
