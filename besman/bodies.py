@@ -114,7 +114,7 @@ def find_body(markers: Sequence[str], source: str) -> Body:
     """
     names = frozenset(markers)
     body = _cameras(names)
-    if "back_top" not in names and _CHEST in names:
+    if _is_suit(names):
         body = _suit(names)
     elif "back_top" not in names and names & {"right_wrist", "left_wrist"}:
         body = _exoskeleton(names)
@@ -132,6 +132,29 @@ def find_body(markers: Sequence[str], source: str) -> Body:
             "exoskeleton right_wrist, right_elbow and right_shoulder"
         )
     return body
+
+
+def find_back(markers: Sequence[str]) -> tuple[str, ...]:
+    """Return what tells where the person stands: middle, left and right of the back.
+
+    Parameters
+    ----------
+    markers : sequence of str
+        Names in the recording.
+
+    Returns
+    -------
+    tuple of str
+        Three markers or segments of a suit; none of an exoskeleton, which measures from its own
+        base, and where the back is not complete.
+    """
+    names = frozenset(markers)
+    back = (_suit if _is_suit(names) else _cameras)(names).back
+    return back if set(back) <= names else ()
+
+
+def _is_suit(names: frozenset[str]) -> bool:
+    return _CHEST in names and "back_top" not in names
 
 
 def _cameras(names: frozenset[str]) -> Body:

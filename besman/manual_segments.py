@@ -98,7 +98,8 @@ def actions_of(truth: LabelledSegments) -> LabelledSegments:
 
 def side_of(markers: Sequence[str]) -> Side:
     """Return the arm that markers are on: the left one if all of them are."""
-    return "left" if all(name.startswith("left_") for name in markers) else "right"
+    on_left = [name.startswith("left_") for name in markers]
+    return "left" if on_left and all(on_left) else "right"
 
 
 def hand_side(truth: Iterable[LabelledSegments]) -> Side | None:

@@ -1,6 +1,7 @@
+import numpy as np
 import pytest
 
-from besman.bodies import Arm, find_body
+from besman.bodies import Arm, find_back, find_body
 from besman.exceptions import RecognitionError
 
 BACK = ("back_top", "back_left", "back_right")
@@ -48,3 +49,33 @@ def test_a_back_that_is_missing_is_refused():
 def test_an_arm_that_is_not_complete_is_refused():
     with pytest.raises(RecognitionError, match=r"a.tsv: no arm is complete: got back_top"):
         find_body((*BACK, "hand_top", "elbow"), "a.tsv")
+
+
+LIMBS = ("wrist", "elbow", "shoulder")
+
+
+def test_an_exoskeleton():
+    names = tuple(f"{side}_{limb}" for side in ("right", "left") for limb in LIMBS)
+    body = find_body(names, "a.csv")
+    assert body.back == ("right_shoulder", "left_shoulder", "right_shoulder")
+    assert [arm.side for arm in body.arms] == ["right", "left"]
+    with pytest.raises(RecognitionError, match=r"no marker 'left_shoulder': .*of an exoskeleton"):
+        find_body(names[:3], "a.csv")
+
+
+def test_what_tells_where_the_person_stands():
+    assert find_back((*BACK, *ARM)) == BACK
+    assert find_back(("t8", "right_upper_arm", "right_hand")) == ("t8", "t8", "right_upper_arm")
+    assert find_back((*BACK[:2], *ARM)) == ()
+    assert find_back(("right_wrist", "right_shoulder", "left_shoulder")) == ()
+
+
+@pytest.mark.parametrize("side", ["right", "left"])
+def test_the_hand_of_a_suit_points_outwards_with_the_arm_stretched(side):
+    limbs = ("hand", "fore_arm", "upper_arm")
+    names = ("t8", *(f"{one}_{limb}" for one in ("right", "left") for limb in limbs))
+    arm = next(arm for arm in find_body(names, "a").arms if arm.side == side)
+    hand2lab = arm.turn(np.eye(3))
+    np.testing.assert_array_equal(hand2lab[:, 0], [0, -1 if side == "right" else 1, 0])
+    np.testing.assert_array_equal(hand2lab[:, 2], [0, 0, 1])
+    assert np.linalg.det(hand2lab) == pytest.approx(1)

@@ -1,6 +1,14 @@
 import numpy as np
 
-from besman.manual_segments import complete_truth, drop_parts
+from besman.manual_segments import (
+    actions_of,
+    building_blocks,
+    complete_truth,
+    drop_parts,
+    hand_side,
+    side_of,
+    stack_layers,
+)
 from besman.records import LabelledSegments
 
 
@@ -35,3 +43,46 @@ def test_long_stretches_without_a_label_are_idle():
 def test_no_labels_at_all_are_idle():
     whole = complete_truth(manual(), 30, idle_s=0.25)
     np.testing.assert_array_equal(whole.bounds, [[0, 30]])
+
+
+BOTH = stack_layers(
+    {
+        "right_hand": manual((0, 5, "reach"), (5, 9, "hold")),
+        "left_hand": manual((2, 9, "lift")),
+        "actions": manual((0, 9, "turn")),
+    }
+)
+
+
+def test_layers_tell_blocks_from_actions():
+    assert building_blocks(BOTH).labels == ("reach", "hold")
+    assert building_blocks(BOTH, "left").labels == ("lift",)
+    assert actions_of(BOTH).labels == ("turn",)
+    assert hand_side([BOTH]) == "right"
+    assert hand_side([building_blocks(BOTH, "left")]) == "left"
+    # What has been chosen once stays chosen.
+    assert building_blocks(building_blocks(BOTH, "left"), "left").labels == ("lift",)
+
+
+def test_without_layers_every_segment_may_be_either():
+    flat = manual((0, 5, "reach"), (0, 9, "turn"))
+    assert building_blocks(flat) is flat
+    assert actions_of(flat) is flat
+    assert hand_side([flat]) is None
+
+
+def test_blocks_may_be_in_no_layer_beside_actions():
+    some = stack_layers({"": manual((0, 5, "reach")), "actions_2": manual((0, 9, "turn"))})
+    assert building_blocks(some, "left").labels == ("reach",)
+    assert actions_of(some).labels == ("turn",)
+    assert building_blocks(stack_layers({"actions": manual((0, 9, "turn"))})) is None
+
+
+def test_completed_segments_have_no_layers():
+    blocks = complete_truth(building_blocks(BOTH), 20, idle_s=0.25)
+    assert (blocks.labels, blocks.layers) == (("reach", "hold", "idle"), ())
+
+
+def test_the_side_of_markers():
+    assert side_of(("left_hand_top", "left_elbow")) == "left"
+    assert side_of(("left_hand_top", "hand_top")) == side_of(()) == "right"

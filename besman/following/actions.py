@@ -7,9 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from besman.bodies import find_back
 from besman.following.frames import FrameBuffer
 from besman.following.pieces import Change, Ledger, Piece
-from besman.hierarchy.actions import BACK_MARKERS, LevelModel
+from besman.hierarchy.actions import LevelModel
 from besman.hierarchy.borders import merge_borders
 from besman.hierarchy.online import CurrentLevel, OnlineHierarchy
 from besman.recognition.novelty import UNKNOWN
@@ -48,7 +49,7 @@ class ActionStream:
     ) -> None:
         self._frames = frames
         self.needed = tuple(dict.fromkeys(name for model in models for name in model.markers))
-        back = BACK_MARKERS if set(BACK_MARKERS) <= set(frames.markers) else ()
+        back = find_back(frames.markers)
         there = [n for n in dict.fromkeys((*back, *self.needed)) if n in frames.markers]
         self._columns = frames.columns(there)
         self._of_level = [

@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
+from besman.bodies import find_back
 from besman.exceptions import LabellingError, RecognitionError, nearest
 from besman.frames import back_frame
 from besman.hierarchy.vhms import GroupingSearch
@@ -17,8 +18,6 @@ from besman.records import LabelledRecording
 
 FloatArray = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int64]
-
-BACK_MARKERS = ("back_top", "back_left", "back_right")
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,8 +102,8 @@ def cut_paths(
     Parameters
     ----------
     recording : LabelledRecording
-        Its markers on the back, where it has them, are the frame; otherwise positions are taken as
-        they are (an exoskeleton measures from its own base).
+        Its markers on the back, or the chest and shoulders of a suit, are the frame; without them
+        positions are taken as they are (an exoskeleton measures from its own base).
     spans : int array, shape (S, 2)
         Half-open rows.
     markers : sequence of str
@@ -141,8 +140,8 @@ def cut_paths(
     step = recording.time[left + 1] - recording.time[left]
     weight = ((times - recording.time[left]) / step)[..., np.newaxis, np.newaxis]
     cut = paths[left] * (1.0 - weight) + paths[left + 1] * weight
-    if all(name in recording.markers for name in BACK_MARKERS):
-        back = gather_paths(recording, BACK_MARKERS)[rows[:, 0]]
+    if names := find_back(recording.markers):
+        back = gather_paths(recording, names)[rows[:, 0]]
         try:
             rotation, origin = back_frame(back[:, 0], back[:, 1], back[:, 2])
         except LabellingError as error:

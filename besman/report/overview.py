@@ -6,7 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from besman.bodies import find_body
 from besman.frames import back_frame
+from besman.manual_segments import Side
 from besman.records import FloatArray, LabelledRecording, RefinedMotion
 from besman.report.figures import COLOURS, INK, new_figure, style, svg
 from besman.robot.kinematics import fill_frames, forward_kinematics
@@ -23,6 +25,7 @@ def overview(
     robot: Robot,
     motion: RefinedMotion,
     placement: FloatArray,
+    side: Side = "right",
 ) -> str:
     """Draw a demonstration and the refined motion beside each other, from the person's right.
 
@@ -40,6 +43,8 @@ def overview(
         What became of the demonstration.
     placement : array, shape (4, 4)
         Back frame to the robot's world frame, metres.
+    side : "right" or "left"
+        The person's arm that is drawn.
 
     Returns
     -------
@@ -47,23 +52,27 @@ def overview(
         SVG.
     """
     figure = new_figure(10, 4.4)
-    _draw_person(figure.add_subplot(1, 2, 1), recording, bounds, thrown)
+    _draw_person(figure.add_subplot(1, 2, 1), recording, bounds, thrown, side)
     _draw_robot(figure.add_subplot(1, 2, 2), robot, motion, placement)
     return svg(figure)
 
 
 def _draw_person(
-    axes: Any, recording: LabelledRecording, bounds: tuple[int, int], thrown: str | None
+    axes: Any,
+    recording: LabelledRecording,
+    bounds: tuple[int, int],
+    thrown: str | None,
+    side: Side,
 ) -> None:
     """Draw back, shoulder, elbow and hand at some instants, and the object's flight."""
-    names = ("back_top", "back_left", "back_right")
+    body = find_body(recording.markers, recording.source)
+    arm = next((one for one in body.arms if one.side == side), body.arms[0])
     start, stop = bounds
-    rotation, origin = back_frame(*(recording.marker(name)[start] for name in names))
+    rotation, origin = back_frame(*(recording.marker(name)[start] for name in body.back))
     # Height above the floor stays; only where the person stands is taken out.
     foot = origin * (1, 1, 0)
-    chain = np.stack(
-        [recording.marker(name) for name in ("back_top", "shoulder", "elbow", "hand_top")], axis=1
-    )
+    names = (body.back[0], arm.shoulder, arm.elbow, arm.hand)
+    chain = np.stack([recording.marker(name) for name in names], axis=1)
     limbs = (chain - foot) @ rotation
     for at, alpha in _instants(start, stop - 1):
         axes.plot(

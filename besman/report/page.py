@@ -160,6 +160,7 @@ def _overview(folder: Path, records: dict[str, Any]) -> str:
         load_robot(config["robot"], config["tool"]),
         motion,
         records["map"].placement,
+        config["select"].get("arm", "right"),
     )
     write_text(folder / "overview.svg", drawing)
     return (

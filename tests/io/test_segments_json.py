@@ -4,6 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from besman.exceptions import RecordingError
 from besman.io.recordings import find_recordings, read_recording
@@ -15,7 +17,8 @@ from besman.io.segments_json import (
     segments_path,
     write_segments,
 )
-from besman.records import Recording
+from besman.manual_segments import LAYERS, stack_layers
+from besman.records import LabelledSegments, Recording
 
 REAL = Path(
     os.environ.get("BESMAN_REAL_DATA", Path(__file__).parents[2].parent / "shared" / "data")
@@ -77,6 +80,67 @@ def test_round_trip(tmp_path, throws):
     assert read_throws(path) == (throws or ())
 
 
+def layered(start, end, label, layer):
+    return {"start index": start, "end index": end, "label": label, "layer": layer}
+
+
+LAYERED = [
+    layered(690, 740, "lift", "actions"),
+    layered(690, 700, "idle", "left_hand"),
+    layered(690, 720, "reach", "right_hand"),
+    layered(692, 700, "reach_part", "right_hand"),
+    layered(720, 740, "hold", "right_hand"),
+    {"start index": 700, "end index": 730, "label": "note"},
+]
+
+
+def test_layers_are_read_and_written(tmp_path):
+    path = write(tmp_path, LAYERED)
+    segments = read_segments(path, RECORDING)
+    assert segments.labels == ("idle", "reach", "lift", "note", "hold")
+    assert segments.layers == ("left_hand", "right_hand", "actions", "", "right_hand")
+    write_segments(segments, path)
+    rows = json.loads(path.read_text())
+    assert [row.get("layer") for row in rows] == [name or None for name in segments.layers]
+
+
+NAMES = st.sampled_from(["reach", 'a "b" <c>', "Drücken", "idle"])
+
+
+@st.composite
+def layers(draw):
+    """Segments of some layers, in no layer where it is called ""."""
+    found = {}
+    for name in draw(st.lists(st.sampled_from(["", *LAYERS, "actions_2"]), unique=True)):
+        borders = sorted(draw(st.sets(st.integers(0, 100), min_size=2, max_size=8)))
+        n = len(borders) - 1
+        found[name] = LabelledSegments(
+            np.stack([borders[:-1], borders[1:]], axis=1),
+            tuple(draw(st.lists(NAMES, min_size=n, max_size=n))),
+            np.zeros(n),
+            60.0,
+            "run.tsv",
+            690,
+        )
+    return found
+
+
+@given(layers())
+def test_layers_survive_a_round_trip(tmp_path_factory, found):
+    if not found:
+        return
+    segments = stack_layers(found)
+    path = tmp_path_factory.mktemp("round") / "run_manually_segmented.json"
+    write_segments(segments, path)
+    again = read_segments(path, RECORDING)
+    np.testing.assert_array_equal(again.bounds, segments.bounds)
+    assert (again.labels, again.layers) == (segments.labels, segments.layers)
+    for name, layer in found.items():
+        rows = [k for k, one in enumerate(again.layers or ("",) * len(again.labels)) if one == name]
+        np.testing.assert_array_equal(again.take(rows).bounds, layer.bounds)
+        assert again.take(rows).labels == layer.labels
+
+
 def test_beside_the_recording(tmp_path):
     recording = tmp_path / "run.tsv"
     assert find_segments(recording) is None
@@ -100,6 +164,15 @@ def test_beside_the_recording(tmp_path):
         ),
         ([{**ROWS[0], "end index": 791}], "frames 700 to 791 do not lie"),
         ([{**ROWS[0], "end index": 700}], "frames 700 to 700 .* or end before they start"),
+        ([{**ROWS[0], "Layer": "actions"}], "segment 1: no key 'Layer'; did you mean 'layer'"),
+        ([{**ROWS[0], "layer": "right"}], r"\(reach\): no layer 'right'; .*right_hand"),
+        ([{**ROWS[0], "layer": ""}], "no layer ''; allowed: .*actions"),
+        ([{**ROWS[0], "layer": None}], "no layer None"),
+        (
+            [layered(710, 730, "b", "right_hand"), ROWS[2], layered(700, 711, "a", "right_hand")],
+            r"segment 3 \(a, frames 700 to 711\) and segment 1 \(b, frames 710 to 730\) overlap in "
+            "layer 'right_hand'",
+        ),
     ],
 )
 def test_bad_files(tmp_path, content, message):
