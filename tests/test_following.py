@@ -5,12 +5,17 @@ import itertools
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from besman.exceptions import LabellingError, RecognitionError, RecordingError, SegmentationError
 from besman.following.arms import Arm
+from besman.following.candidates import CandidateStream
 from besman.following.follower import Follower
+from besman.following.frames import FrameBuffer
 from besman.hierarchy.actions import compose_levels, train_level
-from besman.hierarchy.borders import merge_borders
+from besman.hierarchy.borders import candidate_borders, measure_brisk, merge_borders
+from besman.labelling.holding import HeldSample
 from besman.recognition.model import name_segments
 from besman.recognition.stage import RecognizeConfig
 from besman.records import LabelledRecording, LabelledSegments
@@ -159,12 +164,65 @@ def test_after_the_end_all_is_as_for_the_whole_recording(lesson, walk, n_arms, c
     assert state.fitness == pytest.approx([level.fitness for level in whole], abs=1e-9)
 
 
-def test_changes_add_up_to_the_state_and_what_is_final_stays(lesson, walk):
+@pytest.mark.parametrize("chunk", [1, 23])
+def test_with_places_where_hands_are_slow_all_is_as_for_the_whole_recording(lesson, walk, chunk):
     models, levels = lesson
-    arms = make_arms(walk, models)
+    hands = ("hand_top", "left_hand_top")
+    brisk = {hand: measure_brisk([walk], hand) for hand in hands}
     follower = Follower(
-        walk.markers, RATE_HZ, arms, levels, SEGMENT, longest_blocks=12, horizon_blocks=6
+        walk.markers, RATE_HZ, make_arms(walk, models), levels, SEGMENT, brisk_m_s=brisk,
+        longest_blocks=24, horizon_blocks=None,
+    )  # fmt: skip
+    follow(follower, walk.positions, chunk)
+    blocks = [
+        offline_blocks(walk, hand, model)[0] for hand, model in zip(hands, models, strict=True)
+    ]
+    borders = candidate_borders(walk, blocks, hands)
+    assert borders.tolist() != merge_borders(blocks).tolist()
+    whole = compose_levels(walk, borders, levels, 24)
+    for pieces, level in zip(follower.state.actions, whole, strict=True):
+        check_pieces(
+            pieces, itertools.pairwise(level.borders), level.labels, level.uncertainties
+        )  # fmt: skip
+
+
+@settings(deadline=None, max_examples=100)
+@given(st.integers(0, 10_000), st.sampled_from([10.0, 60.0, 100.0]), st.booleans())
+def test_candidates_are_those_of_the_whole_recording(seed, rate_hz, with_hands):
+    rng = np.random.default_rng(seed)
+    n = 400
+    path = np.cumsum(rng.normal(size=(n, 2, 3)) * rng.choice([0, 0.1, 1.0], n)[:, None, None], 0)
+    names = ("hand_top", "left_hand_top")
+    recording = LabelledRecording(
+        np.arange(n) / rate_hz, path, names, np.zeros((n, 2), dtype=bool), rate_hz, "stream"
     )
+    hands = names if with_hands else ()
+    per_arm = [np.unique([0, *rng.integers(1, n, 25), n]) for _ in range(2)]
+    frames = FrameBuffer(names, rate_hz, "stream", 1)
+    stream = CandidateStream({hand: measure_brisk([recording], hand) for hand in hands}, frames)
+    found = [0]
+    for row in range(n):
+        frames.add(HeldSample(path[row], np.zeros(2, dtype=bool), np.zeros(2, dtype=bool)))
+        stream.add(path[row])
+        # All borders so far are known, and final 50 rows later.
+        after = stream.final_border
+        present = [[b for b in rows.tolist() if after < b <= row] for rows in per_arm]
+        final = min(max(b for b in (*rows, 0) if b <= max(0, row - 50)) for rows in per_arm)
+        rows, n_final = stream.update(present, int(final), False)
+        found += rows[:n_final]
+    stream.finish()
+    present = [[b for b in rows.tolist() if b > stream.final_border] for rows in per_arm]
+    found += stream.update(present, n, True)[0]
+    assert found == candidate_borders(recording, per_arm, hands).tolist()
+
+
+@pytest.mark.parametrize("hands", [(), ("hand_top",)])
+def test_changes_add_up_to_the_state_and_what_is_final_stays(lesson, walk, hands):
+    models, levels = lesson
+    follower = Follower(
+        walk.markers, RATE_HZ, make_arms(walk, models), levels, SEGMENT, longest_blocks=12,
+        horizon_blocks=6, brisk_m_s={hand: measure_brisk([walk], hand) for hand in hands},
+    )  # fmt: skip
     held, final, early = {}, {}, 0
     for row in range(len(walk.time) + 1):
         last = row == len(walk.time)

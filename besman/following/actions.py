@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from besman.bodies import find_back
+from besman.following.candidates import CandidateStream
 from besman.following.frames import FrameBuffer
 from besman.following.pieces import Change, Ledger, Piece
 from besman.hierarchy.actions import LevelModel
-from besman.hierarchy.borders import merge_borders
 from besman.hierarchy.online import CurrentLevel, OnlineHierarchy
 from besman.recognition.novelty import UNKNOWN
 
@@ -36,6 +36,8 @@ class ActionStream:
         One for each level, the lowest first.
     longest, horizon : int, optional
         See `besman.hierarchy.online.OnlineHierarchy`.
+    brisk_m_s : mapping of str to float
+        See `besman.following.candidates.CandidateStream`.
     frames : FrameBuffer
         Gets the frames of the stream.
     """
@@ -45,16 +47,16 @@ class ActionStream:
         models: Sequence[LevelModel],
         longest: int | None,
         horizon: int | None,
+        brisk_m_s: Mapping[str, float],
         frames: FrameBuffer,
     ) -> None:
         self._frames = frames
-        self.needed = tuple(dict.fromkeys(name for model in models for name in model.markers))
+        self.candidates = CandidateStream(brisk_m_s, frames)
+        named = [name for model in models for name in model.markers]
+        self.needed = tuple(dict.fromkeys((*named, *self.candidates.hands)))
         back = find_back(frames.markers)
-        there = [n for n in dict.fromkeys((*back, *self.needed)) if n in frames.markers]
-        self._columns = frames.columns(there)
-        self._of_level = [
-            frames.columns([n for n in (*back, *model.markers) if n in there]) for model in models
-        ]
+        self._columns = frames.columns(tuple(dict.fromkeys((*back, *named))))
+        self._of_level = [frames.columns((*back, *model.markers)) for model in models]
         self._moments = [_Moment(0, OnlineHierarchy(models, longest, horizon), ())]
         self.ledgers = [Ledger() for _ in models]
 
@@ -74,7 +76,7 @@ class ActionStream:
         Parameters
         ----------
         per_arm : sequence of sequences of int
-            Rows after `final_row`, rising.
+            Rows after `candidates.final_border`, rising.
         final_row : int
             Up to it the borders of all arms are final.
         done : bool
@@ -85,10 +87,7 @@ class ActionStream:
         list of Change
             Of all levels, the lowest first.
         """
-        first, now = self.final_row, self._frames.n_rows
-        if now - first < 2:
-            return []
-        rows = merge_borders([[first, now], *per_arm])[1 : None if done else -1].tolist()
+        rows, n_final = self.candidates.update(per_arm, final_row, done)
         same = 0
         while same < min(len(rows), len(self._moments) - 1) and (
             self._moments[same + 1].row == rows[same]
@@ -98,7 +97,6 @@ class ActionStream:
         del self._moments[same + 1 :]
         for row in rows[same:]:
             self._go_on(row)
-        n_final = sum(row <= final_row for row in rows)
         del self._moments[:n_final]
         return self._compare(done) if changed or n_final or done else []
 

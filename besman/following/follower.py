@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -45,8 +45,8 @@ class Follower:
 
     Each arm is segmented by online vMCI; what is most probable is known at once and may change,
     and becomes final when no sample to come can change it. With the scaling of the whole recording
-    and without a horizon, the pieces after `finish` are those of exact vMCI, `name_segments` and
-    `compose_levels` for the whole recording.
+    and without a horizon, the pieces after `finish` are those of exact vMCI, `name_segments`,
+    `candidate_borders` and `compose_levels` for the whole recording.
 
     Short gaps are bridged by holding the last sighting. Where a marker that is needed is not seen
     for longer, blocks and actions are ``unknown``, and the stream goes on.
@@ -63,11 +63,14 @@ class Follower:
         Actions, the lowest first; none: blocks alone.
     segment : VmciOnlineConfig, optional
         How to segment; see `besman.following.arms.ArmStream`.
+    brisk_m_s : mapping of str to float
+        Where one of these hands is slow an action may begin or end too, not only at the borders of
+        blocks; with their brisk speed, see `besman.hierarchy.borders.measure_brisk`.
     longest_blocks : int, optional
-        Most blocks in one action.
+        Most blocks, or stretches between such places, in one action.
     horizon_blocks : int or None
-        An action is final once so many blocks of the level below follow it. None: no action is
-        final before the end, and memory grows with the stream.
+        An action is final once so many of the level below follow it. None: no action is final
+        before the end, and memory grows with the stream.
     longest_gap_s : float
         Gaps up to this length are bridged, seconds.
     steady_s : float
@@ -94,6 +97,7 @@ class Follower:
         levels: Sequence[LevelModel] = (),
         segment: VmciOnlineConfig | None = None,
         *,
+        brisk_m_s: Mapping[str, float] | None = None,
         longest_blocks: int | None = None,
         horizon_blocks: int | None = 20,
         longest_gap_s: float = 0.25,
@@ -102,7 +106,8 @@ class Follower:
         first_frame: int = 1,
         oriented: bool = False,
     ) -> None:
-        _check_arms(arms, markers, levels, source)
+        of_actions = [*(name for level in levels for name in level.markers), *(brisk_m_s or ())]
+        _check_names(arms, of_actions, markers, source)
         if not rate_hz > 0 or not longest_gap_s >= 0 or not steady_s >= 0:
             raise RecordingError(
                 f"{source}: got {rate_hz:g} Hz, gaps up to {longest_gap_s:g} s and borders steady "
@@ -113,7 +118,9 @@ class Follower:
         self._arms = [ArmStream(arm, segment, self._frames, steady_s) for arm in arms]
         self._actions = None
         if levels:
-            self._actions = ActionStream(levels, longest_blocks, horizon_blocks, self._frames)
+            self._actions = ActionStream(
+                levels, longest_blocks, horizon_blocks, brisk_m_s or {}, self._frames
+            )
         required = {name for arm in self._arms for name in arm.needed}
         required |= set(self._actions.needed if self._actions else ())
         # A length in seconds that is a whole number of samples must not lose one to rounding.
@@ -164,6 +171,8 @@ class Follower:
                 self._frames.add(held)
                 for arm in self._arms:
                     arm.add(held.values[:, :3])
+                if self._actions is not None:
+                    self._actions.candidates.add(held.values[:, :3])
         return self._update()
 
     def finish(self) -> tuple[Change, ...]:
@@ -183,6 +192,8 @@ class Follower:
         self._gaps.check_finished()
         for arm in self._arms:
             arm.finish()
+        if self._actions is not None:
+            self._actions.candidates.finish()
         self._done = True
         return self._update()
 
@@ -191,7 +202,8 @@ class Follower:
         changes = [change for arm in self._arms for change in arm.update()]
         final_row = min(arm.final_row for arm in self._arms)
         if self._actions is not None:
-            borders = [arm.borders_after(self._actions.final_row) for arm in self._arms]
+            after = self._actions.candidates.final_border
+            borders = [arm.borders_after(after) for arm in self._arms]
             changes += self._actions.update(borders, final_row, self._done)
             final_row = min(final_row, self._actions.final_row)
         self._frames.forget(final_row)
@@ -224,18 +236,16 @@ class Follower:
             )
 
 
-def _check_arms(
-    arms: Sequence[Arm], markers: Sequence[str], levels: Sequence[LevelModel], source: str
+def _check_names(
+    arms: Sequence[Arm], needed: Sequence[str], markers: Sequence[str], source: str
 ) -> None:
-    """Refuse arms that cannot be followed."""
+    """Refuse arms that cannot be followed, and markers that are not there."""
     names = [arm.name for arm in arms]
     if not arms or len(set(names)) < len(names):
         raise RecognitionError(
             f"{source}: got arms {', '.join(names) or 'none'}; expected one or more, each with a "
             "name of its own"
         )
-    needed = [name for arm in arms for name in arm.hands]
-    needed += [name for level in levels for name in level.markers]
-    for name in needed:
+    for name in (*(name for arm in arms for name in arm.hands), *needed):
         if name not in markers:
             raise RecognitionError(f"{source}: no marker {name!r}; {nearest(name, markers)}")

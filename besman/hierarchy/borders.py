@@ -11,17 +11,18 @@ from besman.exceptions import RecognitionError
 from besman.hierarchy.actions import gather_paths
 from besman.records import LabelledRecording
 
+FloatArray = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int64]
 
 # Speed of a hand is looked at with this smoothing (standard deviation); movements of people are
 # several times longer.
-_SMOOTH_S = 0.06
+SMOOTH_S = 0.06
 # A hand rests below this share of its own brisk speed (90th percentile), if for long enough.
-_REST_SHARE = 0.05
+REST_SHARE = 0.05
+REST_S = 0.2
 _BRISK = 90.0
-_REST_S = 0.2
 # Borders by bell-shaped models lie this far from where the hand is slow.
-_SNAP_S = 0.25
+SNAP_S = 0.25
 
 
 def merge_borders(per_arm: Sequence[npt.ArrayLike]) -> Rows:
@@ -52,23 +53,8 @@ def merge_borders(per_arm: Sequence[npt.ArrayLike]) -> Rows:
     return np.array([*kept, rows[-1]], dtype=np.int64)
 
 
-def find_valleys(recording: LabelledRecording, hand: str) -> Rows:
-    """Find where a hand is slow: the ends of its rests, and local minima of its speed elsewhere.
-
-    Enumeration of all groupings forbids more borders than needed; where the best grouping is
-    found in polynomial time they cost little, and a border that the segmentation missed is no
-    longer lost to the actions.
-
-    Parameters
-    ----------
-    recording : LabelledRecording
-    hand : str
-        Its marker, seen throughout.
-
-    Returns
-    -------
-    int array
-        Rising rows.
+def smooth_speed(recording: LabelledRecording, hand: str) -> FloatArray:
+    """Return the smoothed speed of a hand, shape (T,), metres per second.
 
     Raises
     ------
@@ -84,13 +70,57 @@ def find_valleys(recording: LabelledRecording, hand: str) -> Rows:
             f"{recording.source}: marker {hand!r} was not seen in frame "
             f"{recording.first_frame + int(gone.argmax())}; expected no gaps"
         )
-    if len(path) < 3:
+    if len(path) < 2:
+        return np.zeros(len(path))
+    smooth = gaussian_filter1d(path, SMOOTH_S * recording.rate_hz, axis=0, mode="nearest")
+    speed: FloatArray = np.linalg.norm(np.gradient(smooth, recording.time, axis=0), axis=1)
+    return speed
+
+
+def measure_brisk(recordings: Sequence[LabelledRecording], hand: str) -> float:
+    """Return the brisk speed of a hand: the 90th percentile over recordings, metres per second.
+
+    Raises
+    ------
+    RecognitionError
+        If the marker is missing or has a gap.
+    """
+    speeds = np.concatenate([smooth_speed(recording, hand) for recording in recordings])
+    return float(np.percentile(speeds, _BRISK))
+
+
+def find_valleys(recording: LabelledRecording, hand: str, brisk_m_s: float | None = None) -> Rows:
+    """Find where a hand is slow: the ends of its rests, and local minima of its speed elsewhere.
+
+    Enumeration of all groupings forbids more borders than needed; where the best grouping is
+    found in polynomial time they cost little, and a border that the segmentation missed is no
+    longer lost to the actions.
+
+    Parameters
+    ----------
+    recording : LabelledRecording
+    hand : str
+        Its marker, seen throughout.
+    brisk_m_s : float, optional
+        Brisk speed of the hand, see `measure_brisk`; that of the recording if not given.
+
+    Returns
+    -------
+    int array
+        Rising rows.
+
+    Raises
+    ------
+    RecognitionError
+        If the marker is missing or has a gap.
+    """
+    speed = smooth_speed(recording, hand)
+    if len(speed) < 3:
         return np.empty(0, dtype=np.int64)
-    smooth = gaussian_filter1d(path, _SMOOTH_S * recording.rate_hz, axis=0, mode="nearest")
-    speed = np.linalg.norm(np.gradient(smooth, recording.time, axis=0), axis=1)
-    slow = speed < _REST_SHARE * np.percentile(speed, _BRISK)
+    brisk = np.percentile(speed, _BRISK) if brisk_m_s is None else brisk_m_s
+    slow = speed < REST_SHARE * brisk
     rests = np.flatnonzero(np.diff(slow.astype(int), prepend=0, append=0)).reshape(-1, 2)
-    rests = rests[np.diff(rests, axis=1)[:, 0] >= _REST_S * recording.rate_hz]
+    rests = rests[np.diff(rests, axis=1)[:, 0] >= REST_S * recording.rate_hz]
     lowest = np.flatnonzero((speed[1:-1] < speed[:-2]) & (speed[1:-1] <= speed[2:])) + 1
     resting = np.zeros(len(speed), dtype=bool)
     for start, end in rests:
@@ -128,9 +158,13 @@ def candidate_borders(
         return borders
     slow = np.unique(np.concatenate([find_valleys(recording, hand) for hand in hands]))
     slow = slow[(slow > borders[0]) & (slow < borders[-1])]
-    if len(slow):
-        apart = np.abs(borders[:, np.newaxis] - slow).min(axis=1)
-        kept = apart > _SNAP_S * recording.rate_hz
-        kept[[0, -1]] = True
-        borders = borders[kept]
-    return merge_borders([borders, slow])
+    kept = give_way(borders[1:-1], slow, recording.rate_hz)
+    return merge_borders([borders[[0, -1]], kept, slow])
+
+
+def give_way(borders: Rows, slow: Rows, rate_hz: float) -> Rows:
+    """Return the borders of blocks that are not within 0.25 s of where a hand is slow."""
+    if len(slow) == 0:
+        return borders
+    apart = np.abs(borders[:, np.newaxis] - slow).min(axis=1)
+    return borders[apart > SNAP_S * rate_hz]
