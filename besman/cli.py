@@ -136,6 +136,46 @@ def segment(
     Console().print(segment_table(found))
 
 
+@app.command()
+def follow(
+    recording: Annotated[Path, typer.Argument(help="A recording, replayed as a stream.")],
+    run: Annotated[Path | None, typer.Option(help="A run, whose trained models are used.")] = None,
+    models: Annotated[
+        list[Path] | None,
+        typer.Option("--model", help="A model of besman train; one for each arm."),
+    ] = None,
+    markers: Annotated[
+        str | None, typer.Option(help="Marker set; default the run's, or right_arm.")
+    ] = None,
+    speed: Annotated[
+        float | None, typer.Option(help="1 for real time; default as fast as can be.")
+    ] = None,
+    horizon: Annotated[
+        int, typer.Option(min=0, help="Blocks after which an action is final; 0: at the end.")
+    ] = 20,
+    steady: Annotated[
+        float, typer.Option(min=0, help="Seconds that a border must hold to be shown.")
+    ] = 0.2,
+    calibration: Annotated[
+        float | None,
+        typer.Option(help="Scale by the first seconds; default by the run's recordings, or 10."),
+    ] = None,
+    json_file: Json = None,
+) -> None:
+    """Keep blocks and actions current sample by sample; print what changes."""
+    from besman.following.files import Replay, describe_change
+    from besman.following.plans import make_plan
+    from besman.run import write_json
+
+    plan = make_plan(run, models or [], markers, calibration)
+    replay = Replay(recording, plan, speed, horizon or None, steady)
+    for at, change in replay.run():
+        typer.echo(describe_change(at, change, replay.recording.rate_hz))
+    if json_file is not None:
+        write_json(json_file, replay.content())
+    typer.echo(replay.summary())
+
+
 evaluate_app = typer.Typer(
     help="Measure a table of the thesis on given data.", no_args_is_help=True
 )

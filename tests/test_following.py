@@ -224,24 +224,26 @@ def test_changes_add_up_to_the_state_and_what_is_final_stays(lesson, walk, hands
         horizon_blocks=6, brisk_m_s={hand: measure_brisk([walk], hand) for hand in hands},
     )  # fmt: skip
     held, final, early = {}, {}, 0
+
+    def key_of(piece):
+        return piece.kind, piece.of, piece.start, piece.end
+
     for row in range(len(walk.time) + 1):
         last = row == len(walk.time)
         for change in follower.finish() if last else follower.push(walk.positions[row]):
-            one = change.piece
-            key = one.kind, one.of, one.start, one.end
-            assert key not in final
-            if change.status == "gone":
-                assert held.pop(key) == one
-            elif change.status == "final":
-                held.pop(key, None)
-                final[key] = one
+            one, was = change.piece, change.before
+            if was is not None:
+                assert held.pop(key_of(was)) == was
+            assert key_of(one) not in final
+            assert (was is None) == (change.status == "new") or change.status == "final"
+            if change.status == "final":
+                final[key_of(one)] = one
                 early += not last
-            else:
-                assert (key in held) == (change.status == "renamed")
-                held[key] = one
+            elif change.status != "gone":
+                held[key_of(one)] = one
         state = follower.state
         pieces = [*state.blocks["right"], *state.blocks["left"], *sum(state.actions, ())]
-        assert {(p.kind, p.of, p.start, p.end): p for p in pieces} == held | final
+        assert {key_of(piece): piece for piece in pieces} == held | final
         for group in (*state.blocks.values(), *state.actions):
             assert all(one.end == two.start for one, two in itertools.pairwise(group))
     assert not held

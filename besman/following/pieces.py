@@ -6,7 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-Status = Literal["new", "renamed", "final", "gone"]
+Status = Literal["new", "changed", "final", "gone"]
+
+# A piece has only changed if it shares more than this with what it was.
+_SHARED = 0.5
 
 
 @dataclass(frozen=True)
@@ -43,14 +46,17 @@ class Change:
 
     Attributes
     ----------
-    status : "new", "renamed", "final" or "gone"
-        ``gone``: its borders are no longer the most probable ones.
+    status : "new", "changed", "final" or "gone"
+        ``changed``: another label, or other borders with more than half of the rows in common.
     piece : Piece
         As it is now, or as it was if it is gone.
+    before : Piece, optional
+        As it was, if it is not new.
     """
 
     status: Status
     piece: Piece
+    before: Piece | None = None
 
 
 class Ledger:
@@ -72,19 +78,26 @@ class Ledger:
 
     def update(self, pieces: Sequence[Piece]) -> list[Change]:
         """Take the present pieces after the final ones; return what changed, in order of time."""
-        before, self._open = self._open, {}
-        changes: list[Change] = []
+        before = self._open
+        self._open = {(one.start, one.end): one for one in pieces if not one.final}
+        self._final += [one for one in pieces if one.final]
+        changed: list[tuple[Piece, Piece | None]] = []
         for piece in pieces:
-            rows = piece.start, piece.end
-            was = before.pop(rows, None)
-            if piece.final:
-                self._final.append(piece)
-                changes.append(Change("final", piece))
-            else:
-                self._open[rows] = piece
-                if was is None:
-                    changes.append(Change("new", piece))
-                elif was.label != piece.label:
-                    changes.append(Change("renamed", piece))
-        gone = [Change("gone", piece) for piece in before.values()]
-        return gone + changes
+            was = before.pop((piece.start, piece.end), None)
+            if was != piece:
+                changed.append((piece, was))
+        changes = []
+        for piece, was in changed:
+            old = was if was is not None else _pop_shared(before, piece)
+            status: Status = "final" if piece.final else "new" if old is None else "changed"
+            changes.append(Change(status, piece, old))
+        return [Change("gone", piece, piece) for piece in before.values()] + changes
+
+
+def _pop_shared(pieces: dict[tuple[int, int], Piece], piece: Piece) -> Piece | None:
+    """Take out the piece that shares more than half of its rows with another, if there is one."""
+    for rows in pieces:
+        shared = min(rows[1], piece.end) - max(rows[0], piece.start)
+        if shared > _SHARED * max(rows[1] - rows[0], piece.end - piece.start):
+            return pieces.pop(rows)
+    return None

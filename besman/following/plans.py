@@ -1,0 +1,224 @@
+"""What is followed: the trained models of a run, or of files."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from besman.bodies import find_body
+from besman.config_file import load_config
+from besman.exceptions import ConfigError, RunError
+from besman.following.arms import Arm
+from besman.following.follower import Follower
+from besman.hierarchy.actions import LevelModel
+from besman.hierarchy.borders import measure_brisk
+from besman.labelling.marker_set import load_marker_set
+from besman.labelling.stage import LabelConfig
+from besman.manual_segments import side_of
+from besman.pipeline import PipelineConfig, learn_from, trained_model
+from besman.recognition.model import RecognitionModel
+from besman.recognition.model_files import load_model
+from besman.records import LabelledRecording, Recording
+from besman.segmentation.sampling import sample_paths
+from besman.segmentation.signals import Scaling, measure_scaling, pool_scalings
+from besman.segmentation.stage import SegmentConfig, VmciOnlineConfig
+
+
+@dataclass(frozen=True)
+class FollowPlan:
+    """What is known before a stream begins.
+
+    Attributes
+    ----------
+    models : tuple of (RecognitionModel, tuple of str)
+        Models that name blocks, each with the hands whose movement is segmented for it; no hands:
+        those of the arms that the model looks at.
+    label : label stage
+        How trajectories become markers.
+    teacher : str, optional
+        Recording that the label stage learns from.
+    segment : VmciOnlineConfig
+        How to segment.
+    levels : tuple of LevelModel
+        Actions, the lowest level first.
+    longest_blocks : int, optional
+        See `Follower`.
+    slow_hands : tuple of str
+        Hands where actions may begin and end when they are slow.
+    earlier : tuple of LabelledRecording
+        Earlier movements, to measure scalings and brisk speeds on.
+    """
+
+    models: tuple[tuple[RecognitionModel, tuple[str, ...]], ...]
+    label: Any = field(default_factory=LabelConfig)
+    teacher: str | None = None
+    segment: VmciOnlineConfig = field(default_factory=VmciOnlineConfig)
+    levels: tuple[LevelModel, ...] = ()
+    longest_blocks: int | None = None
+    slow_hands: tuple[str, ...] = ()
+    earlier: tuple[LabelledRecording, ...] = ()
+
+
+def make_plan(
+    run: Path | None,
+    models: Sequence[Path],
+    markers: str | None = None,
+    calibration_s: float | None = None,
+) -> FollowPlan:
+    """Load what is followed.
+
+    Parameters
+    ----------
+    run : Path, optional
+        A finished run: its model names what its hands do, and its actions are followed.
+    models : sequence of Path
+        Model files of ``besman train``: each names what the arms it looks at do.
+    markers : str, optional
+        Marker set; the run's if not given, or ``right_arm``.
+    calibration_s : float, optional
+        Measure the scaling on so many seconds from the start of the stream, not on the run's
+        recordings.
+
+    Raises
+    ------
+    BesmanError
+        If there is neither, a folder is not a run, or a file cannot be read.
+    """
+    if run is None and not models:
+        raise ConfigError(
+            "besman follow: got neither --run nor --model; expected a run folder, a model of "
+            "besman train, or both"
+        )
+    if calibration_s is not None and not calibration_s > 0:
+        raise ConfigError(f"--calibration: got {calibration_s:g} s; expected a positive time")
+    plan = FollowPlan(()) if run is None else _plan_of_run(run)
+    changes: dict[str, Any] = {
+        "models": (*plan.models, *((load_model(path), ()) for path in models))
+    }
+    if markers is not None:
+        changes["label"] = plan.label.model_copy(update={"markers": markers})
+    if calibration_s is not None:
+        changes["segment"] = plan.segment.model_copy(update={"calibration_s": calibration_s})
+    return FollowPlan(**{**vars(plan), **changes})
+
+
+def _plan_of_run(run: Path) -> FollowPlan:
+    """Load a run's models and recordings."""
+    if not (run / "pipeline.yaml").is_file():
+        raise RunError(f"{run}: not a run: pipeline.yaml is missing")
+    config = load_config(run / "pipeline.yaml", PipelineConfig)
+    given = config.recognize.model
+    model = trained_model(run) if given is None else load_model(Path(given))
+    segment = VmciOnlineConfig()
+    if isinstance(config.segment, SegmentConfig | VmciOnlineConfig):
+        values = config.segment.model_dump(exclude={"method"}, exclude_none=True)
+        segment = VmciOnlineConfig(**values)
+    stages = [name for name in ("label", "label_training") if any(run.glob(f"[0-9][0-9]_{name}"))]
+    compose = config.compose
+    return FollowPlan(
+        ((model, config.segment.markers),),
+        config.label,
+        learn_from(config),
+        segment,
+        () if compose is None else trained_model(run, "train_actions"),
+        None if compose is None else compose.longest_blocks,
+        () if compose is None else compose.hands,
+        tuple(recording for name in stages for recording in trained_model(run, name)),
+    )
+
+
+def label_stream(plan: FollowPlan, recording: Recording) -> LabelledRecording:
+    """Give the trajectories of a recording their names, and leave its gaps to the follower.
+
+    Trajectories without names are named over the whole recording, with the gaps filled: their
+    names are not known sample by sample.
+
+    Raises
+    ------
+    BesmanError
+        If the marker set does not fit the recording.
+    """
+    marker_set = load_marker_set(plan.label.markers)
+    if not isinstance(plan.label, LabelConfig):
+        from besman.io.recordings import read_recording
+
+        teachers = () if plan.teacher is None else (read_recording(Path(plan.teacher)),)
+        labelled: LabelledRecording = plan.label.run((recording,), marker_set, *teachers)[0]
+        return labelled
+    columns = list(marker_set.match(recording.names, recording.source).items())
+    rows = [column for _, column in columns]
+    turned = recording.orientations
+    return LabelledRecording(
+        recording.time,
+        recording.positions[:, rows],
+        tuple(marker for marker, _ in columns),
+        recording.positions[:, rows, 0] * 0 != 0,
+        recording.rate_hz,
+        recording.source,
+        recording.first_frame,
+        None if turned is None else turned[:, rows],
+    )
+
+
+def make_follower(
+    plan: FollowPlan, recording: LabelledRecording, horizon_blocks: int | None, steady_s: float
+) -> Follower:
+    """Make a follower for a stream that is like a recording: its markers and rate.
+
+    Parameters
+    ----------
+    plan : FollowPlan
+    recording : LabelledRecording
+        Its positions are not looked at.
+    horizon_blocks, steady_s
+        See `Follower`.
+
+    Raises
+    ------
+    BesmanError
+        As `Follower`.
+    """
+    arms = []
+    for model, hands in plan.models:
+        if not hands:
+            body = find_body(recording.markers, recording.source)
+            hands = tuple(arm.hand for arm in body.arms_of(model.recipe.markers))
+        scaling = _measure_scaling(plan, hands, recording.rate_hz)
+        arms.append(Arm(_name(hands), hands, model, scaling))
+    brisk: Mapping[str, float] = {
+        hand: measure_brisk(plan.earlier, hand) for hand in plan.slow_hands if plan.levels
+    }
+    return Follower(
+        recording.markers,
+        recording.rate_hz,
+        arms,
+        plan.levels,
+        plan.segment,
+        brisk_m_s=brisk,
+        longest_blocks=plan.longest_blocks,
+        horizon_blocks=horizon_blocks,
+        steady_s=steady_s,
+        source=recording.source,
+        first_frame=recording.first_frame,
+        oriented=recording.orientations is not None,
+    )
+
+
+def _name(hands: tuple[str, ...]) -> str:
+    """Name the arm, or the arms, that hands are of."""
+    return "+".join(dict.fromkeys(side_of((hand,)) for hand in hands))
+
+
+def _measure_scaling(
+    plan: FollowPlan, hands: tuple[str, ...], sample_rate_hz: float
+) -> Scaling | None:
+    """Measure the scaling on earlier movements, where these hands were recorded."""
+    if plan.segment.calibration_s is not None:
+        return None
+    rate_hz = min(plan.segment.rate_hz, sample_rate_hz)
+    known = [one for one in plan.earlier if set(hands) <= set(one.markers)]
+    if not known:
+        return None
+    return pool_scalings([measure_scaling(sample_paths(one, hands, rate_hz)[0]) for one in known])
