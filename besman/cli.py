@@ -323,7 +323,14 @@ def synth(
 def evaluate_recognition(
     data: Annotated[
         Path | None,
-        typer.Option(help="Folder of recordings with segments, or of such folders."),
+        typer.Option(
+            help="Folder of recordings with segments, or of such folders; if not given, simulated "
+            "datasets of the size they have in the thesis."
+        ),
+    ] = None,
+    datasets: Annotated[
+        list[str] | None,
+        typer.Option("--dataset", help="Simulated dataset, e.g. gestures; all if not given."),
     ] = None,
     methods: Annotated[
         list[str] | None,
@@ -337,14 +344,22 @@ def evaluate_recognition(
     from rich.console import Console
 
     from besman.evaluation.recognition import check_methods, recognition_table, run_recognition
-    from besman.evaluation.recognition_data import load_sets
+    from besman.evaluation.recognition_data import load_sets, simulate_sets
+    from besman.exceptions import ConfigError
     from besman.run import write_json
     from besman.terminal import stage_display
 
     chosen = check_methods(methods)
+    if data is not None and datasets:
+        raise ConfigError("--data and --dataset: got both; expected one of them")
     with stage_display() as display:
+        if data is None:
+            progress, end = display("simulate")
+            sets = simulate_sets(datasets, progress=progress)
+            end(True)
+        else:
+            sets = load_sets(data)
         progress, end = display("recognition")
-        sets = load_sets(data)
         result = run_recognition(sets, chosen, draws, progress)
         end(True)
     if json_file is not None:

@@ -52,6 +52,7 @@ _SLOW_SHARE = 20
 _SLOW_EXAMPLES = (1, 5, 10, 20)
 _SLOW_TESTS = 200
 _SETTING_EXAMPLES = 10
+_UNKNOWN_EXAMPLES = (5, 10)
 
 
 @dataclass(frozen=True)
@@ -87,7 +88,9 @@ def run_recognition(
         ``settings``, ``subjects`` or ``unknown``), method, object_features, examples_per_class,
         draws, accuracy (every segment gets a known class), accuracy_std, per_class, train_s,
         predict_s, n_test, thesis_accuracy (None where the thesis gives no number), extract_s and
-        n_left_out (see `LabelledSet`).
+        n_left_out (see `LabelledSet`). A row of ``unknown`` has in place of accuracies and times
+        new_subject, novel_found_share (segments of a class that was left out which become unknown)
+        and known_rejected_share (segments of the other classes that do).
     """
     tasks = []
     for one in sets:
@@ -215,31 +218,42 @@ def _over_subjects(one: LabelledSet, method: str, draws: int) -> list[dict[str, 
 
 
 def _unknown_classes(one: LabelledSet, draws: int) -> list[dict[str, Any]]:
-    """Leave a class out: how many of its segments become unknown, and how many of the others."""
-    n, novel, known = 5, [], []
+    """Leave a class out: how many of its segments become unknown, and how many of the others.
+
+    First with examples of everyone, then tested on a person of whom nothing was learnt.
+    """
+    seeds = range(min(draws, 10))
+    mixed = {n: [draw_balanced(one.labels, n, seed) for seed in seeds] for n in _UNKNOWN_EXAMPLES}
+    rows = [{"new_subject": False, **_leave_out(one, n, mixed[n])} for n in mixed]
+    subjects = np.unique(one.subjects)
+    if len(subjects) > 1:
+        n = _UNKNOWN_EXAMPLES[0]
+        new = [draw_subjects(one, n, str(who), seed) for who in subjects for seed in seeds[:2]]
+        rows.append({"new_subject": True, **_leave_out(one, n, new)})
+    return [{"experiment": "unknown", **row} for row in rows if "novel_found_share" in row]
+
+
+def _leave_out(one: LabelledSet, n: int, chosen: Sequence[Draw]) -> dict[str, Any]:
+    """Leave each class out of each draw; return mean shares, nothing if too few classes remain."""
+    novel, known = [], []
     for left_out in np.unique(one.labels):
-        for seed in range(min(draws, 10)):
-            draw = draw_balanced(one.labels, n, seed)
+        for draw in chosen:
             learn = draw.learn[one.labels[draw.learn] != left_out]
-            if len(np.unique(one.labels[learn])) < 2:
+            own = one.labels[draw.test] == left_out
+            if len(np.unique(one.labels[learn])) < 2 or own.all() or not own.any():
                 continue
             labels, _, _ = _classify(one, "nearest_neighbour", Draw(learn, draw.test), {}, True)
             rejected = labels == UNKNOWN
-            own = one.labels[draw.test] == left_out
-            if own.any():
-                novel.append(float(rejected[own].mean()))
+            novel.append(float(rejected[own].mean()))
             known.append(float(rejected[~own].mean()))
     if not novel:
-        return []
-    return [
-        {
-            "experiment": "unknown",
-            "examples_per_class": n,
-            "draws": len(known),
-            "novel_found_share": float(np.mean(novel)),
-            "known_rejected_share": float(np.mean(known)),
-        }
-    ]
+        return {}
+    return {
+        "examples_per_class": n,
+        "draws": len(known),
+        "novel_found_share": float(np.mean(novel)),
+        "known_rejected_share": float(np.mean(known)),
+    }
 
 
 def _measure(
@@ -311,6 +325,7 @@ def recognition_table(result: dict[str, Any]) -> Table:
         what = "" if row["experiment"] == "examples" else f", {row['experiment']}"
         setting = f" {row['setting']}={row['value']}" if "setting" in row else ""
         if row["experiment"] == "unknown":
+            what += ", new subject" if row["new_subject"] else ""
             novel, known = row["novel_found_share"], row["known_rejected_share"]
             figures = [f"{novel:.0%} of new, {known:.1%} of known", "", ""]
         else:

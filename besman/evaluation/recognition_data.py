@@ -3,25 +3,36 @@
 from __future__ import annotations
 
 import re
+import time
 from collections import defaultdict
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
-from besman.exceptions import RecognitionError
+from besman.exceptions import ConfigError, RecognitionError, nearest
 from besman.inputs import read_inputs
 from besman.io.recordings import find_recordings
 from besman.labelling.gaps import fill_gaps
+from besman.manual_segments import IDLE
 from besman.recognition.examples import Candidate, find_candidates
 from besman.recognition.features import count_channels
 from besman.recognition.model import Recipe
 from besman.recognition.stage import RecognizeConfig
-from besman.records import LabelledRecording, Recording
+from besman.records import LabelledRecording, LabelledSegments, Recording
 from besman.resources import resource_folder
+from besman.synthetic.datasets import captures
 
 FloatArray = npt.NDArray[np.float64]
+Progress = Callable[[float], None]
+
+SIMULATED = ("pick_and_place", "lever", "ball_throw", "stick_throw", "gestures")
+"""Datasets of thesis chapter 5."""
+
+# Eleven classes in the thesis: what is between two gestures is none of them.
+_WITHOUT_REST = ("gestures",)
 
 LONGEST_GAP_S = 0.5
 """Gaps up to this length are filled, seconds."""
@@ -72,14 +83,13 @@ class LabelledSet:
         return count_channels(self.recipe.features, self.recipe.markers)
 
 
-def load_sets(data: Path | None) -> list[LabelledSet]:
+def load_sets(data: Path) -> list[LabelledSet]:
     """Read datasets.
 
     Parameters
     ----------
-    data : Path, optional
-        A folder of recordings with segments beside them, or a folder of such folders; the embedded
-        synthetic sample if not given.
+    data : Path
+        A folder of recordings with segments beside them, or a folder of such folders.
 
     Returns
     -------
@@ -92,33 +102,93 @@ def load_sets(data: Path | None) -> list[LabelledSet]:
     RecordingError
         If a recording cannot be read.
     """
-    root = resource_folder("data") / "stick_throw" if data is None else data
-    inside = sorted(path for path in root.iterdir() if path.is_dir()) if root.is_dir() else []
+    inside = sorted(path for path in data.iterdir() if path.is_dir()) if data.is_dir() else []
     folders = [folder for folder in inside if any(folder.glob("*_manually_segmented.json"))]
-    return [_load_set(folder) for folder in folders or [root]]
+    return [_load_set(folder) for folder in folders or [data]]
+
+
+def simulate_sets(
+    names: Sequence[str] | None = None,
+    n_subjects: int | None = None,
+    n_repetitions: int | None = None,
+    seed: int = 0,
+    progress: Progress = lambda done: None,
+) -> list[LabelledSet]:
+    """Simulate datasets, by default those of thesis chapter 5 and of the size they have there.
+
+    Parameters
+    ----------
+    names : sequence of str, optional
+        Some of `SIMULATED`; all if not given.
+    n_subjects, n_repetitions, seed
+        See `besman.synthetic.datasets.captures`.
+    progress : callable
+        Gets the share done.
+
+    Returns
+    -------
+    list of LabelledSet
+
+    Raises
+    ------
+    ConfigError
+        If there is no such dataset.
+    """
+    chosen = tuple(names or SIMULATED)
+    for name in chosen:
+        if name not in SIMULATED:
+            raise ConfigError(f"--dataset: no dataset {name!r}; {nearest(name, SIMULATED)}")
+    sets = []
+    for index, name in enumerate(chosen):
+
+        def report(done: float, index: int = index) -> None:
+            progress((index + done) / len(chosen))
+
+        made = list(captures(name, n_subjects, n_repetitions, seed=seed, progress=report))
+        recordings = [name_parts(capture.recording) for capture in made]
+        truth = [capture.segments for capture in made]
+        idle_s = RecognizeConfig().idle_s
+        if name in _WITHOUT_REST:
+            truth, idle_s = [_without_rest(segments) for segments in truth], np.inf
+        sets.append(_make_set(name, "synthetic", recordings, truth, idle_s))
+    return sets
+
+
+def _without_rest(segments: LabelledSegments) -> LabelledSegments:
+    return segments.take([row for row, label in enumerate(segments.labels) if label != IDLE])
 
 
 def _load_set(folder: Path) -> LabelledSet:
-    import time
-
     files = find_recordings([folder])
     beside = [file.with_name(file.stem + end) for file in files for end in _MADE_BY_SYNTH]
     made = data_is_embedded(folder) or any(path.exists() for path in beside)
     inputs = read_inputs([str(folder)])
     recordings = [_fill(name_parts(recording)) for recording in inputs.recordings]
     truth = [segments for segments in inputs.truth if segments is not None]
+    source = "synthetic" if made else "real"
+    return _make_set(folder.name, source, recordings, truth, RecognizeConfig().idle_s)
+
+
+def _make_set(
+    name: str,
+    source: str,
+    recordings: Sequence[LabelledRecording],
+    truth: Sequence[LabelledSegments],
+    idle_s: float,
+) -> LabelledSet:
+    """Compute the features of all labelled segments."""
     stage = RecognizeConfig()
-    candidates = find_candidates(recordings, truth, stage.idle_s, stage.idle_speed_m_s)
-    n_all = len(find_candidates(recordings, truth, stage.idle_s, np.inf))
+    candidates = find_candidates(recordings, truth, idle_s, stage.idle_speed_m_s)
+    n_all = len(find_candidates(recordings, truth, idle_s, np.inf))
     if not candidates:
-        raise RecognitionError(f"{folder}: no labelled segments; expected segments files")
+        raise RecognitionError(f"{name}: no labelled segments; expected segments files")
     lengths = [one.bounds[1] - one.bounds[0] for one in candidates]
     recipe = stage.make_recipe([one.recording for one in candidates], lengths)
     started = time.perf_counter()
     values = _extract(candidates, recipe)
     return LabelledSet(
-        folder.name,
-        "synthetic" if made else "real",
+        name,
+        source,
         recipe,
         values,
         np.array([one.label for one in candidates]),

@@ -56,6 +56,8 @@ def write_figures(result: dict[str, Any], sets: Sequence[LabelledSet], folder: P
 
 def _curves(rows: list[dict[str, Any]], title: str) -> str | None:
     """Accuracy over examples per class, one line for each method."""
+    from matplotlib.ticker import MaxNLocator
+
     if not rows:
         return None
     figure = new_figure(6, 4)
@@ -79,6 +81,7 @@ def _curves(rows: list[dict[str, Any]], title: str) -> str | None:
             at = np.array(known)
             axes.scatter(at[:, 0], at[:, 1], color=colour, marker="x", s=40, zorder=3)
     axes.set_ylim(min(60, *axes.get_ylim()), 101)
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set_xlabel("examples per class")
     axes.set_ylabel("accuracy [%]")
     axes.set_title(f"{title}; x: thesis", fontsize=9)
@@ -89,16 +92,22 @@ def _curves(rows: list[dict[str, Any]], title: str) -> str | None:
 
 def _settings(rows: list[dict[str, Any]], title: str) -> str | None:
     """Accuracy, training time and prediction time over one parameter of each method."""
+    from matplotlib.ticker import NullFormatter
+
     if not rows:
         return None
     most = any(row["object_features"] for row in rows)
     rows = [row for row in rows if row["object_features"] == most]
     methods = list(dict.fromkeys(row["method"] for row in rows))
-    figure = new_figure(2.6 * len(methods), 6)
+    figure = new_figure(max(2.6 * len(methods), 4), 6)
     measures = (("accuracy", "accuracy"), ("train_s", "training [s]"), ("predict_s", "test [s]"))
-    # One scale for all methods: their times lie orders of magnitude apart.
+    # One scale for all methods: their times lie orders of magnitude apart. Whole decades, so that
+    # at least two ticks are named.
     limits = {
-        key: (min(row[key] for row in rows) / 2, 2 * max(row[key] for row in rows))
+        key: (
+            10 ** np.floor(np.log10(min(row[key] for row in rows))),
+            10 ** np.ceil(np.log10(max(row[key] for row in rows))),
+        )
         for key in ("train_s", "predict_s")
     }
     for column, method in enumerate(methods):
@@ -112,6 +121,7 @@ def _settings(rows: list[dict[str, Any]], title: str) -> str | None:
                 axes.set_title(method.replace("_", " "), fontsize=9)
             else:
                 axes.set_yscale("log")
+                axes.yaxis.set_minor_formatter(NullFormatter())
                 axes.set_ylim(*limits[key])
             if column == 0:
                 axes.set_ylabel(name)
@@ -146,7 +156,7 @@ def _map(one: LabelledSet, title: str) -> str | None:
                 places[own, 1],
                 color=colour,
                 marker=_SHAPES[shape % len(_SHAPES)],
-                s=14,
+                s=18,
                 linewidths=0,
                 label=label if shape == 0 else None,
             )

@@ -10,7 +10,7 @@ from besman.evaluation.recognition import (
     recognition_table,
     run_recognition,
 )
-from besman.evaluation.recognition_data import LabelledSet, load_sets, name_parts
+from besman.evaluation.recognition_data import LabelledSet, load_sets, name_parts, simulate_sets
 from besman.evaluation.recognition_figures import write_figures
 from besman.exceptions import ConfigError, RecognitionError
 from besman.recognition.model import Recipe
@@ -58,7 +58,13 @@ def test_experiments_give_rows_and_figures(toy, tmp_path):
     assert all(r["accuracy"] == 1.0 for r in plain if r["experiment"] == "examples")
     assert [r["examples_per_class"] for r in plain if r["experiment"] == "examples"][-1] == 10
     unknown = [r for r in result["rows"] if r["experiment"] == "unknown"]
-    assert unknown[0]["known_rejected_share"] < 0.1
+    assert [(r["examples_per_class"], r["new_subject"]) for r in unknown[:3]] == [
+        (5, False),
+        (10, False),
+        (5, True),
+    ]
+    assert all(r["known_rejected_share"] < 0.1 for r in unknown)
+    assert all(r["novel_found_share"] > 0.9 for r in unknown if not r["object_features"])
     assert shares == [0.5, 1.0]
     assert recognition_table(result).row_count == len(result["rows"])
     paths = write_figures(result, [toy], tmp_path / "figures")
@@ -81,11 +87,42 @@ def test_other_methods_are_measured_too(toy, method):
 
 
 def test_the_embedded_sample_is_synthetic():
-    (one,) = load_sets(None)
+    from besman.resources import resource_folder
+
+    (one,) = load_sets(resource_folder("data") / "stick_throw")
     assert (one.name, one.source) == ("stick_throw", "synthetic")
     assert {"throw", "idle"} <= set(one.labels)
     assert set(one.subjects) == {"subject1", "subject2"}
     assert one.values.shape[:2] == (len(one.labels), 25)
+
+
+def test_datasets_are_simulated_gestures_in_a_suit_included():
+    shares = []
+    throws, gestures = simulate_sets(["ball_throw", "gestures"], 2, 1, progress=shares.append)
+    assert {throws.source, gestures.source} == {"synthetic"}
+    assert "idle" in throws.labels
+    # As in the thesis: eleven classes, each once by each of two people, no rest.
+    assert len(gestures.labels) == 22
+    assert len(set(gestures.labels)) == 11
+    assert set(gestures.subjects) == {"subject1", "subject2"}
+    assert gestures.recipe.markers[0] == "right_hand"
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+
+
+def test_a_dataset_that_is_not_there_is_refused():
+    with pytest.raises(ConfigError, match="--dataset: no dataset 'gesture'; did you mean 'gestu"):
+        simulate_sets(["gesture"])
+
+
+def test_data_and_dataset_exclude_each_other(tmp_path):
+    from typer.testing import CliRunner
+
+    from besman.cli import app
+
+    options = ["evaluate", "recognition", "--data", str(tmp_path), "--dataset", "gestures"]
+    outcome = CliRunner().invoke(app, options)
+    assert "--data and --dataset: got both; expected one of them" in str(outcome.exception)
 
 
 def test_a_folder_without_labels_is_refused(tmp_path):
