@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check
 
-.PHONY: run test install lint bench clean-venv
+.PHONY: run test test-lstm install lint bench clean-venv
 .DEFAULT_GOAL := run
 
 run: install
@@ -12,6 +12,11 @@ run: install
 
 test: $(VENV)/.test
 	$(BIN)/python -m pytest
+
+# What `make test` skips because torch is large: with its requirements 0.9 GB where pip finds a build
+# for the CPU; the usual wheel cannot be imported without its CUDA libraries, several GB more.
+test-lstm: $(VENV)/.lstm
+	$(BIN)/python -m pytest tests/recognition tests/evaluation/test_recognition.py -k "lstm or torch"
 
 install: $(VENV)/.installed
 
@@ -41,6 +46,10 @@ $(VENV)/.test: $(VENV)/.installed
 	@if command -v cc >/dev/null; then \
 		$(PIP) install --quiet --constraint constraints.txt --editable ".[test,oracle]"; \
 	else echo "no C compiler: the tests against movement-primitives are skipped"; fi
+	@touch $@
+
+$(VENV)/.lstm: $(VENV)/.test
+	$(PIP) install --quiet --constraint constraints.txt --editable ".[test,lstm]"
 	@touch $@
 
 clean-venv:
