@@ -148,3 +148,54 @@ def test_every_stage_learns_and_names(method, one_arm):
         for a, b in zip(one.labels, t.labels, strict=True)
     ]
     assert np.mean(right) > (0.8 if method == "hmm" else 0.9)
+
+
+def test_one_example_of_each_class_and_all_alike_are_enough(one_arm):
+    recordings, truth = one_arm
+    model = RecognizeConfig(examples_per_class=1).train(recordings, truth)
+    assert len(model.labels) == 4
+    assert set(name_segments(model, recordings[0], truth[0].bounds)[0]) <= {
+        *model.labels,
+        "unknown",
+    }
+    same = fit(ramps(0, 0, 1, 1), "aabb", factor=1.0)
+    assert classify_features(same, ramps(0.0, 1.0, 9.0))[0] == ("a", "b", "unknown")
+
+
+def test_examples_of_two_samples_are_learnt_and_of_one_refused(one_arm):
+    recordings, truth = one_arm
+    bounds = np.array([[0, 2], [100, 102]])
+    short = dataclasses.replace(
+        truth[0], bounds=bounds, labels=("forward", "up"), distances=np.zeros(2)
+    )
+    model = RecognizeConfig(idle_s=1e6).train(recordings[:1], (short,))
+    assert name_segments(model, recordings[0], bounds)[0] == ("forward", "up")
+    shorter = dataclasses.replace(short, bounds=np.array([[0, 1], [100, 102]]))
+    with pytest.raises(RecognitionError, match=r"0.tsv: got segment \[0, 1\); expected at least 2"):
+        RecognizeConfig(idle_s=1e6).train(recordings[:1], (shorter,))
+
+
+def test_an_example_with_a_gap_is_refused(one_arm):
+    recordings, truth = one_arm
+    hidden = hide(recordings[0], "elbow", slice(0, None))
+    with pytest.raises(RecognitionError, match=r"0.tsv: marker 'elbow' was not seen in frame 1"):
+        RecognizeConfig().train((hidden,), truth[:1])
+
+
+def test_a_marker_that_a_feature_needs_is_missed(one_arm):
+    recordings, truth = one_arm
+    model = RecognizeConfig().train(recordings, truth)
+    for name, message in (
+        ("hand_left", "0.tsv: hand_orientation needs hand_top's orientation or three markers"),
+        ("elbow", "0.tsv: no arm is complete: got back_top"),
+        ("back_left", "0.tsv: no marker 'back_left': the person's frame needs back_top"),
+    ):
+        keep = [k for k, marker in enumerate(recordings[0].markers) if marker != name]
+        less = dataclasses.replace(
+            recordings[0],
+            positions=recordings[0].positions[:, keep],
+            markers=tuple(recordings[0].markers[k] for k in keep),
+            filled=recordings[0].filled[:, keep],
+        )
+        with pytest.raises(RecognitionError, match=message):
+            name_segments(model, less, truth[0].bounds)
