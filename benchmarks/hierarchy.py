@@ -2,6 +2,9 @@
 
 Run as ``python benchmarks/hierarchy.py``. Times are the best of five; the movements are random
 walks of one arm at 100 Hz, a block a second. Enumeration is shown as far as it goes.
+
+Then everything together, sample by sample (``besman follow``): segmentation, recognition and
+actions of simulated captures at 100 Hz, learnt from one capture and measured on another.
 """
 
 from __future__ import annotations
@@ -13,9 +16,18 @@ from collections.abc import Callable
 
 import numpy as np
 
+from besman.evaluation.demonstrations import arm_markers, name_markers
+from besman.following.arms import Arm
+from besman.following.follower import Follower
 from besman.hierarchy.actions import LevelModel, compose_level, name_spans, train_level
+from besman.hierarchy.borders import measure_brisk
 from besman.hierarchy.online import OnlineHierarchy
+from besman.recognition.stage import RecognizeConfig
 from besman.records import LabelledRecording
+from besman.segmentation.sampling import sample_paths
+from besman.segmentation.signals import measure_scaling
+from besman.segmentation.stage import VmciOnlineConfig
+from besman.synthetic.datasets import captures
 
 RATE_HZ = 100.0
 ARM = ("hand_top", "elbow", "shoulder")
@@ -54,6 +66,72 @@ def enumerate_all(recording: LabelledRecording, borders: np.ndarray, model: Leve
     return -best
 
 
+def make_follower(dataset: str) -> tuple[Follower, np.ndarray]:
+    """Learn from one capture; return what follows another, and that one's positions."""
+    lesson, test = itertools.islice(captures(dataset, n_subjects=2), 2)
+    known, stream = name_markers(lesson.recording), name_markers(test.recording)
+    segment = VmciOnlineConfig(rate_hz=30.0)
+    arms, hands = [], {}
+    of_arms = arm_markers(known.markers)
+    for side, markers in of_arms.items():
+        blocks = lesson.layers[f"{side}_hand"]
+        model = RecognizeConfig(markers=markers, examples_per_class=4).train((known,), (blocks,))
+        scaling = measure_scaling(sample_paths(known, markers[:1], segment.rate_hz)[0])
+        arms.append(Arm(side, markers[:1], model, scaling))
+        hands[markers[0]] = measure_brisk([known], markers[0])
+    names = [name for markers in of_arms.values() for name in markers]
+    truth = lesson.segments
+    level = train_level([known], [truth.bounds], [truth.labels], names)
+    follower = Follower(
+        stream.markers, stream.rate_hz, arms, [level], segment, brisk_m_s=hands,
+        longest_blocks=12, source=stream.source,
+    )  # fmt: skip
+    return follower, stream.positions
+
+
+def follow(dataset: str) -> None:
+    warm, positions = make_follower(dataset)
+    for sample in positions[:1000]:
+        warm.push(sample)
+    follower, positions = make_follower(dataset)
+    seconds, busy = np.empty((2, len(positions)))
+    first: dict[tuple[str, str, int, int], int] = {}
+    final: dict[tuple[str, str, int, int], int] = {}
+    for row, sample in enumerate(positions):
+        start, start_busy = time.perf_counter(), time.thread_time()
+        changes = follower.push(sample)
+        busy[row] = time.thread_time() - start_busy
+        seconds[row] = time.perf_counter() - start
+        for change in changes:
+            one = change.piece
+            key = (one.kind, one.of, one.start, one.end)
+            if change.status != "gone":
+                first.setdefault(key, row + 1)
+            if change.status == "final":
+                final[key] = row + 1
+    follower.finish()
+    print(f"\n{dataset}: {len(positions)} samples, {len(follower.state.blocks)} arms")
+    for name, values in (("wall clock", seconds), ("this thread", busy)):
+        median, high, worst = 1e3 * np.array([*np.percentile(values, (50, 99.9)), values.max()])
+        print(
+            f"per sample, {name}: median {median:.3f} ms, 99.9th percentile {high:.2f} ms, most "
+            f"{worst:.2f} ms, mean {1e3 * values.mean():.3f} ms"
+        )
+    for kind in ("block", "action"):
+        known, settled = (
+            [
+                (row - key[3]) / RATE_HZ
+                for key, row in rows.items()
+                if key in final and key[0] == kind
+            ]
+            for rows in (first, final)
+        )
+        print(
+            f"{len(settled)} {kind}s final before the end: known {np.median(known):.2f} s, final "
+            f"{np.median(settled):.2f} s after their end (medians)"
+        )
+
+
 def main() -> None:
     print(f"{'blocks':>7} {'bar':>9} {'exact':>10} {'enumeration':>12} {'online, a block':>16}")
     for n_blocks, bar in ((12, "5 ms"), (30, "50 ms"), (100, "2 s")):
@@ -87,6 +165,8 @@ def main() -> None:
             online.update(piece)
             times.append(time.perf_counter() - start)
         print(line + f" {1e3 * float(np.median(times)):13.2f} ms")
+    for dataset in ("step", "object_rotation"):
+        follow(dataset)
 
 
 if __name__ == "__main__":

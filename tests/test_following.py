@@ -13,15 +13,18 @@ from besman.following.arms import Arm
 from besman.following.candidates import CandidateStream
 from besman.following.follower import Follower
 from besman.following.frames import FrameBuffer
+from besman.following.plans import FollowPlan, label_stream
 from besman.hierarchy.actions import compose_levels, train_level
 from besman.hierarchy.borders import candidate_borders, measure_brisk, merge_borders
 from besman.labelling.holding import HeldSample
+from besman.labelling.stage import LabelConfig
 from besman.recognition.model import name_segments
 from besman.recognition.stage import RecognizeConfig
 from besman.records import LabelledRecording, LabelledSegments
 from besman.segmentation.sampling import sample_paths
 from besman.segmentation.signals import measure_scaling, pool_scalings
 from besman.segmentation.stage import SegmentConfig, VmciOnlineConfig
+from besman.synthetic.datasets import captures
 
 RATE_HZ, METHOD_HZ, BORDER = 60.0, 20.0, 0.05
 BACK = ("back_top", "back_left", "back_right")
@@ -326,6 +329,23 @@ def test_scaling_measured_on_the_stream(lesson, walk):
     early = Follower(walk.markers, RATE_HZ, [measured], (), SEGMENT)
     rows = [row for row, sample in enumerate(walk.positions) if early.push(sample)]
     assert rows[0] == round(10 * RATE_HZ) - 1
+
+
+def test_a_sensor_suit_is_followed_with_its_orientations():
+    capture = next(captures("gestures", 1, 1))
+    recording = label_stream(FollowPlan((), LabelConfig(markers="xsens")), capture.recording)
+    model = RecognizeConfig().train((recording,), (capture.segments,))
+    assert "hand_orientation" in model.recipe.features
+    hand = model.recipe.markers[0]
+    arm = Arm("right", (hand,), model, scaling_of(recording, hand))
+    follower = Follower(
+        recording.markers, recording.rate_hz, [arm], (), SEGMENT, oriented=True
+    )  # fmt: skip
+    samples = np.concatenate([recording.positions, recording.orientations], axis=2)
+    with pytest.raises(RecordingError, match=r"got shape \(\d+, 3\); expected \(\d+, 7\)"):
+        follower.push(recording.positions[0])
+    follow(follower, samples, 10)
+    check_pieces(follower.state.blocks["right"], *offline_blocks(recording, hand, model))
 
 
 def test_pooled_scaling():
