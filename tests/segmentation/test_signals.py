@@ -4,7 +4,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from besman.segmentation.signals import prepare_signals, resample
+from besman.segmentation.signals import (
+    measure_scaling,
+    pool_scalings,
+    prepare_signals,
+    resample,
+)
 
 
 def make_path(seed=0, n_samples=80, m=1):
@@ -76,3 +81,14 @@ def test_steady_movement_has_finite_speeds():
     signals = prepare_signals(path)
     assert signals.moves
     np.testing.assert_allclose(signals.speeds, 1.0)
+
+
+def test_pooled_scaling():
+    rng = np.random.default_rng(0)
+    paths = [np.cumsum(rng.normal(size=(400, 2, 3)), axis=0) for _ in range(2)]
+    one, two = (measure_scaling(path) for path in paths)
+    both = pool_scalings([one, two])
+    np.testing.assert_allclose(both.step, np.sqrt((one.step**2 + two.step**2) / 2))
+    still = measure_scaling(np.zeros((5, 2, 3)))
+    np.testing.assert_allclose(pool_scalings([one, still]).change, one.change)
+    assert np.isinf(pool_scalings([still, still]).step).all()

@@ -5,24 +5,19 @@ import itertools
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from besman.exceptions import LabellingError, RecognitionError, RecordingError, SegmentationError
 from besman.following.arms import Arm
-from besman.following.candidates import CandidateStream
 from besman.following.follower import Follower
-from besman.following.frames import FrameBuffer
-from besman.following.plans import FollowPlan, label_stream
+from besman.following.plans import FollowPlan, label_stream, make_follower
 from besman.hierarchy.actions import compose_levels, train_level
 from besman.hierarchy.borders import candidate_borders, measure_brisk, merge_borders
-from besman.labelling.holding import HeldSample
 from besman.labelling.stage import LabelConfig
 from besman.recognition.model import name_segments
 from besman.recognition.stage import RecognizeConfig
 from besman.records import LabelledRecording, LabelledSegments
 from besman.segmentation.sampling import sample_paths
-from besman.segmentation.signals import measure_scaling, pool_scalings
+from besman.segmentation.signals import measure_scaling
 from besman.segmentation.stage import SegmentConfig, VmciOnlineConfig
 from besman.synthetic.datasets import captures
 
@@ -189,36 +184,6 @@ def test_with_places_where_hands_are_slow_all_is_as_for_the_whole_recording(less
         )  # fmt: skip
 
 
-@settings(deadline=None, max_examples=100)
-@given(st.integers(0, 10_000), st.sampled_from([10.0, 60.0, 100.0]), st.booleans())
-def test_candidates_are_those_of_the_whole_recording(seed, rate_hz, with_hands):
-    rng = np.random.default_rng(seed)
-    n = 400
-    path = np.cumsum(rng.normal(size=(n, 2, 3)) * rng.choice([0, 0.1, 1.0], n)[:, None, None], 0)
-    names = ("hand_top", "left_hand_top")
-    recording = LabelledRecording(
-        np.arange(n) / rate_hz, path, names, np.zeros((n, 2), dtype=bool), rate_hz, "stream"
-    )
-    hands = names if with_hands else ()
-    per_arm = [np.unique([0, *rng.integers(1, n, 25), n]) for _ in range(2)]
-    frames = FrameBuffer(names, rate_hz, "stream", 1)
-    stream = CandidateStream({hand: measure_brisk([recording], hand) for hand in hands}, frames)
-    found = [0]
-    for row in range(n):
-        frames.add(HeldSample(path[row], np.zeros(2, dtype=bool), np.zeros(2, dtype=bool)))
-        stream.add(path[row])
-        # All borders so far are known, and final 50 rows later.
-        after = stream.final_border
-        present = [[b for b in rows.tolist() if after < b <= row] for rows in per_arm]
-        final = min(max(b for b in (*rows, 0) if b <= max(0, row - 50)) for rows in per_arm)
-        rows, n_final = stream.update(present, int(final), False)
-        found += rows[:n_final]
-    stream.finish()
-    present = [[b for b in rows.tolist() if b > stream.final_border] for rows in per_arm]
-    found += stream.update(present, n, True)[0]
-    assert found == candidate_borders(recording, per_arm, hands).tolist()
-
-
 @pytest.mark.parametrize("hands", [(), ("hand_top",)])
 def test_changes_add_up_to_the_state_and_what_is_final_stays(lesson, walk, hands):
     models, levels = lesson
@@ -331,6 +296,21 @@ def test_scaling_measured_on_the_stream(lesson, walk):
     assert rows[0] == round(10 * RATE_HZ) - 1
 
 
+def test_each_model_is_an_arm(lesson, walk):
+    models, levels = lesson
+    earlier = person(["step_up"] * 2, 7)[0]
+    plan = FollowPlan(
+        ((models[0], ("hand_top",)), (models[1], ())), segment=SEGMENT, levels=levels,
+        slow_hands=("hand_top",), longest_blocks=12, earlier=(earlier,),
+    )  # fmt: skip
+    follower = make_follower(plan, walk, 20, 0.2)
+    follow(follower, walk.positions, 10)
+    assert list(follower.state.blocks) == ["right", "left"]
+    assert len(follower.state.blocks["left"]) > 10
+    joint = dataclasses.replace(plan, models=((models[0], ("hand_top", "left_hand_top")),))
+    assert list(make_follower(joint, walk, 20, 0.2).state.blocks) == ["right+left"]
+
+
 def test_a_sensor_suit_is_followed_with_its_orientations():
     capture = next(captures("gestures", 1, 1))
     recording = label_stream(FollowPlan((), LabelConfig(markers="xsens")), capture.recording)
@@ -346,17 +326,6 @@ def test_a_sensor_suit_is_followed_with_its_orientations():
         follower.push(recording.positions[0])
     follow(follower, samples, 10)
     check_pieces(follower.state.blocks["right"], *offline_blocks(recording, hand, model))
-
-
-def test_pooled_scaling():
-    rng = np.random.default_rng(0)
-    paths = [np.cumsum(rng.normal(size=(400, 2, 3)), axis=0) for _ in range(2)]
-    one, two = (measure_scaling(path) for path in paths)
-    both = pool_scalings([one, two])
-    np.testing.assert_allclose(both.step, np.sqrt((one.step**2 + two.step**2) / 2))
-    still = measure_scaling(np.zeros((5, 2, 3)))
-    np.testing.assert_allclose(pool_scalings([one, still]).change, one.change)
-    assert np.isinf(pool_scalings([still, still]).step).all()
 
 
 def test_bad_streams(lesson, walk):
