@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
+from besman.evaluation.draws import Draw, draw_balanced, draw_subjects
 from besman.evaluation.recognition_data import LabelledSet
 from besman.exceptions import ConfigError, nearest
 from besman.recognition.model import Examples, classify_features, fit_model
@@ -19,7 +19,6 @@ from besman.recognition.stage import CONFIGS, RecognizeConfig
 if TYPE_CHECKING:
     from rich.table import Table
 
-IntArray = npt.NDArray[np.int64]
 Progress = Callable[[float], None]
 
 EXAMPLES = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 15, 20)
@@ -53,14 +52,6 @@ _SLOW_EXAMPLES = (1, 5, 10, 20)
 _SLOW_TESTS = 200
 _SETTING_EXAMPLES = 10
 _UNKNOWN_EXAMPLES = (5, 10)
-
-
-@dataclass(frozen=True)
-class Draw:
-    """One division of a set: rows to learn from, rows to test with."""
-
-    learn: IntArray
-    test: IntArray
 
 
 def run_recognition(
@@ -136,40 +127,11 @@ def check_methods(names: Sequence[str] | None) -> tuple[str, ...]:
     return tuple(names or there)
 
 
-def draw_balanced(labels: npt.NDArray[np.str_], n: int, seed: int) -> Draw:
-    """Draw as many examples of each class; a class with no more than that is left out."""
-    rng = np.random.default_rng(seed)
-    learn: list[int] = []
-    kept: list[int] = []
-    for name in np.unique(labels):
-        rows = rng.permutation(np.flatnonzero(labels == name))
-        if len(rows) > n:
-            learn += rows[:n].tolist()
-            kept += rows[n:].tolist()
-    return Draw(np.sort(learn).astype(np.int64), np.sort(kept).astype(np.int64))
-
-
 def _warm_up(one: LabelledSet, method: str) -> None:
     """Load and compile what a method needs, which is no part of its times."""
     name, values = SETTINGS[method]
     draw = draw_balanced(one.labels, 1, 0)
     _classify(one, method, Draw(draw.learn, draw.test[:2]), {name: min(values[1], len(draw.learn))})
-
-
-def draw_subjects(one: LabelledSet, n: int, left_out: str, seed: int) -> Draw:
-    """Draw examples of each class and each subject but one, who is tested."""
-    rng = np.random.default_rng(seed)
-    learn: list[int] = []
-    for subject in np.unique(one.subjects):
-        for name in np.unique(one.labels):
-            own = np.flatnonzero((one.subjects == subject) & (one.labels == name))
-            chosen = rng.permutation(own)[:n]
-            if subject != left_out:
-                learn += chosen.tolist()
-    test = np.flatnonzero(
-        (one.subjects == left_out) & np.isin(one.labels, np.unique(one.labels[learn]))
-    )
-    return Draw(np.sort(learn).astype(np.int64), test)
 
 
 def _over_examples(one: LabelledSet, method: str, draws: int) -> list[dict[str, Any]]:

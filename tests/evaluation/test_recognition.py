@@ -3,13 +3,8 @@ import json
 import numpy as np
 import pytest
 
-from besman.evaluation.recognition import (
-    check_methods,
-    draw_balanced,
-    draw_subjects,
-    recognition_table,
-    run_recognition,
-)
+from besman.evaluation.draws import draw_balanced, draw_subjects
+from besman.evaluation.recognition import check_methods, recognition_table, run_recognition
 from besman.evaluation.recognition_data import LabelledSet, load_sets, name_parts, simulate_sets
 from besman.evaluation.recognition_figures import write_figures
 from besman.exceptions import ConfigError, RecognitionError
