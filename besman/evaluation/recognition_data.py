@@ -13,9 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.exceptions import ConfigError, RecognitionError, nearest
+from besman.gaps import fill_gaps
 from besman.inputs import read_inputs
 from besman.io.recordings import find_recordings
-from besman.labelling.gaps import fill_gaps
 from besman.manual_segments import IDLE
 from besman.recognition.examples import Candidate, find_candidates
 from besman.recognition.features import count_channels

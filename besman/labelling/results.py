@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from besman.labelling.gaps import BoolArray, find_runs
+from besman.gaps import BoolArray, find_runs
 from besman.labelling.marker_set import MarkerSet, normalise_name
 from besman.labelling.record import NamedRecording
 from besman.records import LabelledRecording, Recording

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from besman.exceptions import LabellingError
-from besman.labelling.gaps import fill_gaps, find_runs
+from besman.gaps import fill_gaps, find_runs
 from besman.labelling.given import model_from_pose
 from besman.labelling.marker_set import MarkerSet
 from besman.labelling.model import MarkerModel

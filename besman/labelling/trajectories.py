@@ -6,16 +6,16 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.exceptions import LabellingError
+from besman.gaps import BoolArray, fill_gaps
 from besman.labelling.fragments import split_fragments
-from besman.labelling.gaps import BoolArray, fill_gaps
 from besman.labelling.learning import learn_marker_model
 from besman.labelling.marker_set import MarkerSet
 from besman.labelling.model import MarkerModel
 from besman.labelling.naming import label_fragments
 from besman.labelling.record import NameDecision, NamedRecording
-from besman.labelling.rigid import fill_cluster
 from besman.labelling.scores import GHOST
 from besman.records import Recording
+from besman.rigid_bodies import fill_cluster
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from besman.labelling.gaps import find_runs
+from besman.gaps import find_runs
 from besman.labelling.record import NamedRecording
 from besman.report.figures import COLOURS, INK, new_figure, style
 

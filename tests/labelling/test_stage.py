@@ -6,8 +6,8 @@ import pytest
 from pydantic import ValidationError
 
 from besman.exceptions import LabellingError
+from besman.gaps import find_runs
 from besman.io.recordings import find_recordings, read_recording
-from besman.labelling.gaps import find_runs
 from besman.labelling.marker_set import MarkerSet, load_marker_set
 from besman.labelling.results import label_results
 from besman.labelling.stage import LabelConfig

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 
-from besman.labelling.gaps import BoolArray, find_runs
+from besman.gaps import BoolArray, find_runs
 
 FloatArray = npt.NDArray[np.float64]
 
