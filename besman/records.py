@@ -6,8 +6,8 @@ Arrays are copied, made read-only and checked once, at construction.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -29,7 +29,8 @@ def _freeze(record: object, shapes: dict[str, tuple[int | str, ...]], **dtypes: 
     lengths: dict[str, int] = {}
     for name, shape in shapes.items():
         dtype = dtypes.get(name, np.float64)
-        array: npt.NDArray[Any] = np.array(getattr(record, name), dtype=dtype)
+        # One layout in memory, because sums over other layouts round differently.
+        array: npt.NDArray[Any] = np.array(getattr(record, name), dtype=dtype, order="C")
         if array.size == 0 and 0 not in array.shape[: len(shape)]:
             array = array.reshape([0 if isinstance(side, str) else side for side in shape])
         expected = [lengths.get(side, side) if isinstance(side, str) else side for side in shape]
@@ -49,8 +50,40 @@ def _freeze(record: object, shapes: dict[str, tuple[int | str, ...]], **dtypes: 
         object.__setattr__(record, name, array)
 
 
+class Record:
+    """A record; in another process it is made anew, so that it is checked and read-only there."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        values = {one.name: getattr(self, one.name) for one in fields(cast(Any, self))}
+        return _make, (type(self), values)
+
+
+def _make(kind: type[Any], values: dict[str, Any]) -> Any:
+    """Make a record of its fields."""
+    return kind(**values)
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A demonstration or motion that a stage had to leave out.
+
+    Attributes
+    ----------
+    name : str
+        Of the demonstration or motion.
+    reason : str
+        Why it was left out.
+    """
+
+    name: str
+    reason: str
+
+    def __str__(self) -> str:
+        return f"{self.name}: {self.reason}"
+
+
 @dataclass(frozen=True, eq=False)
-class Recording:
+class Recording(Record):
     """What the cameras delivered.
 
     Attributes
@@ -93,7 +126,7 @@ class Recording:
 
 
 @dataclass(frozen=True, eq=False)
-class LabelledRecording:
+class LabelledRecording(Record):
     """A recording whose trajectories carry the names of a marker set.
 
     Attributes
@@ -147,7 +180,7 @@ class LabelledRecording:
 
 
 @dataclass(frozen=True, eq=False)
-class Segments:
+class Segments(Record):
     """Building blocks of one recording.
 
     Attributes
@@ -175,7 +208,7 @@ class Segments:
 
 
 @dataclass(frozen=True, eq=False)
-class LabelledSegments:
+class LabelledSegments(Record):
     """Building blocks with names. Manual segments are written as this record too.
 
     Attributes
@@ -225,7 +258,7 @@ class LabelledSegments:
 
 
 @dataclass(frozen=True, eq=False)
-class Actions:
+class Actions(Record):
     """What the building blocks of one recording make.
 
     Attributes
@@ -249,7 +282,7 @@ class Actions:
 
 
 @dataclass(frozen=True, eq=False)
-class HandTrajectory:
+class HandTrajectory(Record):
     """The hand of one selected demonstration.
 
     Attributes
@@ -277,7 +310,7 @@ class HandTrajectory:
 
 
 @dataclass(frozen=True, eq=False)
-class JointTrajectory:
+class JointTrajectory(Record):
     """A movement of one robot arm.
 
     Attributes
@@ -332,7 +365,7 @@ class JointTrajectory:
 
 
 @dataclass(frozen=True, eq=False)
-class MotionPlan:
+class MotionPlan(Record):
     """A joint-space dynamical movement primitive.
 
     Attributes
@@ -379,7 +412,7 @@ class MotionPlan:
 
 
 @dataclass(frozen=True, eq=False)
-class RefinedMotion:
+class RefinedMotion(Record):
     """A motion plan after the search, and what it does in simulation.
 
     Attributes

@@ -2,30 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-
 from pydantic import BaseModel, ConfigDict
 
+from besman.work import Work
 
-def _ignore(done: float) -> None:
-    """Take no notice of progress."""
-
-
-@dataclass(frozen=True)
-class Work:
-    """How to run a stage, as opposed to what it computes: never changes a result.
-
-    Attributes
-    ----------
-    jobs : int
-        Threads or processes that may be used.
-    progress : callable
-        Called with the share done, 0 to 1.
-    """
-
-    jobs: int = 1
-    progress: Callable[[float], None] = _ignore
+__all__ = ["Config", "Stage", "Work"]
 
 
 class Config(BaseModel):

@@ -9,9 +9,8 @@ learning platform for automated robot skill learning, 2018. doi:10.3389/frobt.20
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -20,11 +19,12 @@ from besman.exceptions import MappingError
 from besman.frames import quaternion_to_rotation, rotation_to_quaternion
 from besman.mapping.placement import Placement, TermWeights, find_placement
 from besman.mapping.time_scaling import ScaledPath, scale_path
-from besman.records import HandTrajectory, JointTrajectory
+from besman.records import Failure, HandTrajectory, JointTrajectory
 from besman.robot.inverse_kinematics import IkWeights, solve_path
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.limits import LimitReport, check_limits, resample
 from besman.robot.model import Robot
+from besman.work import Notes, Work, failure_of
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -71,8 +71,8 @@ class Mapping:
         Those that the arm can run; none violates a limit at 1 kHz.
     placement : array, shape (4, 4)
         Back frame to the robot's world frame, metres.
-    failed : tuple of str
-        ``name: reason`` of those that it cannot.
+    failed : tuple of Failure
+        Those that it cannot, with the reason.
     terms : dict of float
         Cost terms of the placement.
     limit_violations, self_collisions : int
@@ -81,7 +81,7 @@ class Mapping:
 
     trajectories: tuple[JointTrajectory, ...]
     placement: FloatArray
-    failed: tuple[str, ...]
+    failed: tuple[Failure, ...]
     terms: dict[str, float]
     limit_violations: int
     self_collisions: int
@@ -91,9 +91,7 @@ def map_embodiment(
     demonstrations: tuple[HandTrajectory, ...],
     robot: Robot,
     settings: MappingSettings,
-    *,
-    jobs: int = 1,
-    progress: Callable[[float], None] = lambda done: None,
+    work: Work = Work(),
 ) -> Mapping:
     """Map demonstrations to an arm: one placement for all, then joint angles, then time.
 
@@ -104,10 +102,8 @@ def map_embodiment(
     robot : Robot
         The arm with its tool.
     settings : MappingSettings
-    jobs : int
-        Threads; does not change the result.
-    progress : callable
-        Called with the share done.
+    work : Work
+        Threads, processes and progress; what cannot be mapped is in the result.
 
     Returns
     -------
@@ -116,57 +112,88 @@ def map_embodiment(
     Raises
     ------
     MappingError
-        If there is no demonstration, one is not finite, or none can be transferred.
+        If there is no demonstration, or none can be transferred.
     """
-    _check(demonstrations)
-    paths = [tool_poses(one, robot) for one in demonstrations]
+    if not demonstrations:
+        raise MappingError("map: expected at least one demonstration, got none")
+    notes = Notes()
+    usable = _usable(demonstrations, notes)
+    paths = [tool_poses(one, robot) for one in usable]
     placement = find_placement(
         robot,
-        [(one.time, path) for one, path in zip(demonstrations, paths, strict=True)],
+        [(one.time, path) for one, path in zip(usable, paths, strict=True)],
         weights=settings.terms,
         ik_weights=settings.ik,
         free_spin=settings.free_spin,
         evaluations=settings.evaluations,
         seed=settings.seed,
-        back_height=_back_height(demonstrations),
-        jobs=jobs,
-        progress=lambda done: progress(0.7 * done),
+        back_height=_back_height(usable),
+        jobs=work.jobs,
+        progress=work.part(0.0, 0.7).progress,
     )
-    with ThreadPoolExecutor(max_workers=jobs) as threads:
-        mapped = list(
-            threads.map(
-                lambda pair: _map_one(pair[0], placement.pose @ pair[1], robot, settings),
-                zip(demonstrations, paths, strict=True),
-            )
+    mapped = replace(work.part(0.7, 1.0), notes=notes).map(
+        partial(_map_placed, pose=placement.pose, robot=robot, settings=settings),
+        usable,
+        processes=True,
+    )
+    if work.notes is not None:
+        work.notes.add_workers(notes)
+    mapping = _sort_out(mapped, placement, robot, notes.failures, settings)
+    order = {one.name: at for at, one in enumerate(demonstrations)}
+    return replace(mapping, failed=tuple(sorted(mapping.failed, key=lambda one: order[one.name])))
+
+
+def _usable(demonstrations: tuple[HandTrajectory, ...], notes: Notes) -> tuple[HandTrajectory, ...]:
+    """Leave out and note what cannot be mapped at all."""
+    usable = []
+    for one in demonstrations:
+        try:
+            _check(one)
+        except MappingError as error:
+            notes.failures.append(failure_of(one.name, error))
+        else:
+            usable.append(one)
+    if not usable:
+        raise MappingError(
+            f"map: none of {len(demonstrations)} demonstrations can be used; {notes.failures[0]}"
         )
-    targets = [place_target(one.target, placement.pose) for one in demonstrations]
-    progress(1.0)
-    return _sort_out(mapped, targets, placement, robot, settings)
+    return tuple(usable)
+
+
+def _map_placed(
+    demonstration: HandTrajectory, pose: FloatArray, robot: Robot, settings: MappingSettings
+) -> tuple[JointTrajectory, LimitReport]:
+    """Map one demonstration, given the placement of all, and bring its target along."""
+    placed = pose @ tool_poses(demonstration, robot)
+    trajectory, report = _map_one(demonstration, placed, robot, settings)
+    return replace(trajectory, target=place_target(demonstration.target, pose)), report
 
 
 def _sort_out(
     mapped: list[tuple[JointTrajectory, LimitReport]],
-    targets: list[FloatArray],
     placement: Placement,
     robot: Robot,
+    failures: list[Failure],
     settings: MappingSettings,
 ) -> Mapping:
     """Keep what the arm can run; list the rest with its reason."""
-    trajectories, failed, reports, worst = [], [], [], (-1.0, "")
-    aimed = any(np.isfinite(target).all() for target in targets)
-    for (trajectory, report), target in zip(mapped, targets, strict=True):
+    trajectories, reports, worst = [], [], (-1.0, failures[0] if failures else None)
+    aimed = any(np.isfinite(trajectory.target).all() for trajectory, _ in mapped)
+    failed = list(failures)
+    for trajectory, report in mapped:
         reason = _reason(trajectory, report, settings)
-        if aimed and not np.isfinite(target).all():
+        if aimed and not np.isfinite(trajectory.target).all():
             reason = "the flight of the thrown object was not seen, so there is no target"
         if reason:
-            failed.append(f"{trajectory.name}: {reason}")
-            worst = max(worst, (float(trajectory.position_error.max()), failed[-1]))
+            failed.append(Failure(trajectory.name, reason))
+            error = float(trajectory.position_error.max())
+            worst = max(worst, (error, failed[-1]), key=lambda pair: pair[0])
         else:
-            trajectories.append(replace(trajectory, target=target))
+            trajectories.append(trajectory)
             reports.append(report)
     if not trajectories:
         raise MappingError(
-            f"none of {len(mapped)} demonstrations can be transferred to {robot.name} "
+            f"none of {len(failed)} demonstrations can be transferred to {robot.name} "
             f"(tool {robot.tool.name}); the worst: {worst[1]}"
         )
     return Mapping(
@@ -207,21 +234,18 @@ def place_target(target: FloatArray, placement: FloatArray) -> FloatArray:
     return placed
 
 
-def _check(demonstrations: tuple[HandTrajectory, ...]) -> None:
+def _check(one: HandTrajectory) -> None:
     """Refuse what cannot be mapped at all."""
-    if not demonstrations:
-        raise MappingError("map: expected at least one demonstration, got none")
-    for one in demonstrations:
-        if len(one.time) < 3:
-            raise MappingError(
-                f"{one.name}: expected a demonstration of at least three poses, got {len(one.time)}"
-            )
-        if not (np.isfinite(one.poses).all() and np.all(np.diff(one.time) > 0)):
-            raise MappingError(
-                f"{one.name}: expected finite poses and rising times, got NaN or times that fall"
-            )
-        if np.any(np.linalg.norm(one.poses[:, 3:], axis=1) < 1e-6):
-            raise MappingError(f"{one.name}: got a quaternion of zero")
+    if len(one.time) < 3:
+        raise MappingError(
+            f"{one.name}: expected a demonstration of at least three poses, got {len(one.time)}"
+        )
+    if not (np.isfinite(one.poses).all() and np.all(np.diff(one.time) > 0)):
+        raise MappingError(
+            f"{one.name}: expected finite poses and rising times, got NaN or times that fall"
+        )
+    if np.any(np.linalg.norm(one.poses[:, 3:], axis=1) < 1e-6):
+        raise MappingError(f"{one.name}: got a quaternion of zero")
 
 
 def _map_one(

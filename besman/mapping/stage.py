@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict, replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from besman.manual_segments import Side
-from besman.mapping.record import map_record, select_segments
+from besman.mapping.record import Selected, map_record, select_segments
 from besman.records import HandTrajectory, LabelledRecording, LabelledSegments
 from besman.robot.model import Robot
 from besman.stage import Config, Stage, Work
@@ -79,23 +80,27 @@ class SelectConfig(Stage):
             least_duration_s=self.least_duration_s,
             greatest_duration_s=self.greatest_duration_s,
         )
-        demonstrations = []
-        for done, one in enumerate(chosen, start=1):
+
+        def take(one: Selected) -> HandTrajectory:
             recording = recordings[one.recording]
-            demonstrations.append(
-                map_record(
-                    recording,
-                    (one.start, one.stop),
-                    self.wanted,
-                    name=f"{recording.source}:{one.segment}",
-                    cutoff_hz=self.cutoff_hz,
-                    rate_hz=self.rate_hz,
-                    thrown=self.object,
-                    side=self.arm,
-                )
+            return map_record(
+                recording,
+                (one.start, one.stop),
+                self.wanted,
+                name=f"{recording.source}:{one.segment}",
+                cutoff_hz=self.cutoff_hz,
+                rate_hz=self.rate_hz,
+                thrown=self.object,
+                side=self.arm,
             )
-            work.progress(done / len(chosen))
-        return tuple(demonstrations)
+
+        # Sending recordings would take longer than reading a movement out of them.
+        here = replace(work, jobs=1, workers=None)
+        return tuple(
+            here.map(
+                take, chosen, name=lambda one: f"{recordings[one.recording].source}:{one.segment}"
+            )
+        )
 
 
 class PlacementWeights(Config):
@@ -162,9 +167,7 @@ class MapConfig(Stage):
             least_duration_s=self.minimum_duration_s,
             greatest_error_m=self.greatest_error_m,
         )
-        return map_embodiment(
-            demonstrations, robot, settings, jobs=work.jobs, progress=work.progress
-        )
+        return map_embodiment(demonstrations, robot, settings, work)
 
 
 def map_results(mapping: Any) -> dict[str, Any]:
@@ -189,7 +192,7 @@ def map_results(mapping: Any) -> dict[str, Any]:
     return {
         "n_demonstrations": len(trajectories) + len(mapping.failed),
         "n_transferred": len(trajectories),
-        "failed": list(mapping.failed),
+        "failed": [asdict(one) for one in mapping.failed],
         "position_error_m": _spread(position),
         "orientation_error_deg": _spread(orientation),
         "time_stretch": {"median": float(np.median(stretch)), "max": float(stretch.max())},

@@ -12,7 +12,7 @@ from besman.frames import rotation_to_quaternion
 from besman.mapping.embodiment import place_target, pose_errors, tool_poses
 from besman.mapping.placement import TermWeights, find_placement, path_terms, pose_of
 from besman.mapping.stage import MapConfig, SelectConfig, map_results
-from besman.records import HandTrajectory, LabelledSegments
+from besman.records import Failure, HandTrajectory, LabelledSegments
 from besman.robot.inverse_kinematics import IkWeights
 from besman.robot.limits import check_limits, resample
 from besman.robot.model import load_robot
@@ -79,8 +79,9 @@ def test_what_cannot_be_reached_is_listed_with_its_reason():
     mapping = QUICK.run((throw(0), throw(1), throw(2), throw(3, size=4.0)), ROBOT)
     assert len(mapping.trajectories) == 3
     assert len(mapping.failed) == 1
-    assert mapping.failed[0].startswith("a.tsv:3: position error ")
-    assert "at most greatest_error_m 0.05" in mapping.failed[0]
+    assert mapping.failed[0].name == "a.tsv:3"
+    assert mapping.failed[0].reason.startswith("position error ")
+    assert "at most greatest_error_m 0.05" in mapping.failed[0].reason
 
 
 def test_a_throw_without_a_target_is_listed():
@@ -88,7 +89,7 @@ def test_a_throw_without_a_target_is_listed():
     blind = HandTrajectory(blind.time, blind.poses, blind.name, blind.label)
     mapping = QUICK.run((throw(0), blind), ROBOT)
     assert mapping.failed == (
-        "a.tsv:1: the flight of the thrown object was not seen, so there is no target",
+        Failure("a.tsv:1", "the flight of the thrown object was not seen, so there is no target"),
     )
 
 

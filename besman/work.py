@@ -1,0 +1,224 @@
+"""How a stage's items are worked on: one by one, in threads, in processes or on a cluster.
+
+An item is what can be computed by itself: a demonstration, a motion. It is computed by the same
+function wherever that happens, so results do not depend on where, in which order or how often.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from besman.exceptions import BesmanError
+from besman.records import Failure
+
+if TYPE_CHECKING:
+    from besman.workers import Workers
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+# Fewer items are done before processes have imported what they need.
+_FEW = 32
+
+
+def _ignore(done: float) -> None:
+    """Take no notice of progress."""
+
+
+def _name_of(item: Any) -> str:
+    """Return the item's own name."""
+    return str(item.name)
+
+
+@dataclass
+class Notes:
+    """What a stage's work leaves beside its result.
+
+    Attributes
+    ----------
+    failures : list of Failure
+        Items that could not be worked on.
+    workers : dict of float
+        Greatest memory of every worker process so far by its name, MB.
+    cpu_s : float
+        CPU time spent in worker processes, seconds.
+    """
+
+    failures: list[Failure] = field(default_factory=list)
+    workers: dict[str, float] = field(default_factory=dict)
+    cpu_s: float = 0.0
+
+    def add_worker(self, worker: str, peak_rss_mb: float, cpu_s: float) -> None:
+        """Keep account of a worker process."""
+        self.workers[worker] = max(self.workers.get(worker, 0.0), peak_rss_mb)
+        self.cpu_s += cpu_s
+
+    def add_workers(self, other: Notes) -> None:
+        """Take over another's account of workers, not its failures."""
+        for worker, peak_rss_mb in other.workers.items():
+            self.add_worker(worker, peak_rss_mb, 0.0)
+        self.cpu_s += other.cpu_s
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of one item.
+
+    Attributes
+    ----------
+    value : any
+        The result, if there is no error.
+    error : Exception, optional
+    worker : str
+        ``host:pid`` of the process, empty for this one.
+    peak_rss_mb, cpu_s : float
+        Greatest memory of that process so far, MB; CPU time of the item, seconds.
+    """
+
+    value: Any = None
+    error: Exception | None = None
+    worker: str = ""
+    peak_rss_mb: float = 0.0
+    cpu_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class Work:
+    """How to run a stage, as opposed to what it computes: never changes a result.
+
+    Attributes
+    ----------
+    jobs : int
+        Threads or processes that may be used.
+    progress : callable
+        Called with the share done, 0 to 1.
+    notes : Notes, optional
+        Takes what fails, so that the rest goes on. Without it the first failure is raised.
+    workers : Workers, optional
+        Processes or a cluster; without them there are threads alone.
+    """
+
+    jobs: int = 1
+    progress: Callable[[float], None] = _ignore
+    notes: Notes | None = None
+    workers: Workers | None = None
+
+    def part(self, start: float, stop: float) -> Work:
+        """Return the same work, whose progress is a part of this one's.
+
+        Parameters
+        ----------
+        start, stop : float
+            Shares of this work's progress, 0 to 1.
+        """
+        span = stop - start
+        return replace(self, progress=lambda done: self.progress(start + span * done))
+
+    def map(
+        self,
+        function: Callable[[Item], Result],
+        items: Sequence[Item],
+        *,
+        name: Callable[[Item], str] = _name_of,
+        processes: bool = False,
+        local: bool = False,
+    ) -> list[Result]:
+        """Apply a function to every item.
+
+        Parameters
+        ----------
+        function : callable
+            Of a module, or a `functools.partial` of one: other processes find it by its name.
+        items : sequence
+            Each can be computed by itself.
+        name : callable
+            Gives an item's name; by default its attribute ``name``.
+        processes : bool
+            The work holds Python's lock, so that on one machine many items are done sooner by
+            processes than by threads.
+        local : bool
+            Not for a cluster, because it touches files.
+
+        Returns
+        -------
+        list
+            Results of the items that did not fail, in the order of the items.
+
+        Raises
+        ------
+        Exception
+            What the first item failed with, if there are no `notes`.
+        BesmanError
+            If every item failed.
+        """
+        found: list[Outcome] = [Outcome()] * len(items)
+        for done, (at, outcome) in enumerate(self._outcomes(function, items, processes, local), 1):
+            found[at] = outcome
+            self.progress(done / len(items))
+            if self.notes is not None and outcome.worker:
+                self.notes.add_worker(outcome.worker, outcome.peak_rss_mb, outcome.cpu_s)
+        errors = [(item, one.error) for item, one in zip(items, found, strict=True) if one.error]
+        if self.notes is None and errors:
+            raise errors[0][1]
+        failures = [failure_of(name(item), error) for item, error in errors]
+        if self.notes is not None:
+            self.notes.failures += failures
+        if errors and len(errors) == len(items):
+            raise _all_failed(errors[0][1], failures)
+        return [one.value for one in found if one.error is None]
+
+    def _outcomes(
+        self, function: Callable[[Any], Any], items: Sequence[Any], processes: bool, local: bool
+    ) -> Iterable[tuple[int, Outcome]]:
+        """Work on the items where it is best; yield index and outcome as they come."""
+        if self.workers is not None and self.workers.cluster is not None and not local:
+            return self.workers.on_cluster(function, items)
+        many = self.jobs > 1 and len(items) >= _FEW
+        if self.workers is not None and processes and many:
+            return self.workers.in_processes(function, items)
+        return _in_threads(function, items, self.jobs)
+
+
+def attempt(function: Callable[[Item], Any], item: Item) -> Outcome:
+    """Apply a function to an item; an error is an outcome like any other."""
+    try:
+        return Outcome(value=function(item))
+    except Exception as error:
+        return Outcome(error=error)
+
+
+def _in_threads(
+    function: Callable[[Any], Any], items: Sequence[Any], jobs: int
+) -> Iterator[tuple[int, Outcome]]:
+    """Work in this process, in threads if there are several jobs."""
+    if jobs == 1 or len(items) == 1:
+        for at, item in enumerate(items):
+            yield at, attempt(function, item)
+        return
+    with ThreadPoolExecutor(jobs) as threads:
+        futures = {threads.submit(attempt, function, item): at for at, item in enumerate(items)}
+        try:
+            for future in as_completed(futures):
+                yield futures.pop(future), future.result()
+        finally:
+            threads.shutdown(cancel_futures=True)
+
+
+def failure_of(name: str, error: Exception) -> Failure:
+    """Say why an item failed; an error that besman does not know is named by its kind."""
+    text = " ".join(str(error).split())
+    if not isinstance(error, BesmanError):
+        text = f"{type(error).__name__}: {text}"
+    return Failure(name=name, reason=text.removeprefix(f"{name}: "))
+
+
+def _all_failed(error: Exception, failures: list[Failure]) -> BesmanError:
+    """Return the error of a stage in which nothing succeeded, of the kind of its first failure."""
+    if len(failures) == 1:
+        text = str(failures[0])
+    else:
+        text = f"all {len(failures)} failed; the first: {failures[0]}"
+    return type(error)(text) if isinstance(error, BesmanError) else BesmanError(text)
