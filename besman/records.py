@@ -297,6 +297,9 @@ class HandTrajectory(Record):
         Class of the segment.
     target : array, shape (3,)
         Where the thrown object met the ground, metres in the back frame; NaN if nothing is thrown.
+    grasp : array, shape (7,)
+        What the tool centre point is to follow, in the hand frame: position (m) and quaternion
+        (w, x, y, z). NaN for either where the robot's tool says it, as ``hand_to_tcp`` does.
     """
 
     time: FloatArray
@@ -304,9 +307,10 @@ class HandTrajectory(Record):
     name: str
     label: str
     target: FloatArray = field(default_factory=lambda: np.full(3, np.nan))
+    grasp: FloatArray = field(default_factory=lambda: np.full(7, np.nan))
 
     def __post_init__(self) -> None:
-        _freeze(self, {"time": ("T",), "poses": ("T", 7), "target": (3,)})
+        _freeze(self, {"time": ("T",), "poses": ("T", 7), "target": (3,), "grasp": (7,)})
 
 
 @dataclass(frozen=True, eq=False)

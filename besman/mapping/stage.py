@@ -6,9 +6,10 @@ from dataclasses import asdict, replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from besman.manual_segments import Side
+from besman.mapping.body_points import GapLimits
 from besman.mapping.record import Selected, map_record, select_segments
 from besman.records import HandTrajectory, LabelledRecording, LabelledSegments
 from besman.robot.model import Robot
@@ -39,6 +40,20 @@ class SelectConfig(Stage):
         Of the low-pass filter over the markers.
     rate_hz : float
         Samples per second of the demonstrations.
+    longest_gap_s : float
+        Gaps of back and hand markers up to this length are filled by a spline, seconds.
+    longest_rigid_gap_s : float
+        Gaps up to this length are filled where the other two markers of the cluster are seen. A
+        segment with a longer gap is no demonstration, and is listed with the reason.
+    object_in_hand_m : three float, optional
+        Where what is held sits in the hand, metres: the robot's tool centre point follows it, in
+        place of the point that the robot's tool says (``hand_to_tcp_m``). The hand's frame has its
+        origin in the centroid of the three hand markers, x towards the fingers (from the middle of
+        ``hand_left`` and ``hand_right`` to ``hand_top``) and z out of the back of the hand, so that
+        y points to the person's left while the palm is down and the fingers forward.
+    object_in_hand_wxyz : four float, optional
+        How it is turned in the hand's frame: the tool's axes follow its axes, in place of
+        ``hand_to_tcp_wxyz``. The tool points along z.
     """
 
     method: Literal["label"] = "label"
@@ -51,6 +66,17 @@ class SelectConfig(Stage):
     merge: bool = False
     cutoff_hz: Positive = 10.0
     rate_hz: Positive = 100.0
+    longest_gap_s: NotNegative = 0.25
+    longest_rigid_gap_s: NotNegative = 1.0
+    object_in_hand_m: tuple[float, float, float] | None = None
+    object_in_hand_wxyz: tuple[float, float, float, float] | None = None
+
+    @field_validator("object_in_hand_wxyz")
+    @classmethod
+    def _check_turn(cls, turn: tuple[float, ...] | None) -> tuple[float, ...] | None:
+        if turn is not None and not np.linalg.norm(turn) > 1e-6:
+            raise ValueError("a quaternion of zero turns nothing; (1, 0, 0, 0) leaves it as it is")
+        return turn
 
     @model_validator(mode="after")
     def _check_choice(self) -> SelectConfig:
@@ -65,6 +91,13 @@ class SelectConfig(Stage):
     def wanted(self) -> str:
         """The class that is taken, be it a building block or an action."""
         return self.label or self.action or ""
+
+    @property
+    def grasp(self) -> np.ndarray:
+        """What the tool centre point is to follow, shape (7,); see `HandTrajectory`."""
+        place = (np.nan,) * 3 if self.object_in_hand_m is None else self.object_in_hand_m
+        turn = (np.nan,) * 4 if self.object_in_hand_wxyz is None else self.object_in_hand_wxyz
+        return np.concatenate([place, np.array(turn) / np.linalg.norm(turn)])
 
     def run(
         self,
@@ -92,6 +125,8 @@ class SelectConfig(Stage):
                 rate_hz=self.rate_hz,
                 thrown=self.object,
                 side=self.arm,
+                gaps=GapLimits(self.longest_gap_s, self.longest_rigid_gap_s),
+                grasp=self.grasp,
             )
 
         # Sending recordings would take longer than reading a movement out of them.
