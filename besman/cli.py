@@ -496,7 +496,7 @@ def info() -> None:
 
     from rich.console import Console
 
-    from besman.run import commit, library_versions
+    from besman.versions import commit, library_versions
 
     console = Console()
     for library, version in {**library_versions(), "commit": commit()}.items():

@@ -8,24 +8,23 @@ import json
 import math
 import os
 import platform
-import resource
 import shutil
-import subprocess
 import time
 from collections.abc import Callable
-from importlib import metadata
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-import besman
 from besman.exceptions import RunError
 from besman.record_files import digest, load_record, save_record
-from besman.stage import Stage, Work
+from besman.records import Failure
+from besman.stage import Stage
+from besman.versions import code_version, commit, library_versions
+from besman.work import Notes, Work
+from besman.workers import Workers, peak_rss_mb
 
 # Called with the stage's name; returns the progress callback and a function that ends the display.
 Display = Callable[[str], tuple[Callable[[float], None], Callable[[bool], None]]]
-
-_LIBRARIES = ("numpy", "scipy", "numba", "pin", "mujoco", "cma", "pydantic")
 
 
 def write_json(path: Path, content: Any) -> None:
@@ -56,40 +55,6 @@ def write_text(path: Path, text: str) -> None:
     temporary.replace(path)
 
 
-def code_version() -> str:
-    """Return the SHA-256 of besman's own source, so that changed code re-runs its stages."""
-    sha = hashlib.sha256()
-    root = Path(besman.__file__).parent
-    for path in sorted(root.rglob("*.py")):
-        sha.update(path.relative_to(root).as_posix().encode())
-        sha.update(path.read_bytes())
-    return sha.hexdigest()
-
-
-def library_versions() -> dict[str, str]:
-    """Return the versions of Python, besman and the libraries that results depend on."""
-    versions = {"besman": besman.__version__, "python": platform.python_version()}
-    for name in _LIBRARIES:
-        try:
-            versions[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            versions[name] = "not installed"
-    return versions
-
-
-def commit() -> str:
-    """Return the checkout's commit, or ``installed`` outside of one."""
-    folder = Path(besman.__file__).parent
-    if not (folder.parent / ".git").exists():
-        return "installed"
-    command = ["git", "-C", str(folder), "describe", "--always", "--dirty", "--abbrev=12"]
-    try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=5, check=False)  # noqa: S603
-    except (OSError, subprocess.TimeoutExpired):
-        return "unknown"
-    return done.stdout.strip() or "unknown"
-
-
 class Run:
     """One run folder.
 
@@ -105,6 +70,13 @@ class Run:
         Stage to compute again although it is cached, and with it all that follows from it.
     display : callable, optional
         Shows progress; see `Display`.
+    workers : Workers, optional
+        Processes or a cluster; without them there are threads alone.
+
+    Attributes
+    ----------
+    failed : dict of list of Failure
+        What every stage left out, by its name.
 
     Raises
     ------
@@ -119,6 +91,7 @@ class Run:
         jobs: int = 1,
         fresh: str | None = None,
         display: Display | None = None,
+        workers: Workers | None = None,
     ) -> None:
         if folder.exists() and not folder.is_dir():
             raise RunError(f"{folder}: is a file; expected a run folder or a new name for --out")
@@ -135,6 +108,8 @@ class Run:
         self.fresh = fresh
         self.results: dict[str, Any] = {}
         self.timing: list[dict[str, Any]] = []
+        self.failed: dict[str, list[Failure]] = {}
+        self._workers = workers
         self._display = display
         self._code = code_version()
         self._started = time.perf_counter()
@@ -198,11 +173,13 @@ class Run:
         key = digest((stage, method, self._code, tuple(_content(record) for record in records)))
         wall, cpu = time.perf_counter(), _cpu_seconds()
         before = None if name == self.fresh else _stored(place, key)
+        notes = Notes()
         if before is not None:
             result = load_record(place / "record.npz")
             computed = before["wall_s"]
+            notes.failures = [Failure(**one) for one in before["failed"]]
         else:
-            result = self._compute(name, getattr(stage, method), records)
+            result = self.work(name, getattr(stage, method), *records, notes=notes)
             computed = time.perf_counter() - wall
             _store(
                 place,
@@ -212,21 +189,49 @@ class Run:
                     "method": getattr(stage, "method", ""),
                     "config": stage.model_dump(mode="json"),
                     "wall_s": computed,
+                    "failed": [asdict(one) for one in notes.failures],
                 },
             )
+        self.failed[name] = notes.failures
         self.record_time(
-            name, wall, cpu, items=items, unit=unit, cached=before is not None, computed=computed
+            name,
+            wall,
+            cpu,
+            items=items,
+            unit=unit,
+            cached=before is not None,
+            computed=computed,
+            notes=notes,
         )
         return result
 
-    def _compute(self, name: str, function: Callable[..., Any], records: tuple[Any, ...]) -> Any:
-        """Call a stage with progress shown."""
+    def work(
+        self, name: str, function: Callable[..., Any], *records: Any, notes: Notes | None = None
+    ) -> Any:
+        """Call a function with the run's threads and workers, and its progress shown.
+
+        Parameters
+        ----------
+        name : str
+            What is shown beside the progress.
+        function : callable
+            Takes the records and ``work``.
+        *records
+        notes : Notes, optional
+            Takes what fails; without them the first failure is raised.
+
+        Returns
+        -------
+        any
+            What the function returns.
+        """
         progress, end = (
             self._display(name) if self._display else (lambda done: None, lambda ok: None)
         )
         finished = False
         try:
-            result = function(*records, work=Work(jobs=self.jobs, progress=progress))
+            work = Work(self.jobs, progress, notes, self._workers)
+            result = function(*records, work=work)
             finished = True
         finally:
             end(finished)
@@ -243,6 +248,7 @@ class Run:
         cached: bool = False,
         computed: float | None = None,
         human: bool = False,
+        notes: Notes | None = None,
     ) -> None:
         """Add a row to the timing table.
 
@@ -260,22 +266,30 @@ class Run:
             Wall seconds that the computation took when it was made.
         human : bool
             Whether a person did it.
+        notes : Notes, optional
+            Account of worker processes.
         """
         spent = time.perf_counter() - wall
+        notes = Notes() if notes is None else notes
         row = {
             "name": name,
             "wall_s": spent,
-            "cpu_s": _cpu_seconds() - cpu,
+            "cpu_s": _cpu_seconds() - cpu + notes.cpu_s,
             "human": human,
             "items": items,
             "unit": unit,
             "cached": cached,
             "computed_wall_s": spent if computed is None else computed,
-            "peak_rss_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+            "peak_rss_mb": peak_rss_mb(),
+            "workers": {
+                "n": len(notes.workers),
+                "peak_rss_mb": max(notes.workers.values(), default=None),
+            },
         }
         self.timing.append(row)
         self._write_timing()
-        self.log(f"{name}: {'cached, ' if cached else ''}{spent:.2f} s, {items} {unit}")
+        left_out = f", {len(notes.failures)} failed" if notes.failures else ""
+        self.log(f"{name}: {'cached, ' if cached else ''}{spent:.2f} s, {items} {unit}{left_out}")
 
     def finish(self, status: str = "done", error: str | None = None) -> None:
         """Write results, timing and status, and let go of the folder."""
@@ -304,9 +318,9 @@ def _content(record: Any) -> Any:
 
 
 def _cpu_seconds() -> float:
-    """Return the CPU time of this process and its finished children, seconds."""
+    """Return the CPU time of this process, seconds; workers give account of theirs."""
     times = os.times()
-    return times.user + times.system + times.children_user + times.children_system
+    return times.user + times.system
 
 
 def _lock(path: Path) -> Any:
@@ -330,8 +344,13 @@ def _stored(place: Path, key: str) -> dict[str, Any] | None:
         return None
     if description.get("key") != key or not (place / "record.npz").is_file():
         return None
-    checksum = hashlib.sha256((place / "record.npz").read_bytes()).hexdigest()
-    return description if checksum == description.get("sha256") else None
+    return description if _checksum(place / "record.npz") == description.get("sha256") else None
+
+
+def _checksum(path: Path) -> str:
+    """Return the SHA-256 of a file, read piece by piece."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _store(place: Path, result: Any, description: dict[str, Any]) -> None:
@@ -340,10 +359,9 @@ def _store(place: Path, result: Any, description: dict[str, Any]) -> None:
     shutil.rmtree(temporary, ignore_errors=True)
     temporary.mkdir()
     save_record(result, temporary / "record.npz")
-    data = (temporary / "record.npz").read_bytes()
     with (temporary / "record.npz").open("rb") as file:
         os.fsync(file.fileno())
-    description = {**description, "sha256": hashlib.sha256(data).hexdigest()}
+    description = {**description, "sha256": _checksum(temporary / "record.npz")}
     write_json(temporary / "stage.json", description)
     old = place.with_name(f".{place.name}.old")
     shutil.rmtree(old, ignore_errors=True)

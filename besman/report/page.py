@@ -15,7 +15,8 @@ from besman.record_files import digest, load_record
 from besman.report.confusion import confusion_table
 from besman.report.terminal import outcome_lines
 from besman.report.timing import read_json, seconds, stage_rows
-from besman.run import code_version, write_json, write_text
+from besman.run import write_json, write_text
+from besman.versions import code_version
 
 _STYLE = """
 :root { color-scheme: light dark; --ink: #1c2024; --soft: #62676f; --line: #d9dce1; --page: #fff;

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass
+from functools import lru_cache
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ import numpy as np
 
 from besman.config_file import load_config
 from besman.exceptions import RobotError, nearest
+from besman.record_files import digest
 from besman.resources import resource_folder
 from besman.robot.config import JointConfig, RobotConfig, ToolConfig
 from besman.robot.parts import Chain, FloatArray, JointLimits, Tool, read_only
@@ -43,6 +45,10 @@ class Robot:
         Height of the base above the floor, metres.
     content : dict
         Everything that the robot is made from, as plain JSON values, for the cache's key.
+    source : str
+        The name or the path of the robot.yaml that it was loaded by.
+
+    In another process a robot is loaded again, once, and must then be the same.
     """
 
     name: str
@@ -55,6 +61,10 @@ class Robot:
     tool: Tool
     base_height: float
     content: dict[str, Any]
+    source: str
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _load_again, (self.source, self.tool.name, _digest(self))
 
     @property
     def n(self) -> int:
@@ -120,7 +130,26 @@ def load_robot(name_or_path: str | Path, tool: str | None = None) -> Robot:
     for joint in config.joints:
         _check_limits(joint, path)
     urdf, mesh_folder = find_urdf(config.urdf, path)
-    return _build(config, tool_name, urdf, mesh_folder, path)
+    own = path.parent == resource_folder("robots") / config.name
+    source = config.name if own else str(path.resolve())
+    return _build(config, tool_name, urdf, mesh_folder, path, source)
+
+
+@lru_cache(maxsize=8)
+def _load_again(source: str, tool: str, expected: str) -> Robot:
+    """Load a robot that another process has sent."""
+    robot = load_robot(source, tool)
+    if _digest(robot) != expected:
+        raise RobotError(
+            f"{source}: robot {robot.name} (tool {tool}) is not what it is in the process that "
+            "sent it: expected the same files in both, and nothing changed after loading"
+        )
+    return robot
+
+
+def _digest(robot: Robot) -> str:
+    """Return the digest of what the robot is made from and of what may be changed after that."""
+    return digest((robot.content, robot.limits, robot.home, robot.base_height))
 
 
 def _check_name(name: str, path: Path) -> None:
@@ -196,7 +225,9 @@ def _share_folder() -> Path:
     return Path(str(distribution.locate_file("cmeel.prefix/share")))
 
 
-def _build(config: RobotConfig, tool_name: str, urdf: Path, mesh_folder: Path, path: Path) -> Robot:
+def _build(
+    config: RobotConfig, tool_name: str, urdf: Path, mesh_folder: Path, path: Path, source: str
+) -> Robot:
     """Assemble the robot from its checked config."""
     from besman.robot import pinocchio_model
 
@@ -223,6 +254,7 @@ def _build(config: RobotConfig, tool_name: str, urdf: Path, mesh_folder: Path, p
         tool=tool,
         base_height=config.mounting.height_m,
         content=content,
+        source=source,
     )
 
 

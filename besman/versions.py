@@ -1,0 +1,54 @@
+"""What a result was made with: besman's own code and the libraries it stands on."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+import subprocess
+from functools import lru_cache
+from importlib import metadata
+from pathlib import Path
+
+import besman
+
+_LIBRARIES = ("numpy", "scipy", "numba", "pin", "mujoco", "cma", "pydantic")
+
+
+def code_version() -> str:
+    """Return the SHA-256 of besman's own source, so that changed code re-runs its stages."""
+    sha = hashlib.sha256()
+    root = Path(besman.__file__).parent
+    for path in sorted(root.rglob("*.py")):
+        sha.update(path.relative_to(root).as_posix().encode())
+        sha.update(path.read_bytes())
+    return sha.hexdigest()
+
+
+def library_versions() -> dict[str, str]:
+    """Return the versions of Python, besman and the libraries that results depend on."""
+    versions = {"besman": besman.__version__, "python": platform.python_version()}
+    for name in _LIBRARIES:
+        try:
+            versions[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            versions[name] = "not installed"
+    return versions
+
+
+def commit() -> str:
+    """Return the checkout's commit, or ``installed`` outside of one."""
+    folder = Path(besman.__file__).parent
+    if not (folder.parent / ".git").exists():
+        return "installed"
+    command = ["git", "-C", str(folder), "describe", "--always", "--dirty", "--abbrev=12"]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=5, check=False)  # noqa: S603
+    except (OSError, subprocess.TimeoutExpired):
+        return "unknown"
+    return done.stdout.strip() or "unknown"
+
+
+@lru_cache(maxsize=1)
+def environment() -> dict[str, str]:
+    """Return what must be the same in two processes for the same results: code and versions."""
+    return {**library_versions(), "code": code_version()[:12]}
