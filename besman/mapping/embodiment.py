@@ -9,6 +9,7 @@ learning platform for automated robot skill learning, 2018. doi:10.3389/frobt.20
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -17,7 +18,15 @@ import numpy.typing as npt
 
 from besman.exceptions import MappingError
 from besman.frames import quaternion_to_rotation, rotation_to_quaternion
-from besman.mapping.placement import Placement, TermWeights, find_placement
+from besman.mapping.placement import (
+    ArmPaths,
+    Placement,
+    PlacementSearch,
+    correct_placement,
+    find_placement,
+)
+from besman.mapping.search import Optimizer
+from besman.mapping.terms import TermWeights
 from besman.mapping.time_scaling import ScaledPath, scale_path
 from besman.records import Failure, HandTrajectory, JointTrajectory
 from besman.robot.inverse_kinematics import IkWeights, solve_path
@@ -41,8 +50,12 @@ class MappingSettings:
         Position before orientation.
     free_spin : bool
         The rotation about the tool's axis does not matter.
-    evaluations, seed : int
-        Of the search for the placement.
+    optimizer, evaluations, yaw, scale, seed
+        Of the search for the placement, see `besman.mapping.placement.PlacementSearch`.
+    placement_demonstrations : int
+        Demonstrations that are looked at in it.
+    correct : bool
+        A demonstration that the common placement does not serve gets one of its own.
     knot_spacing_s : float
         Of the joint splines, seconds.
     least_duration_s : float
@@ -54,11 +67,53 @@ class MappingSettings:
     terms: TermWeights = field(default_factory=TermWeights)
     ik: IkWeights = field(default_factory=IkWeights)
     free_spin: bool = False
+    optimizer: Optimizer = "cma_es"
     evaluations: int = 200
+    yaw: bool = True
+    scale: tuple[float, float] | None = None
+    placement_demonstrations: int = 64
+    correct: bool = True
     seed: int = 0
     knot_spacing_s: float = 0.05
     least_duration_s: float = 0.0
     greatest_error_m: float = 0.05
+
+    @property
+    def search(self) -> PlacementSearch:
+        """The search for a placement."""
+        return PlacementSearch(
+            weights=self.terms,
+            ik=self.ik,
+            free_spin=self.free_spin,
+            optimizer=self.optimizer,
+            evaluations=self.evaluations,
+            yaw=self.yaw,
+            scale=self.scale,
+            demonstrations=self.placement_demonstrations,
+            seed=self.seed,
+        )
+
+
+@dataclass(frozen=True)
+class Correction:
+    """A demonstration that has a placement of its own.
+
+    Attributes
+    ----------
+    name : str
+    reason : str
+        Why the common placement does not serve.
+    shift_m, turn_rad : float
+        Distance and rotation between the two, in the middle of the movements.
+    scale : float
+        Factor by which the movement is made smaller or larger, over the common one.
+    """
+
+    name: str
+    reason: str
+    shift_m: float
+    turn_rad: float
+    scale: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +132,10 @@ class Mapping:
         Cost terms of the placement.
     limit_violations, self_collisions : int
         Samples at 1 kHz, over all trajectories.
+    scale : float
+        Factor by which movements were made smaller or larger before.
+    corrected : tuple of Correction
+        Those of `trajectories` with a placement of their own.
     """
 
     trajectories: tuple[JointTrajectory, ...]
@@ -85,6 +144,8 @@ class Mapping:
     terms: dict[str, float]
     limit_violations: int
     self_collisions: int
+    scale: float = 1.0
+    corrected: tuple[Correction, ...] = ()
 
 
 def map_embodiment(
@@ -118,29 +179,98 @@ def map_embodiment(
         raise MappingError("map: expected at least one demonstration, got none")
     notes = Notes()
     usable = _usable(demonstrations, notes)
-    paths = [tool_poses(one, robot) for one in usable]
+    height = _back_height(usable)
     placement = find_placement(
-        robot,
-        [(one.time, path) for one, path in zip(usable, paths, strict=True)],
-        weights=settings.terms,
-        ik_weights=settings.ik,
-        free_spin=settings.free_spin,
-        evaluations=settings.evaluations,
-        seed=settings.seed,
-        back_height=_back_height(usable),
+        [_arm_paths(robot, usable)],
+        settings.search,
+        back_height=height,
         jobs=work.jobs,
-        progress=work.part(0.0, 0.7).progress,
+        progress=work.part(0.0, 0.6).progress,
     )
-    mapped = replace(work.part(0.7, 1.0), notes=notes).map(
-        partial(_map_placed, pose=placement.pose, robot=robot, settings=settings),
-        usable,
-        processes=True,
-    )
+    noted = replace(work, notes=notes)
+    mapped = map_placed(usable, robot, placement, settings, height, noted.part(0.6, 1.0))
     if work.notes is not None:
         work.notes.add_workers(notes)
     mapping = _sort_out(mapped, placement, robot, notes.failures, settings)
     order = {one.name: at for at, one in enumerate(demonstrations)}
     return replace(mapping, failed=tuple(sorted(mapping.failed, key=lambda one: order[one.name])))
+
+
+def _arm_paths(robot: Robot, demonstrations: Sequence[HandTrajectory]) -> ArmPaths:
+    """Return what demonstrations ask of an arm."""
+    return ArmPaths(robot, [(one.time, tool_poses(one, robot)) for one in demonstrations])
+
+
+@dataclass(frozen=True, eq=False)
+class Mapped:
+    """One demonstration on one arm.
+
+    Attributes
+    ----------
+    trajectory : JointTrajectory
+    report : LimitReport
+        Of its check at 1 kHz.
+    correction : Correction, optional
+        Where it has a placement of its own.
+    """
+
+    trajectory: JointTrajectory
+    report: LimitReport
+    correction: Correction | None = None
+
+    @property
+    def name(self) -> str:
+        """The demonstration's name."""
+        return self.trajectory.name
+
+
+def map_placed(
+    demonstrations: Sequence[HandTrajectory],
+    robot: Robot,
+    placement: Placement,
+    settings: MappingSettings,
+    back_height: float | None,
+    work: Work,
+) -> list[Mapped]:
+    """Map demonstrations, given the placement of all; move those that it does not serve.
+
+    Parameters
+    ----------
+    demonstrations : sequence of HandTrajectory
+    robot : Robot
+    placement : Placement
+        The common one.
+    settings : MappingSettings
+    back_height : float or None
+        As in `find_placement`.
+    work : Work
+
+    Returns
+    -------
+    list of Mapped
+        Of those that raised no error, in their order.
+    """
+    one = partial(_map_placed, placement=placement, robot=robot, settings=settings)
+    mapped = work.part(0.0, 0.6).map(one, demonstrations, processes=True)
+    reasons = {each.name: _reason(each.trajectory, each.report, settings) for each in mapped}
+    unserved = [one for one in demonstrations if reasons.get(one.name)]
+    if settings.correct and unserved:
+        own = partial(
+            _map_corrected,
+            placement=placement,
+            robot=robot,
+            settings=settings,
+            back_height=back_height,
+            reasons=reasons,
+        )
+        moved = {each.name: each for each in work.part(0.6, 1.0).map(own, unserved, processes=True)}
+        mapped = [
+            each
+            if each.name not in moved or _reason_of(moved[each.name], settings)
+            else moved[each.name]
+            for each in mapped
+        ]
+    return mapped
 
 
 def _usable(demonstrations: tuple[HandTrajectory, ...], notes: Notes) -> tuple[HandTrajectory, ...]:
@@ -161,27 +291,59 @@ def _usable(demonstrations: tuple[HandTrajectory, ...], notes: Notes) -> tuple[H
 
 
 def _map_placed(
-    demonstration: HandTrajectory, pose: FloatArray, robot: Robot, settings: MappingSettings
-) -> tuple[JointTrajectory, LimitReport]:
+    demonstration: HandTrajectory, placement: Placement, robot: Robot, settings: MappingSettings
+) -> Mapped:
     """Map one demonstration, given the placement of all, and bring its target along."""
-    placed = pose @ tool_poses(demonstration, robot)
+    placed = placement.apply(tool_poses(demonstration, robot))
     trajectory, report = _map_one(demonstration, placed, robot, settings)
-    return replace(trajectory, target=place_target(demonstration.target, pose)), report
+    target = place_target(demonstration.target, placement.pose)
+    return Mapped(replace(trajectory, target=target), report)
+
+
+def _map_corrected(
+    demonstration: HandTrajectory,
+    placement: Placement,
+    robot: Robot,
+    settings: MappingSettings,
+    back_height: float | None,
+    reasons: dict[str, str],
+) -> Mapped:
+    """Map one demonstration with a placement of its own."""
+    arm = _arm_paths(robot, [demonstration])
+    own = correct_placement(arm, settings.search, placement, back_height)
+    middle = np.eye(4)
+    middle[:3, 3] = arm.paths[0][1][:, :3, 3].mean(axis=0)
+    shift = own.apply(middle)[:3, 3] - placement.apply(middle)[:3, 3]
+    turn = own.yaw - placement.yaw
+    correction = Correction(
+        name=demonstration.name,
+        reason=reasons[demonstration.name],
+        shift_m=float(np.linalg.norm(shift)),
+        turn_rad=float(abs(np.arctan2(np.sin(turn), np.cos(turn)))),
+        scale=own.scale / placement.scale,
+    )
+    return replace(_map_placed(demonstration, own, robot, settings), correction=correction)
+
+
+def _reason_of(mapped: Mapped, settings: MappingSettings) -> str:
+    """Say why a mapped demonstration cannot be used; empty if it can."""
+    return _reason(mapped.trajectory, mapped.report, settings)
 
 
 def _sort_out(
-    mapped: list[tuple[JointTrajectory, LimitReport]],
+    mapped: list[Mapped],
     placement: Placement,
     robot: Robot,
     failures: list[Failure],
     settings: MappingSettings,
 ) -> Mapping:
     """Keep what the arm can run; list the rest with its reason."""
-    trajectories, reports, worst = [], [], (-1.0, failures[0] if failures else None)
-    aimed = any(np.isfinite(trajectory.target).all() for trajectory, _ in mapped)
+    kept: list[Mapped] = []
+    worst = (-1.0, failures[0] if failures else None)
+    aimed = any(np.isfinite(one.trajectory.target).all() for one in mapped)
     failed = list(failures)
-    for trajectory, report in mapped:
-        reason = _reason(trajectory, report, settings)
+    for one in mapped:
+        trajectory, reason = one.trajectory, _reason_of(one, settings)
         if aimed and not np.isfinite(trajectory.target).all():
             reason = "the flight of the thrown object was not seen, so there is no target"
         if reason:
@@ -189,20 +351,21 @@ def _sort_out(
             error = float(trajectory.position_error.max())
             worst = max(worst, (error, failed[-1]), key=lambda pair: pair[0])
         else:
-            trajectories.append(trajectory)
-            reports.append(report)
-    if not trajectories:
+            kept.append(one)
+    if not kept:
         raise MappingError(
             f"none of {len(failed)} demonstrations can be transferred to {robot.name} "
             f"(tool {robot.tool.name}); the worst: {worst[1]}"
         )
     return Mapping(
-        trajectories=tuple(trajectories),
+        trajectories=tuple(one.trajectory for one in kept),
         placement=placement.pose,
         failed=tuple(failed),
         terms=placement.terms,
-        limit_violations=sum(report.violations for report in reports),
-        self_collisions=sum(report.self_collisions for report in reports),
+        limit_violations=sum(one.report.violations for one in kept),
+        self_collisions=sum(one.report.self_collisions for one in kept),
+        scale=placement.scale,
+        corrected=tuple(one.correction for one in kept if one.correction is not None),
     )
 
 

@@ -1,73 +1,94 @@
-"""One placement of all demonstrations of a class in the workspace of an arm."""
+"""One placement of all demonstrations of a class in the workspace of an arm, or of two arms."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from besman.robot.collision import distances
+from besman.mapping.search import Optimizer, Search, make_search
+from besman.mapping.terms import HEIGHT_SCALE_M, SCALE_SCALE, TermWeights, path_terms
 from besman.robot.inverse_kinematics import IkWeights, draw_starts, find_branches, follow_all
-from besman.robot.kinematics import forward_kinematics, manipulability
+from besman.robot.kinematics import forward_kinematics
 from besman.robot.model import Robot
 
 FloatArray = npt.NDArray[np.float64]
 
-# What makes a term 1.
-POSITION_SCALE_M = 0.01
-ORIENTATION_SCALE_RAD = np.radians(10.0)
-SAFE_DISTANCE_M = 0.03
-HEIGHT_SCALE_M = 0.1
-_SINGULAR_SHARE = 0.3  # of the manipulability at home
 _POSES = 12
 _GREATEST_BRANCHES = 8
 _SEARCHED_BRANCHES = 3
 _GRID_DEMONSTRATIONS = 4
-# A unit of the search: metres along x, y, z and radians of yaw.
-_UNITS = np.array([0.1, 0.1, 0.1, 0.3])
+# A unit of the search: metres along x, y, z, radians of yaw, natural logarithm of the scale.
+_UNITS = np.array([0.1, 0.1, 0.1, 0.3, 0.1])
 # Shares of the arm's length: in front of the base, to its left, above its shoulder.
 _GRID_FORWARD = (-0.3, 0.0, 0.3, 0.55)
 _GRID_LEFT = (-0.7, -0.35, 0.0, 0.35, 0.7)
 _GRID_UP = (0.0, 0.25, 0.5, 0.75)
+_GRID_YAW_RAD = tuple(np.pi / 4 * np.arange(-3, 5))
+# Several starts of the grid are followed for a while, the best of them to the end.
+_RACERS = 3
+_APART = 3.0  # units of the search between two starts
+_RACE_SHARE = 0.25
+# The box, in lengths of the arm around its shoulder; a turn and a half, so that no end is near.
+_BOX_REACH = 1.3
+_BOX_YAW_RAD = 1.5 * np.pi
+# One demonstration's own placement: an evaluation's share, and what 10 cm or 0.3 rad cost.
+_SHIFT_COST = 0.3
 
 
 @dataclass(frozen=True)
-class TermWeights:
-    """Weights of the cost of a placement; every term is averaged over demonstrations.
+class PlacementSearch:
+    """How a placement is looked for.
 
     Attributes
     ----------
-    position : float
-        Root mean square position error, per centimetre.
-    orientation : float
-        Root mean square orientation error, per 10 degrees.
-    singularity : float
-        Mean squared shortfall of manipulability below 0.3 of that at home.
-    collision : float
-        Mean shortfall of the distance to itself, pedestal and floor below 3 cm.
-    speed : float
-        By how much the movement must be stretched to keep velocity and acceleration limits.
-    workspace : float
-        Share of the demonstrated path length that the arm does not use.
-    height : float
-        Distance from the height at which the movement was demonstrated, per 10 cm; a throw from
-        another height lands elsewhere. Only where that height is known.
+    weights : TermWeights
+        What a good placement is.
+    ik : IkWeights
+        Position before orientation.
+    free_spin : bool
+        The rotation about the tool's axis does not matter.
+    optimizer : "cma_es" or "differential_evolution"
+    evaluations : int
+        Placements to try after a coarse grid.
+    yaw : bool
+        Demonstrations may be turned about the vertical.
+    scale : pair of float, optional
+        Least and greatest factor by which movements may be made smaller or larger.
+    demonstrations : int
+        Of more demonstrations than this, as many are looked at, evenly spaced in their order.
+    seed : int
+        Of the search and of the configurations it starts from.
     """
 
-    position: float = 1.0
-    orientation: float = 0.3
-    singularity: float = 1.0
-    collision: float = 3.0
-    speed: float = 3.0
-    workspace: float = 1.0
-    height: float = 0.3
+    weights: TermWeights = field(default_factory=TermWeights)
+    ik: IkWeights = field(default_factory=IkWeights)
+    free_spin: bool = False
+    optimizer: Optimizer = "cma_es"
+    evaluations: int = 200
+    yaw: bool = True
+    scale: tuple[float, float] | None = None
+    demonstrations: int = 64
+    seed: int = 0
 
-    def as_array(self) -> FloatArray:
-        """Return the weights in the order of the fields, shape (7,)."""
-        return np.array([getattr(self, field.name) for field in fields(self)])
+
+@dataclass(frozen=True, eq=False)
+class ArmPaths:
+    """What one arm is to do.
+
+    Attributes
+    ----------
+    robot : Robot
+        The arm with its tool.
+    paths : sequence of (time, poses)
+        Seconds, shape (T,), and poses of the tool centre point in the back frame, shape (T, 4, 4).
+    """
+
+    robot: Robot
+    paths: Sequence[tuple[FloatArray, FloatArray]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +99,10 @@ class Placement:
     ----------
     pose : array, shape (4, 4)
         Back frame to the robot's world frame: translation and yaw, metres.
+    centre : array, shape (3,)
+        Point of the back frame, metres, about which movements are scaled.
+    scale : float
+        Factor by which they are made smaller or larger before.
     terms : dict of float
         Mean of every term over the demonstrations, unweighted.
     cost : float
@@ -87,39 +112,41 @@ class Placement:
     """
 
     pose: FloatArray
+    centre: FloatArray
+    scale: float
     terms: dict[str, float]
     cost: float
     evaluations: int
 
+    @property
+    def yaw(self) -> float:
+        """Rotation about the vertical, rad."""
+        return float(np.arctan2(self.pose[1, 0], self.pose[0, 0]))
+
+    def apply(self, poses: FloatArray) -> FloatArray:
+        """Bring poses (..., 4, 4) of the back frame, metres, into the robot's world."""
+        placed: FloatArray = self.pose @ scale_about(poses, self.centre, self.scale)
+        return placed
+
 
 def find_placement(
-    robot: Robot,
-    demonstrations: list[tuple[FloatArray, FloatArray]],
+    arms: Sequence[ArmPaths],
+    search: PlacementSearch,
     *,
-    weights: TermWeights,
-    ik_weights: IkWeights,
-    free_spin: bool,
-    evaluations: int,
-    seed: int,
     back_height: float | None = None,
     jobs: int = 1,
     progress: Callable[[float], None] = lambda done: None,
 ) -> Placement:
-    """Choose where in the robot's world the demonstrations are, by CMA-ES over x, y, z and yaw.
+    """Choose where in the robot's world the demonstrations are.
+
+    A coarse grid of positions and yaws comes first. A black-box search then starts from its best
+    places, and goes on from the one that was best for a while.
 
     Parameters
     ----------
-    robot : Robot
-    demonstrations : list of (time, poses)
-        Seconds, shape (T,), and poses of the tool centre point in the back frame, shape (T, 4, 4).
-    weights : TermWeights
-        What a good placement is.
-    ik_weights, free_spin
-        As in `solve_path`.
-    evaluations : int
-        Placements to try after a coarse grid.
-    seed : int
-        Of the search and of the configurations it starts from.
+    arms : sequence of ArmPaths
+        One arm, or several with one world, for which one placement is chosen.
+    search : PlacementSearch
     back_height : float, optional
         Height of the back frame's origin above the floor in the demonstrations, metres.
     jobs : int
@@ -131,43 +158,161 @@ def find_placement(
     -------
     Placement
     """
-    import cma
-
-    paths, steps_s = _thin_out(demonstrations)
-    centre = paths[:, :, :3, 3].mean(axis=(0, 1))
-    starts = _find_starts(robot, paths, ik_weights, free_spin, seed)
-    cost = _Cost(robot, paths, steps_s, centre, weights, ik_weights, free_spin, starts, back_height)
+    thinned = [_thin_out(_choose(arm.paths, search.demonstrations)) for arm in arms]
+    centre = np.concatenate([paths[:, :, :3, 3].reshape(-1, 3) for paths, _ in thinned]).mean(0)
+    costs = tuple(
+        _ArmCost(
+            arm.robot, paths, steps_s, centre, search.weights, search.ik, search.free_spin,
+            _find_starts(arm.robot, paths, search), back_height,
+        )
+        for arm, (paths, steps_s) in zip(arms, thinned, strict=True)
+    )  # fmt: skip
+    space = _Space.around(arms[0].robot, search)
     with ThreadPoolExecutor(max_workers=jobs) as threads:
-        start, cost = _search_grid(robot, cost, threads)
-        # The library takes 0 for "draw a seed".
-        options = {"seed": seed + 1, "verbose": -9, "maxfevals": evaluations}
-        search = cma.CMAEvolutionStrategy(start / _UNITS, 0.7, options)
-        while not search.stop():
-            candidates = search.ask()
-            search.tell(candidates, list(threads.map(cost, [x * _UNITS for x in candidates])))
-            progress(min(1.0, search.result.evaluations / evaluations))
-    best = search.result.xbest * _UNITS
-    terms = cost.terms(best)[0].mean(axis=0)
+        grid, cost = _search_grid(_Cost(costs), space, threads)
+        progress(0.3)
+        point, tried = _race(
+            grid, cost, space, search, threads, lambda done: progress(0.3 + 0.7 * done)
+        )
+    return _placement(cost, space.parameters(point), centre, tried)
+
+
+def correct_placement(
+    arm: ArmPaths, search: PlacementSearch, common: Placement, back_height: float | None = None
+) -> Placement:
+    """Move one demonstration away from the placement of its class, as little as serves it.
+
+    Parameters
+    ----------
+    arm : ArmPaths
+        The arm and the one demonstration.
+    search : PlacementSearch
+    common : Placement
+        The class's.
+    back_height : float, optional
+        As in `find_placement`.
+
+    Returns
+    -------
+    Placement
+    """
+    paths, steps_s = _thin_out(arm.paths)
+    cost = _ArmCost(
+        arm.robot, paths, steps_s, common.centre, search.weights, search.ik, search.free_spin,
+        _find_starts(arm.robot, paths, search), back_height,
+    )  # fmt: skip
+    space = _Space.around(arm.robot, search)
+    middle = common.pose[:3, :3] @ common.centre + common.pose[:3, 3]
+    origin = space.point(np.array([*middle, common.yaw, common.scale]))
+
+    def dear(point: FloatArray) -> float:
+        shift = float(np.linalg.norm(point - origin))
+        return cost(space.parameters(point)) + _SHIFT_COST * shift
+
+    strategy = make_search(search.optimizer, origin, space.low, space.high, search.seed)
+    best, least, tried = origin, dear(origin), 1
+    while tried < search.evaluations and not strategy.exhausted:
+        points = strategy.ask()
+        values = np.array([dear(point) for point in points])
+        strategy.tell(points, values)
+        tried += len(points)
+        if values.min() < least:
+            best, least = points[int(np.argmin(values))], float(values.min())
+    strategy.close()
+    return _placement(_Cost((cost,)), space.parameters(best), common.centre, tried)
+
+
+def _placement(
+    cost: _Cost, parameters: FloatArray, centre: FloatArray, evaluations: int
+) -> Placement:
+    """Sum up."""
+    terms = cost.terms(parameters)
     names = [field.name for field in fields(TermWeights)]
     return Placement(
-        pose=pose_of(best, centre),
+        pose=pose_of(parameters, centre),
+        centre=centre,
+        scale=float(parameters[4]),
         terms=dict(zip(names, terms.tolist(), strict=True)),
-        cost=float(terms @ weights.as_array()),
-        evaluations=int(search.result.evaluations),
+        cost=float(terms @ cost.arms[0].weights.as_array()),
+        evaluations=evaluations,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Space:
+    """The points of a search, in its units: x, y, z, and yaw and scale where they are free.
+
+    Attributes
+    ----------
+    free : bool array, shape (5,)
+        Which of x, y, z (m), yaw (rad), scale are searched; the others are 0 or 1.
+    low, high : array, shape (D,)
+        The box.
+    reach, shoulder : float
+        Length of the arm and height of its first joint above the floor, metres.
+    """
+
+    free: npt.NDArray[np.bool_]
+    low: FloatArray
+    high: FloatArray
+    reach: float
+    shoulder: float
+
+    @classmethod
+    def around(cls, robot: Robot, search: PlacementSearch) -> _Space:
+        """Return the space around an arm."""
+        reach, shoulder = _reach(robot), float(robot.chain.placements[0, 2, 3])
+        free = np.array([True, True, True, search.yaw, search.scale is not None])
+        far = _BOX_REACH * reach
+        least, greatest = search.scale or (1.0, 1.0)
+        low = np.array([-far, -far, min(0.0, shoulder - far), -_BOX_YAW_RAD, np.log(least)])
+        high = np.array([far, far, shoulder + far, _BOX_YAW_RAD, np.log(greatest)])
+        return cls(free, (low / _UNITS)[free], (high / _UNITS)[free], reach, shoulder)
+
+    def parameters(self, point: FloatArray) -> FloatArray:
+        """Return x, y, z, yaw, scale of a point."""
+        full = np.zeros(5)
+        full[self.free] = point
+        full *= _UNITS
+        full[4] = np.exp(full[4])
+        return full
+
+    def point(self, parameters: FloatArray) -> FloatArray:
+        """Return the point of x, y, z, yaw, scale, inside the box."""
+        full = np.array([*parameters[:4], np.log(parameters[4])]) / _UNITS
+        inside: FloatArray = np.clip(full[self.free], self.low, self.high)
+        return inside
 
 
 def pose_of(parameters: FloatArray, centre: FloatArray) -> FloatArray:
     """Return the placement that brings `centre` to (x, y, z) and turns about it by yaw, (4, 4)."""
-    x, y, z, yaw = parameters
+    x, y, z, yaw = parameters[:4]
     pose = np.eye(4)
     pose[:2, :2] = [[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]]
     pose[:3, 3] = np.array([x, y, z]) - pose[:3, :3] @ centre
     return pose
 
 
+def scale_about(poses: FloatArray, centre: FloatArray, scale: float) -> FloatArray:
+    """Make a movement (..., 4, 4) smaller or larger about a point (3,); nothing is turned."""
+    if scale == 1.0:
+        return poses
+    scaled: FloatArray = poses.copy()
+    scaled[..., :3, 3] = centre + scale * (poses[..., :3, 3] - centre)
+    return scaled
+
+
+def _choose(
+    paths: Sequence[tuple[FloatArray, FloatArray]], number: int
+) -> Sequence[tuple[FloatArray, FloatArray]]:
+    """Take at most so many, evenly spaced in their order."""
+    if len(paths) <= number:
+        return paths
+    return [paths[index] for index in np.rint(np.linspace(0, len(paths) - 1, number)).astype(int)]
+
+
 def _thin_out(
-    demonstrations: list[tuple[FloatArray, FloatArray]],
+    demonstrations: Sequence[tuple[FloatArray, FloatArray]],
 ) -> tuple[FloatArray, FloatArray]:
     """Keep twelve poses of every demonstration: (D, P, 4, 4) and seconds between them (D,)."""
     paths, steps_s = [], []
@@ -185,84 +330,107 @@ def _reach(robot: Robot) -> float:
 
 
 def _search_grid(
-    robot: Robot, cost: _Cost, threads: ThreadPoolExecutor
-) -> tuple[FloatArray, _Cost]:
-    """Find a good start on a coarse grid, and the few branches of the arm that matter there."""
-    reach = _reach(robot)
-    height = robot.chain.placements[0, 2, 3]
+    cost: _Cost, space: _Space, threads: ThreadPoolExecutor
+) -> tuple[list[FloatArray], _Cost]:
+    """Find good starts on a coarse grid, and the few branches of the arm that matter there."""
     grid = [
-        np.array([forward * reach, left * reach, height + up * reach, 0.0])
+        space.point(
+            np.array(
+                [
+                    forward * space.reach,
+                    left * space.reach,
+                    space.shoulder + up * space.reach,
+                    yaw,
+                    1.0,
+                ]
+            )
+        )
         for forward in _GRID_FORWARD
         for left in _GRID_LEFT
         for up in _GRID_UP
+        for yaw in (_GRID_YAW_RAD if space.free[3] else (0.0,))
     ]
-    sample = cost.sample(_GRID_DEMONSTRATIONS)
-    order = np.argsort(list(threads.map(sample, grid)), kind="stable")
-    used = np.concatenate([sample.terms(grid[index])[1] for index in order[:3]])
-    branches, counts = np.unique(used, return_counts=True)
-    most = np.argsort(-counts, kind="stable")[:_SEARCHED_BRANCHES]
-    return grid[order[0]], replace(cost, starts=cost.starts[np.sort(branches[most])])
+    sample = _Cost(tuple(arm.sample(_GRID_DEMONSTRATIONS) for arm in cost.arms))
+    costs = list(threads.map(lambda point: sample(space.parameters(point)), grid))
+    starts: list[FloatArray] = []
+    for index in np.argsort(costs, kind="stable"):
+        if all(np.linalg.norm(grid[index] - other) >= _APART for other in starts):
+            starts.append(grid[index])
+        if len(starts) == _RACERS:
+            break
+    places = [space.parameters(point) for point in starts]
+    return starts, _Cost(tuple(arm.keep_branches(places) for arm in cost.arms))
 
 
-def path_terms(
-    robot: Robot,
-    positions: FloatArray,
-    errors: FloatArray,
-    targets: FloatArray,
-    step_s: FloatArray,
-) -> FloatArray:
-    """Compute the cost terms of paths in joint space.
+def _race(
+    starts: list[FloatArray],
+    cost: _Cost,
+    space: _Space,
+    search: PlacementSearch,
+    threads: ThreadPoolExecutor,
+    progress: Callable[[float], None],
+) -> tuple[FloatArray, int]:
+    """Search from several starts for a while, then on from the best; return it and the tries."""
+    if search.optimizer != "cma_es":
+        # A search over the whole box has one start.
+        starts = starts[:1]
+    racers = [
+        make_search(search.optimizer, start, space.low, space.high, search.seed) for start in starts
+    ]
+    found = [(np.inf, start) for start in starts]
+    tried = [0] * len(racers)
+    share = int(np.ceil(_RACE_SHARE * search.evaluations)) if len(racers) > 1 else 0
+    total = search.evaluations + share * (len(racers) - 1)
 
-    Parameters
-    ----------
-    robot : Robot
-    positions : array, shape (..., P, n)
-        rad.
-    errors : array, shape (..., P, 2)
-        Position (m) and orientation (rad).
-    targets : array, shape (..., P, 4, 4)
-        Poses asked for, metres.
-    step_s : array, shape (..., 1, 1)
-        Seconds between poses.
+    def run(index: int, limit: int) -> None:
+        while tried[index] < limit and not racers[index].exhausted:
+            points, values = _step(racers[index], cost, space, threads)
+            tried[index] += len(points)
+            least = int(np.argmin(values))
+            if values[least] < found[index][0]:
+                found[index] = (float(values[least]), points[least])
+            progress(min(1.0, sum(tried) / total))
 
-    Returns
-    -------
-    array, shape (..., 6)
-        In the order of `TermWeights`, without height.
-    """
-    limits = robot.limits
-    rms = np.sqrt(np.mean(errors**2, axis=-2)) / (POSITION_SCALE_M, ORIENTATION_SCALE_RAD)
-    usable = _SINGULAR_SHARE * max(float(manipulability(robot.chain, robot.home)), 1e-6)
-    singular = np.maximum(0.0, 1.0 - manipulability(robot.chain, positions) / usable) ** 2
-    nearest = distances(robot.chain, positions).min(axis=-1)
-    near = np.maximum(0.0, 1.0 - nearest / SAFE_DISTANCE_M)
-    steps = np.diff(positions, axis=-2) / step_s
-    speed = np.max(np.abs(steps) / limits.velocity, axis=(-2, -1))
-    pull = np.max(np.abs(np.diff(steps, axis=-2)) / step_s / limits.acceleration, axis=(-2, -1))
-    tips = forward_kinematics(robot.chain, positions)[..., :3, 3]
-    used, asked = _length(tips), _length(targets[..., :3, 3])
-    return np.stack(
-        [
-            rms[..., 0],
-            rms[..., 1],
-            np.mean(singular, axis=-1),
-            np.mean(near, axis=-1),
-            np.maximum(0.0, np.maximum(speed, np.sqrt(pull)) - 1.0),
-            np.maximum(0.0, 1.0 - used / np.maximum(asked, 1e-9)),
-        ],
-        axis=-1,
-    )
+    for index in range(len(racers)):
+        run(index, share)
+    best = min(range(len(racers)), key=lambda index: found[index][0])
+    run(best, search.evaluations)
+    for racer in racers:
+        racer.close()
+    return found[best][1], sum(tried)
 
 
-def _length(points: FloatArray) -> FloatArray:
-    """Return the lengths of polylines (..., P, 3), metres."""
-    lengths: FloatArray = np.linalg.norm(np.diff(points, axis=-2), axis=-1).sum(axis=-1)
-    return lengths
+def _step(
+    racer: Search, cost: _Cost, space: _Space, threads: ThreadPoolExecutor
+) -> tuple[FloatArray, FloatArray]:
+    """Try one generation; return its points and their costs."""
+    points = racer.ask()
+    values = np.array(list(threads.map(lambda point: cost(space.parameters(point)), points)))
+    racer.tell(points, values)
+    return points, values
 
 
 @dataclass(frozen=True, eq=False)
 class _Cost:
-    """The weighted sum of terms as a function of (x, y, z, yaw) of the demonstrations' centre."""
+    """The weighted sum of terms over all arms as a function of x, y, z, yaw and scale."""
+
+    arms: tuple[_ArmCost, ...]
+
+    def terms(self, parameters: FloatArray) -> FloatArray:
+        """Return the mean of every term over arms and demonstrations, shape (8,)."""
+        found: FloatArray = np.mean(
+            [arm.terms(parameters)[0].mean(axis=0) for arm in self.arms], axis=0
+        )
+        return found
+
+    def __call__(self, parameters: FloatArray) -> float:
+        """Return the mean cost over arms and demonstrations."""
+        return float(np.mean([arm(parameters) for arm in self.arms]))
+
+
+@dataclass(frozen=True, eq=False)
+class _ArmCost:
+    """The same for one arm."""
 
     robot: Robot
     paths: FloatArray
@@ -274,16 +442,24 @@ class _Cost:
     starts: FloatArray
     back_height: float | None
 
-    def sample(self, number: int) -> _Cost:
+    def sample(self, number: int) -> _ArmCost:
         """Return the cost of some of the demonstrations, evenly spaced in their order."""
         number = min(number, len(self.paths))
         chosen = np.rint(np.linspace(0, len(self.paths) - 1, number)).astype(int)
         return replace(self, paths=self.paths[chosen], steps_s=self.steps_s[chosen])
 
+    def keep_branches(self, places: list[FloatArray]) -> _ArmCost:
+        """Return the cost over the branches that are best most often at some places."""
+        sample = self.sample(_GRID_DEMONSTRATIONS)
+        used = np.concatenate([sample.terms(place)[1] for place in places])
+        branches, counts = np.unique(used, return_counts=True)
+        most = np.argsort(-counts, kind="stable")[:_SEARCHED_BRANCHES]
+        return replace(self, starts=self.starts[np.sort(branches[most])])
+
     def terms(self, parameters: FloatArray) -> tuple[FloatArray, npt.NDArray[np.int64]]:
-        """Return terms (D, 7) and cheapest branch (D,) of every demonstration."""
+        """Return terms (D, 8) and cheapest branch (D,) of every demonstration."""
         placement = pose_of(parameters, self.centre)
-        targets = placement @ self.paths
+        targets = placement @ scale_about(self.paths, self.centre, float(parameters[4]))
         positions, errors = follow_all(
             self.robot, targets, self.starts, _POSES // 2, self.ik_weights, self.free_spin,
             rounds=25, tolerance=1e-5,
@@ -293,7 +469,8 @@ class _Cost:
         )
         height = placement[2, 3] if self.back_height is None else self.back_height
         off = np.full((*terms.shape[:-1], 1), abs(placement[2, 3] - height) / HEIGHT_SCALE_M)
-        terms = np.concatenate([terms, off], axis=-1)
+        shrunk = np.full_like(off, abs(np.log(parameters[4])) / SCALE_SCALE)
+        terms = np.concatenate([terms, off, shrunk], axis=-1)
         branches = np.argmin(terms @ self.weights.as_array(), axis=1)
         return terms[np.arange(len(branches)), branches], branches
 
@@ -302,14 +479,12 @@ class _Cost:
         return float(np.mean(self.terms(parameters)[0] @ self.weights.as_array()))
 
 
-def _find_starts(
-    robot: Robot, paths: FloatArray, ik_weights: IkWeights, free_spin: bool, seed: int
-) -> FloatArray:
+def _find_starts(robot: Robot, paths: FloatArray, search: PlacementSearch) -> FloatArray:
     """Find the branches to try: those of the typical pose, put where home has its tool."""
     middle = paths[:, _POSES // 2].mean(axis=0)
     left, _, right = np.linalg.svd(middle[:3, :3])
     pose = np.eye(4)
     pose[:3, :3] = left @ right
     pose[:3, 3] = forward_kinematics(robot.chain, robot.home)[:3, 3]
-    starts = draw_starts(robot, seed)
-    return find_branches(robot, pose, starts, ik_weights, free_spin)[:_GREATEST_BRANCHES]
+    starts = draw_starts(robot, search.seed)
+    return find_branches(robot, pose, starts, search.ik, search.free_spin)[:_GREATEST_BRANCHES]

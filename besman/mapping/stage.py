@@ -139,7 +139,7 @@ class SelectConfig(Stage):
 
 
 class PlacementWeights(Config):
-    """Weights of the cost of a placement; `besman.mapping.placement.TermWeights` says of what."""
+    """Weights of the cost of a placement; `besman.mapping.terms.TermWeights` says of what."""
 
     position: NotNegative = 1.0
     orientation: NotNegative = 0.3
@@ -148,6 +148,7 @@ class PlacementWeights(Config):
     speed: NotNegative = 3.0
     workspace: NotNegative = 1.0
     height: NotNegative = 0.3
+    scale: NotNegative = 0.5
 
 
 class MapConfig(Stage):
@@ -162,8 +163,18 @@ class MapConfig(Stage):
         have both.
     free_axis_spin : bool
         The rotation about the tool's axis does not matter, e.g. for a stick.
+    optimizer : "cma_es" or "differential_evolution"
+        What searches for the placement.
     evaluations : int
         Placements to try.
+    yaw : bool
+        Demonstrations may be turned about the vertical.
+    scale : pair of float, optional
+        Least and greatest factor by which movements may be made smaller or larger; null: none.
+    placement_demonstrations : int
+        Of more demonstrations than this, as many are looked at in the search.
+    correct : bool
+        A demonstration that the common placement does not serve gets one of its own.
     seed : int
         Of the search.
     knot_spacing_s : float
@@ -178,25 +189,42 @@ class MapConfig(Stage):
     weights: PlacementWeights = PlacementWeights()
     orientation_weight_m_rad: Positive = 0.1
     free_axis_spin: bool = False
+    optimizer: Literal["cma_es", "differential_evolution"] = "cma_es"
     evaluations: Annotated[int, Field(ge=1)] = 200
+    yaw: bool = True
+    scale: tuple[Positive, Positive] | None = None
+    placement_demonstrations: Annotated[int, Field(ge=1)] = 64
+    correct: bool = True
     seed: Annotated[int, Field(ge=0)] = 0
     knot_spacing_s: Positive = 0.05
     minimum_duration_s: NotNegative = 0.0
     greatest_error_m: Positive = 0.05
+
+    @field_validator("scale")
+    @classmethod
+    def _check_scale(cls, scale: tuple[float, float] | None) -> tuple[float, float] | None:
+        if scale is not None and not scale[0] <= scale[1]:
+            raise ValueError(f"got {list(scale)}, expected the least factor before the greatest")
+        return scale
 
     def run(
         self, demonstrations: tuple[HandTrajectory, ...], robot: Robot, work: Work = Work()
     ) -> Any:
         """Return a `besman.mapping.embodiment.Mapping`."""
         from besman.mapping.embodiment import MappingSettings, map_embodiment
-        from besman.mapping.placement import TermWeights
+        from besman.mapping.terms import TermWeights
         from besman.robot.inverse_kinematics import IkWeights
 
         settings = MappingSettings(
             terms=TermWeights(**self.weights.model_dump()),
             ik=IkWeights(orientation=self.orientation_weight_m_rad),
             free_spin=self.free_axis_spin,
+            optimizer=self.optimizer,
             evaluations=self.evaluations,
+            yaw=self.yaw,
+            scale=self.scale,
+            placement_demonstrations=self.placement_demonstrations,
+            correct=self.correct,
             seed=self.seed,
             knot_spacing_s=self.knot_spacing_s,
             least_duration_s=self.minimum_duration_s,
@@ -216,7 +244,8 @@ def map_results(mapping: Any) -> dict[str, Any]:
     Returns
     -------
     dict
-        n_demonstrations, n_transferred, failed, position_error_m and orientation_error_deg (mean,
+        n_demonstrations, n_transferred, failed, corrected (placements of their own), scale,
+        position_error_m and orientation_error_deg (mean,
         p95 and max over all samples), time_stretch (median, max), limit_violations and
         self_collisions (samples at 1 kHz).
     """
@@ -228,6 +257,8 @@ def map_results(mapping: Any) -> dict[str, Any]:
         "n_demonstrations": len(trajectories) + len(mapping.failed),
         "n_transferred": len(trajectories),
         "failed": [asdict(one) for one in mapping.failed],
+        "corrected": [asdict(one) for one in mapping.corrected],
+        "scale": mapping.scale,
         "position_error_m": _spread(position),
         "orientation_error_deg": _spread(orientation),
         "time_stretch": {"median": float(np.median(stretch)), "max": float(stretch.max())},

@@ -10,10 +10,10 @@ from besman.config_file import parse_config
 from besman.exceptions import ConfigError, MappingError
 from besman.frames import rotation_to_quaternion
 from besman.mapping.embodiment import place_target, pose_errors, tool_poses
-from besman.mapping.placement import TermWeights, find_placement, path_terms, pose_of
+from besman.mapping.placement import ArmPaths, PlacementSearch, find_placement, pose_of
 from besman.mapping.stage import MapConfig, SelectConfig, map_results
+from besman.mapping.terms import TermWeights, path_terms
 from besman.records import Failure, HandTrajectory, LabelledSegments
-from besman.robot.inverse_kinematics import IkWeights
 from besman.robot.limits import check_limits, resample
 from besman.robot.model import load_robot
 from besman.stage import Work
@@ -161,15 +161,13 @@ def test_terms_of_a_still_arm_at_home():
 
 
 def test_the_height_counts_where_it_is_known():
-    path = tool_poses(throw(0), ROBOT)
-    options = {
-        "ik_weights": IkWeights(), "free_spin": True, "evaluations": 60, "seed": 1,
-    }  # fmt: skip
+    arm = [ArmPaths(ROBOT, [(throw(0).time, tool_poses(throw(0), ROBOT))])]
+    options = {"free_spin": True, "evaluations": 60, "seed": 1}
     strict = find_placement(
-        ROBOT, [(throw(0).time, path)], weights=TermWeights(height=50.0), back_height=1.2, **options
+        arm, PlacementSearch(weights=TermWeights(height=50.0), **options), back_height=1.2
     )
     assert strict.pose[2, 3] == pytest.approx(1.2, abs=0.02)
-    free = find_placement(ROBOT, [(throw(0).time, path)], weights=TermWeights(), **options)
+    free = find_placement(arm, PlacementSearch(**options))
     assert free.terms["height"] == 0.0
 
 

@@ -1,0 +1,117 @@
+"""What a good placement is: named terms of paths in joint space."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+import numpy.typing as npt
+
+from besman.robot.collision import distances
+from besman.robot.kinematics import forward_kinematics, manipulability
+from besman.robot.model import Robot
+
+FloatArray = npt.NDArray[np.float64]
+
+# What makes a term 1.
+POSITION_SCALE_M = 0.01
+ORIENTATION_SCALE_RAD = np.radians(10.0)
+SAFE_DISTANCE_M = 0.03
+HEIGHT_SCALE_M = 0.1
+SCALE_SCALE = 0.1  # natural logarithm of the factor
+_SINGULAR_SHARE = 0.3  # of the manipulability at home
+
+
+@dataclass(frozen=True)
+class TermWeights:
+    """Weights of the cost of a placement; every term is averaged over demonstrations.
+
+    Attributes
+    ----------
+    position : float
+        Root mean square position error, per centimetre.
+    orientation : float
+        Root mean square orientation error, per 10 degrees.
+    singularity : float
+        Mean squared shortfall of manipulability below 0.3 of that at home.
+    collision : float
+        Mean shortfall of the distance to itself, pedestal and floor below 3 cm.
+    speed : float
+        By how much the movement must be stretched to keep velocity and acceleration limits.
+    workspace : float
+        Share of the demonstrated path length that the arm does not use.
+    height : float
+        Distance from the height at which the movement was demonstrated, per 10 cm; a throw from
+        another height lands elsewhere. Only where that height is known.
+    scale : float
+        By how much movements are made smaller or larger, per tenth. Only where they may be.
+    """
+
+    position: float = 1.0
+    orientation: float = 0.3
+    singularity: float = 1.0
+    collision: float = 3.0
+    speed: float = 3.0
+    workspace: float = 1.0
+    height: float = 0.3
+    scale: float = 0.5
+
+    def as_array(self) -> FloatArray:
+        """Return the weights in the order of the fields, shape (8,)."""
+        return np.array([getattr(self, field.name) for field in fields(self)])
+
+
+def path_terms(
+    robot: Robot,
+    positions: FloatArray,
+    errors: FloatArray,
+    targets: FloatArray,
+    step_s: FloatArray,
+) -> FloatArray:
+    """Compute the cost terms of paths in joint space.
+
+    Parameters
+    ----------
+    robot : Robot
+    positions : array, shape (..., P, n)
+        rad.
+    errors : array, shape (..., P, 2)
+        Position (m) and orientation (rad).
+    targets : array, shape (..., P, 4, 4)
+        Poses asked for, metres.
+    step_s : array, shape (..., 1, 1)
+        Seconds between poses.
+
+    Returns
+    -------
+    array, shape (..., 6)
+        In the order of `TermWeights`, without height and scale.
+    """
+    limits = robot.limits
+    rms = np.sqrt(np.mean(errors**2, axis=-2)) / (POSITION_SCALE_M, ORIENTATION_SCALE_RAD)
+    usable = _SINGULAR_SHARE * max(float(manipulability(robot.chain, robot.home)), 1e-6)
+    singular = np.maximum(0.0, 1.0 - manipulability(robot.chain, positions) / usable) ** 2
+    nearest = distances(robot.chain, positions).min(axis=-1)
+    near = np.maximum(0.0, 1.0 - nearest / SAFE_DISTANCE_M)
+    steps = np.diff(positions, axis=-2) / step_s
+    speed = np.max(np.abs(steps) / limits.velocity, axis=(-2, -1))
+    pull = np.max(np.abs(np.diff(steps, axis=-2)) / step_s / limits.acceleration, axis=(-2, -1))
+    tips = forward_kinematics(robot.chain, positions)[..., :3, 3]
+    used, asked = _length(tips), _length(targets[..., :3, 3])
+    return np.stack(
+        [
+            rms[..., 0],
+            rms[..., 1],
+            np.mean(singular, axis=-1),
+            np.mean(near, axis=-1),
+            np.maximum(0.0, np.maximum(speed, np.sqrt(pull)) - 1.0),
+            np.maximum(0.0, 1.0 - used / np.maximum(asked, 1e-9)),
+        ],
+        axis=-1,
+    )
+
+
+def _length(points: FloatArray) -> FloatArray:
+    """Return the lengths of polylines (..., P, 3), metres."""
+    lengths: FloatArray = np.linalg.norm(np.diff(points, axis=-2), axis=-1).sum(axis=-1)
+    return lengths
