@@ -53,8 +53,9 @@ def make_search(
         The box.
     seed : int
     """
-    kind = {"cma_es": CmaEsSearch, "differential_evolution": DifferentialEvolutionSearch}
-    return kind[optimizer](start, low, high, seed)
+    if optimizer == "cma_es":
+        return CmaEsSearch(start, low, high, seed)
+    return DifferentialEvolutionSearch(start, low, high, seed)
 
 
 class CmaEsSearch:
