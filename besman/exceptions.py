@@ -40,6 +40,10 @@ class MappingError(BesmanError):
     """Demonstrations that cannot be mapped to the robot."""
 
 
+class PlanError(BesmanError):
+    """A motion plan that cannot be made, or not for a start, goal or duration."""
+
+
 class RefinementError(BesmanError):
     """A task or search that cannot be run."""
 

@@ -13,6 +13,7 @@ from besman.composition import run_compose
 from besman.config_file import load_config, parse_config, read_yaml
 from besman.exceptions import BesmanError, ConfigError, RecognitionError, RunError, nearest
 from besman.hierarchy.stage import ComposeConfig, leave_out_actions
+from besman.imitation.methods import ImitateStage
 from besman.imitation.stage import ImitateConfig, imitate_results
 from besman.inputs import Inputs, read_inputs
 from besman.labelling.marker_set import MarkerSet, load_marker_set
@@ -70,7 +71,7 @@ class PipelineConfig(Config):
     compose: ComposeConfig | None = None
     select: SelectConfig
     map: MapConfig = MapConfig()
-    imitate: ImitateConfig = ImitateConfig()
+    imitate: ImitateStage = ImitateConfig()
     refine: RefineConfig = RefineConfig()
 
     @field_validator("recordings", "training", mode="before")
@@ -304,7 +305,9 @@ def _run_stages(config: PipelineConfig, run: Run, inputs: Inputs, trained_in: Pa
     run.results["map"] = map_results(mapping)
 
     n = len(mapping.trajectories)
-    plans = run.step("imitate", config.imitate, mapping.trajectories, items=n, unit="motions")
+    plans = run.step(
+        "imitate", config.imitate, mapping.trajectories, robot, items=n, unit="motions"
+    )
     run.results["imitate"] = imitate_results(plans)
 
     task = _load_task(config)

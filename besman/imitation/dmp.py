@@ -160,10 +160,10 @@ def roll_out(
     x = np.clip(normalised, 0.0, 1.0)
     # Durations of their own ask for interpolation of every movement; one for all, of the map.
     if scale.ndim == 1:
-        maps = _interpolate(basis.position, basis.velocity, basis.acceleration, x)
+        maps = interpolate(basis.position, basis.velocity, basis.acceleration, x)
         position, velocity, acceleration = (matrix @ parameters for matrix in maps)
     else:
-        position, velocity, acceleration = _interpolate(
+        position, velocity, acceleration = interpolate(
             basis.position @ parameters,
             basis.velocity @ parameters,
             basis.acceleration @ parameters,
@@ -173,10 +173,23 @@ def roll_out(
     return position, velocity * moving, acceleration * moving / scale[..., None]
 
 
-def _interpolate(
+def interpolate(
     position: FloatArray, velocity: FloatArray, acceleration: FloatArray, x: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Interpolate node values (..., N_NODES, c) at x (..., T) by quintic Hermite polynomials."""
+    """Interpolate between nodes by quintic Hermite polynomials.
+
+    Parameters
+    ----------
+    position, velocity, acceleration : array, shape (..., N_NODES, c)
+        Values and derivatives with respect to x at `N_NODES` equal steps from 0 to 1.
+    x : array, shape (..., T)
+        Where, 0 to 1.
+
+    Returns
+    -------
+    tuple of three arrays, shape (..., T, c)
+        Value, first and second derivative.
+    """
     step = 1.0 / (N_NODES - 1)
     before = np.minimum((x / step).astype(np.int64), N_NODES - 2)
     u = (x / step - before)[..., None]
@@ -235,12 +248,12 @@ def fit_weights(time: npt.ArrayLike, positions: npt.ArrayLike, n_weights: int) -
     ends = np.stack([positions[0], positions[-1]])
     residual = positions - response[:, :2] @ ends
     conditions = rest_conditions(n_weights)
-    return _constrained_least_squares(
+    return constrained_least_squares(
         response[:, 2:], residual, conditions[:, 2:], -conditions[:, :2] @ ends
     ).T
 
 
-def _constrained_least_squares(
+def constrained_least_squares(
     matrix: FloatArray, target: FloatArray, constraint: FloatArray, value: FloatArray
 ) -> FloatArray:
     """Minimise |matrix w - target|^2 with a tiny ridge, subject to constraint w = value."""
@@ -272,7 +285,7 @@ def goal_response(n_weights: int) -> FloatArray:
     """
     conditions = rest_conditions(n_weights)
     basis = dmp_basis(n_weights)
-    change = _constrained_least_squares(
+    change = constrained_least_squares(
         basis.acceleration[:, 2:],
         -basis.acceleration[:, 1:2],
         conditions[:, 2:],

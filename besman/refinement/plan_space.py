@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from besman.imitation.dmp import dmp_basis, goal_response, shape_directions
-from besman.records import MotionPlan
+from besman.imitation.cartesian_dmp import move_ends
+from besman.imitation.dmp import goal_response, shape_directions
+from besman.imitation.movement import least_duration, stretch_plan
+from besman.quaternions import from_rotation_vector, multiply
+from besman.records import AnyPlan, CartesianPlan, MotionPlan
 from besman.refinement.search import Part
-from besman.robot.limits import time_stretch
+from besman.robot.model import Robot
 from besman.robot.parts import JointLimits
 
 FloatArray = npt.NDArray[np.float64]
-
-# The movement is looked at in 500 places; between them it can be this much faster.
-_MARGIN = 1.0 + 2e-4
 
 
 @dataclass(frozen=True)
@@ -25,25 +27,41 @@ class Units:
 
     Attributes
     ----------
-    goal_rad : float
-        Goal of a joint.
+    goal_rad, goal_m : float
+        Goal of a joint, or of the tool's rotation; goal of the tool's position.
     log_duration : float
         Natural logarithm of the duration.
-    shape_rad : float
-        Root mean square over the movement by which the smoothest change of a joint's weights
-        moves that joint; rougher ones move it less, with the same acceleration.
+    shape_rad, shape_m : float
+        Root mean square over the movement by which the smoothest change of a joint's weights (of
+        the weights of a coordinate of the tool's rotation, of its position) moves that joint;
+        rougher ones move it less, with the same acceleration.
     """
 
     goal_rad: float = 0.1
     log_duration: float = 0.1
     shape_rad: float = 0.1
+    goal_m: float = 0.05
+    shape_m: float = 0.05
+
+
+class Space(Protocol):
+    """Motion plans by the points of a vector space; the first plan is its origin."""
+
+    @property
+    def dimension(self) -> int:
+        """Number of coordinates."""
+        ...
+
+    def plan_at(self, point: npt.ArrayLike) -> AnyPlan:
+        """Return the motion plan at a point, shape (D,)."""
+        ...
 
 
 class PlanSpace:
     """Motion plans that differ from a first one in goal, duration and weights.
 
     Every plan starts and ends at rest, and lasts as long as the arm's limits of velocity and
-    acceleration require.
+    acceleration require. Another duration is another speed, evenly, also at the goal.
 
     Parameters
     ----------
@@ -69,7 +87,8 @@ class PlanSpace:
     ) -> None:
         self._plan, self._limits, self._parts, self._units = plan, limits, parts, units
         n, n_weights = plan.weights.shape
-        self._goal_response = goal_response(n_weights)
+        # A goal that is passed moves its quintic; one that is rested at asks it of the weights.
+        self._goal_response = goal_response(n_weights) * float(plan.kind == "joint_dmp")
         self._shapes = shape_directions(n_weights)[:n_shapes]
         sizes = {"goal": n, "duration": 1, "weights": n * len(self._shapes)}
         self._sizes = [sizes[part] for part in parts]
@@ -82,9 +101,8 @@ class PlanSpace:
     def plan_at(self, point: npt.ArrayLike) -> MotionPlan:
         """Return the motion plan at a point, shape (D,)."""
         start, n = self._plan, len(self._plan.goal)
-        ends = np.cumsum(self._sizes)[:-1]
-        pieces = dict(zip(self._parts, np.split(np.asarray(point), ends), strict=True))
-        weights, goal, duration = start.weights, start.goal, start.duration
+        pieces = _split(point, self._parts, self._sizes)
+        weights, goal = start.weights, start.goal
         if "goal" in pieces:
             moved = self._units.goal_rad * pieces["goal"]
             goal = goal + moved
@@ -92,35 +110,89 @@ class PlanSpace:
         if "weights" in pieces:
             shape = self._units.shape_rad * pieces["weights"].reshape(n, -1)
             weights = weights + shape @ self._shapes
-        if "duration" in pieces:
-            # Bounded, because nothing is learnt from movements of a minute or a millisecond.
-            stretch = np.clip(self._units.log_duration * pieces["duration"][0], -2.0, 2.0)
-            duration = duration * float(np.exp(stretch))
-        duration = max(duration, least_duration(weights, start.start, goal, self._limits))
-        return replace(start, weights=weights, goal=goal, duration=duration)
+        duration = _duration(start, pieces, self._units)
+        plan = replace(start, weights=weights, goal=goal)
+        return stretch_plan(plan, max(duration, least_duration(plan, self._limits)))
 
 
-def least_duration(
-    weights: FloatArray, start: FloatArray, goal: FloatArray, limits: JointLimits
-) -> float:
-    """Compute how long a DMP must last to keep the limits of velocity and acceleration.
+class CartesianPlanSpace:
+    """Cartesian plans that differ from a first one in goal pose, duration and weights.
+
+    Every plan starts and ends at rest, and lasts as long as the limits of velocity and
+    acceleration require of the joint movement that inverse kinematics gives.
 
     Parameters
     ----------
-    weights : array, shape (n, K)
-        Of the forcing term.
-    start, goal : array, shape (n,)
-        rad.
-    limits : JointLimits
-        Of the arm.
-
-    Returns
-    -------
-    float
-        Seconds.
+    plan : CartesianPlan
+        The origin.
+    robot : Robot
+        The arm with its tool.
+    parts : tuple of "goal", "duration", "weights"
+        What may change.
+    n_shapes : int
+        How many changes of the weights per coordinate, the smoothest first.
+    units : Units
+        What one unit is.
     """
-    basis = dmp_basis(weights.shape[1])
-    parameters = np.column_stack([start, goal, weights]).T
-    # As if it lasted one second.
-    stretch = time_stretch(limits, basis.velocity @ parameters, basis.acceleration @ parameters)
-    return _MARGIN * stretch
+
+    def __init__(
+        self,
+        plan: CartesianPlan,
+        robot: Robot,
+        parts: tuple[Part, ...],
+        n_shapes: int,
+        units: Units = Units(),
+    ) -> None:
+        self._plan, self._robot, self._parts, self._units = plan, robot, parts, units
+        self._shapes = shape_directions(plan.weights.shape[1])[:n_shapes]
+        sizes = {"goal": 6, "duration": 1, "weights": 6 * len(self._shapes)}
+        self._sizes = [sizes[part] for part in parts]
+
+    @property
+    def dimension(self) -> int:
+        """Number of coordinates."""
+        return sum(self._sizes)
+
+    def plan_at(self, point: npt.ArrayLike) -> CartesianPlan:
+        """Return the motion plan at a point, shape (D,)."""
+        start, units = self._plan, self._units
+        pieces = _split(point, self._parts, self._sizes)
+        weights, goal = start.weights, start.goal
+        if "goal" in pieces:
+            turned = from_rotation_vector(units.goal_rad * pieces["goal"][3:])
+            position = goal[:3] + units.goal_m * pieces["goal"][:3]
+            goal = np.concatenate([position, multiply(turned, goal[3:])])
+            weights = move_ends(weights, (start.start, start.goal), (start.start, goal))
+        if "weights" in pieces:
+            scale = np.repeat([units.shape_m, units.shape_rad], 3)[:, None]
+            weights = weights + (scale * pieces["weights"].reshape(6, -1)) @ self._shapes
+        duration = _duration(start, pieces, units)
+        plan = replace(start, weights=weights, goal=goal)
+        least = least_duration(plan, self._robot.limits, self._robot)
+        return replace(plan, duration=max(duration, least))
+
+
+def plan_space(
+    plan: AnyPlan, robot: Robot, parts: tuple[Part, ...], n_shapes: int, units: Units = Units()
+) -> Space:
+    """Set up the space of the plans around one, see `PlanSpace` and `CartesianPlanSpace`."""
+    if isinstance(plan, CartesianPlan):
+        return CartesianPlanSpace(plan, robot, parts, n_shapes, units)
+    return PlanSpace(plan, robot.limits, parts, n_shapes, units)
+
+
+def _split(
+    point: npt.ArrayLike, parts: tuple[Part, ...], sizes: Sequence[int]
+) -> dict[Part, FloatArray]:
+    """Cut a point into its parts."""
+    ends = np.cumsum(sizes)[:-1]
+    return dict(zip(parts, np.split(np.asarray(point, dtype=np.float64), ends), strict=True))
+
+
+def _duration(plan: AnyPlan, pieces: dict[Part, FloatArray], units: Units) -> float:
+    """Return the duration that a point asks for, seconds."""
+    if "duration" not in pieces:
+        return plan.duration
+    # Bounded, because nothing is learnt from movements of a minute or a millisecond.
+    stretch = np.clip(units.log_duration * pieces["duration"][0], -2.0, 2.0)
+    return plan.duration * float(np.exp(stretch))

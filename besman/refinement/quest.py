@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from besman.imitation.dmp import roll_out
-from besman.records import MotionPlan, RefinedMotion
-from besman.refinement.plan_space import PlanSpace
+from besman.imitation.movement import sample_plan
+from besman.records import AnyPlan, RefinedMotion
+from besman.refinement.plan_space import Space
 from besman.refinement.search import Search
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.limits import check_limits
@@ -21,7 +21,6 @@ FloatArray = npt.NDArray[np.float64]
 
 # A search ends when the outcome is this much better than the task asks for.
 _MARGIN = 0.5
-_RATE_HZ = 1000.0
 
 
 class Quest:
@@ -29,7 +28,7 @@ class Quest:
 
     Parameters
     ----------
-    space : PlanSpace
+    space : Space
         Motion plans around the imitation.
     search : Search
         Over the space.
@@ -42,16 +41,16 @@ class Quest:
     """
 
     def __init__(
-        self, space: PlanSpace, search: Search, robot: Robot, task: TaskConfig, episodes: int
+        self, space: Space, search: Search, robot: Robot, task: TaskConfig, episodes: int
     ) -> None:
         self._space, self._search, self._robot = space, search, robot
         self._task, self._episodes = task, episodes
         self._points: FloatArray = np.empty((0, space.dimension))
-        self._plans: list[MotionPlan] = []
-        self._tried: list[MotionPlan] = []
+        self._plans: list[AnyPlan] = []
+        self._tried: list[AnyPlan] = []
         self._trials: list[Trial] = []
 
-    def propose(self) -> list[MotionPlan]:
+    def propose(self) -> list[AnyPlan]:
         """Return the motion plans to try next: first the imitation, then one generation."""
         if not self._trials:
             self._points = np.zeros((1, self._space.dimension))
@@ -89,15 +88,15 @@ class Quest:
         return max(range(len(trials)), key=lambda at: (trials[at].success, trials[at].reward))
 
     @property
-    def best_plan(self) -> MotionPlan:
+    def best_plan(self) -> AnyPlan:
         """The plan of the best trial."""
         return self._tried[self._best]
 
-    def _verify(self, plan: MotionPlan, trial: Trial) -> Trial:
+    def _verify(self, plan: AnyPlan, trial: Trial) -> Trial:
         """Check the limits of a success sample by sample at 1 kHz: nothing less is exported."""
         if not trial.success:
             return trial
-        report = check_limits(self._robot, *_sample(plan)[1:])
+        report = check_limits(self._robot, *sample_plan(plan, self._robot)[1:])
         if report.violations == 0 and report.self_collisions == 0:
             return trial
         penalty = self._task.reward.failure
@@ -118,7 +117,7 @@ class Quest:
         RefinedMotion
         """
         plan, before, best = self.best_plan, self._trials[0], self._trials[self._best]
-        time, positions, velocities, accelerations = _sample(plan)
+        time, positions, velocities, accelerations = sample_plan(plan, self._robot)
         misses = [np.nan if tried.failure else tried.miss for tried in self._trials]
         return RefinedMotion(
             plan=plan,
@@ -138,12 +137,6 @@ class Quest:
             orientation_error=best.orientation_error,
             failure=before.failure,
         )
-
-
-def _sample(plan: MotionPlan) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Roll out a plan at 1 kHz: time, positions, velocities, accelerations."""
-    time = np.arange(int(np.ceil(plan.duration * _RATE_HZ)) + 1) / _RATE_HZ
-    return time, *roll_out(plan.weights, plan.start, plan.goal, plan.duration, time)
 
 
 def succeeds(trial: Trial, task: TaskConfig, share: float) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from besman.exceptions import RefinementError
-from besman.records import MotionPlan, RefinedMotion
+from besman.records import AnyPlan, RefinedMotion
 from besman.refinement.search import Part
 from besman.robot.model import Robot
 from besman.simulation.tasks import StickThrowConfig, TaskConfig
@@ -26,6 +26,8 @@ class UnitsConfig(Config):
     goal_rad: Annotated[float, Field(gt=0)] = 0.1
     log_duration: Annotated[float, Field(gt=0)] = 0.1
     shape_rad: Annotated[float, Field(gt=0)] = 0.1
+    goal_m: Annotated[float, Field(gt=0)] = 0.05
+    shape_m: Annotated[float, Field(gt=0)] = 0.05
 
 
 class RefineConfig(Stage):
@@ -62,7 +64,7 @@ class RefineConfig(Stage):
 
     def run(
         self,
-        plans: tuple[MotionPlan, ...],
+        plans: tuple[AnyPlan, ...],
         robot: Robot,
         task: TaskConfig,
         work: Work = Work(),
@@ -71,7 +73,7 @@ class RefineConfig(Stage):
 
         Parameters
         ----------
-        plans : tuple of MotionPlan
+        plans : tuple of MotionPlan or CartesianPlan
             What imitation gave. Slowed down, where their own movement exceeds a limit.
         robot : Robot
             With the task's tool.
@@ -108,21 +110,21 @@ class RefineConfig(Stage):
         best = try_plans(robot, task, [quest.best_plan for quest in quests], work.jobs, paths=True)
         return tuple(quest.result(trial) for quest, trial in zip(quests, best, strict=True))
 
-    def _quest(self, plan: MotionPlan, robot: Robot, task: TaskConfig) -> Quest:
+    def _quest(self, plan: AnyPlan, robot: Robot, task: TaskConfig) -> Quest:
         """Set up the search for one plan."""
         from besman.refinement.cma_es import CmaEs
-        from besman.refinement.plan_space import PlanSpace, Units
+        from besman.refinement.plan_space import Units, plan_space
         from besman.refinement.quest import Quest
 
         units = Units(**self.units.model_dump())
-        space = PlanSpace(plan, robot.limits, self.search, self.n_shapes, units)
+        space = plan_space(plan, robot, self.search, self.n_shapes, units)
         # By name, so that a motion's search does not depend on which others are there.
         seed = (self.seed, zlib.crc32(plan.name.encode()))
         search = CmaEs(np.zeros(space.dimension), self.sigma, self.population, seed)
         return Quest(space, search, robot, task, self.episodes)
 
 
-def _check(plans: tuple[MotionPlan, ...], robot: Robot, task: TaskConfig) -> None:
+def _check(plans: tuple[AnyPlan, ...], robot: Robot, task: TaskConfig) -> None:
     """Refuse plans, robot and task that do not belong together."""
     if robot.tool.name != task.tool:
         raise RefinementError(

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from besman.imitation.dmp import roll_out
-from besman.records import MotionPlan
+from besman.imitation.movement import roll_out_plans
+from besman.records import AnyPlan
 from besman.robot.collision import distances
 from besman.robot.model import Robot
 from besman.simulation.episodes import Episodes, Movements
@@ -62,7 +62,7 @@ class Trial:
 def try_plans(
     robot: Robot,
     task: TaskConfig,
-    plans: Sequence[MotionPlan],
+    plans: Sequence[AnyPlan],
     jobs: int = 1,
     paths: bool = False,
 ) -> list[Trial]:
@@ -74,8 +74,8 @@ def try_plans(
         With the task's tool.
     task : TaskConfig
         Scene, reward, criteria.
-    plans : sequence of MotionPlan
-        All with the same number of weights.
+    plans : sequence of MotionPlan or CartesianPlan
+        Those of one kind with the same number of weights.
     jobs : int
         Threads; results do not depend on it.
     paths : bool
@@ -88,8 +88,8 @@ def try_plans(
     """
     blocks = [plans[first : first + _BLOCK] for first in range(0, len(plans), _BLOCK)]
 
-    def try_block(block: Sequence[MotionPlan]) -> list[Trial]:
-        movements = move(block, task)
+    def try_block(block: Sequence[AnyPlan]) -> list[Trial]:
+        movements = move(block, task, robot)
         episodes = simulate(robot, task, movements, paths)
         return _score(robot, task, block, movements, episodes)
 
@@ -101,19 +101,15 @@ def try_plans(
     return [trial for block in results for trial in block]
 
 
-def move(plans: Sequence[MotionPlan], task: TaskConfig) -> Movements:
-    """Roll out motion plans at the task's time step, with the time that it needs after them."""
+def move(plans: Sequence[AnyPlan], task: TaskConfig, robot: Robot | None = None) -> Movements:
+    """Roll out motion plans at the task's time step, with the time that it needs after them.
+
+    Cartesian plans need the robot, for their inverse kinematics.
+    """
     durations = np.array([plan.duration for plan in plans])
     step = task.simulation.time_step_s
     time = step * np.arange(int(np.ceil((durations.max() + task.rest_s) / step)) + 1)
-    positions, velocities, accelerations = roll_out(
-        np.stack([plan.weights for plan in plans]),
-        np.stack([plan.start for plan in plans]),
-        np.stack([plan.goal for plan in plans]),
-        durations,
-        time,
-    )
-    return Movements(positions, velocities, accelerations, durations)
+    return Movements(*roll_out_plans(plans, time, robot), durations)
 
 
 def simulate(robot: Robot, task: TaskConfig, movements: Movements, paths: bool) -> Episodes:
@@ -126,7 +122,7 @@ def simulate(robot: Robot, task: TaskConfig, movements: Movements, paths: bool) 
 def _score(
     robot: Robot,
     task: TaskConfig,
-    plans: Sequence[MotionPlan],
+    plans: Sequence[AnyPlan],
     movements: Movements,
     episodes: Episodes,
 ) -> list[Trial]:
@@ -145,7 +141,7 @@ def _score(
 
 def _score_one(
     task: TaskConfig,
-    plan: MotionPlan,
+    plan: AnyPlan,
     episodes: Episodes,
     index: int,
     excess: float,

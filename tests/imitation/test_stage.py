@@ -54,7 +54,9 @@ def test_without_leads_the_plan_has_the_demonstrations_ends():
 
 def test_results_and_progress():
     done = []
-    plans = ImitateConfig().run((trajectory("a"), trajectory("b", 0.5)), Work(progress=done.append))
+    plans = ImitateConfig().run(
+        (trajectory("a"), trajectory("b", 0.5)), work=Work(progress=done.append)
+    )
     assert done == [0.5, 1.0]
     errors = [plan.rmse for plan in plans]
     assert imitate_results(plans) == {

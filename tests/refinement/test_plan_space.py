@@ -1,10 +1,13 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from besman.imitation.dmp import fit_weights, roll_out
-from besman.refinement.plan_space import PlanSpace, Units, least_duration
+from besman.imitation.movement import least_duration
+from besman.refinement.plan_space import PlanSpace, Units
 from besman.robot.limits import check_limits
 
 ALL = ("goal", "duration", "weights")
@@ -67,7 +70,7 @@ def test_units(robot, make_plan):
     np.testing.assert_allclose(moved, [0, 0, 0.05, 0, 0, 0], atol=5e-4)
 
 
-def test_least_duration_of_a_minimum_jerk_movement(robot):
+def test_least_duration_of_a_minimum_jerk_movement(robot, make_plan):
     x = np.linspace(0, 1, 201)
     start, goal = np.zeros(6), np.array([1.0, 0.5, -0.2, 0.1, 0.0, -0.9])
     weights = fit_weights(x, np.outer(10 * x**3 - 15 * x**4 + 6 * x**5, goal), 30)
@@ -76,4 +79,5 @@ def test_least_duration_of_a_minimum_jerk_movement(robot):
         (1.875 * change / robot.limits.velocity).max(),
         np.sqrt((10 / np.sqrt(3) * change / robot.limits.acceleration).max()),
     )
-    assert least_duration(weights, start, goal, robot.limits) == pytest.approx(exact, rel=5e-3)
+    plan = replace(make_plan(), weights=weights, start=start, goal=goal)
+    assert least_duration(plan, robot.limits) == pytest.approx(exact, rel=5e-3)
