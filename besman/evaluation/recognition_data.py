@@ -102,9 +102,14 @@ def load_sets(data: Path) -> list[LabelledSet]:
     RecordingError
         If a recording cannot be read.
     """
+    return [_load_set(folder) for folder in dataset_folders(data)]
+
+
+def dataset_folders(data: Path) -> list[Path]:
+    """Return the folders in a folder that hold segments files; the folder itself if none does."""
     inside = sorted(path for path in data.iterdir() if path.is_dir()) if data.is_dir() else []
     folders = [folder for folder in inside if any(folder.glob("*_manually_segmented.json"))]
-    return [_load_set(folder) for folder in folders or [data]]
+    return folders or [data]
 
 
 def simulate_sets(
@@ -159,13 +164,10 @@ def _without_rest(segments: LabelledSegments) -> LabelledSegments:
 
 
 def _load_set(folder: Path) -> LabelledSet:
-    files = find_recordings([folder])
-    beside = [file.with_name(file.stem + end) for file in files for end in _MADE_BY_SYNTH]
-    made = data_is_embedded(folder) or any(path.exists() for path in beside)
     inputs = read_inputs([str(folder)])
     recordings = [_fill(name_parts(recording)) for recording in inputs.recordings]
     truth = [segments for segments in inputs.truth if segments is not None]
-    source = "synthetic" if made else "real"
+    source = "synthetic" if is_synthetic(folder) else "real"
     return _make_set(folder.name, source, recordings, truth, RecognizeConfig().idle_s)
 
 
@@ -196,6 +198,13 @@ def _make_set(
         time.perf_counter() - started,
         n_all - len(candidates),
     )
+
+
+def is_synthetic(folder: Path) -> bool:
+    """Tell whether a folder's recordings were simulated: embedded, or written by `besman synth`."""
+    files = find_recordings([folder])
+    beside = [file.with_name(file.stem + end) for file in files for end in _MADE_BY_SYNTH]
+    return data_is_embedded(folder) or any(path.exists() for path in beside)
 
 
 def data_is_embedded(folder: Path) -> bool:
