@@ -373,6 +373,61 @@ def evaluate_recognition(
             console.print(f"wrote {path}", highlight=False, soft_wrap=True)
 
 
+@evaluate_app.command("mapping")
+def evaluate_mapping(
+    data: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder of recordings with segments, or of such folders: every labelled class; if "
+            "not given, simulated stick throws, as many as in the thesis."
+        ),
+    ] = None,
+    robots: Annotated[
+        list[str] | None,
+        typer.Option("--robot", help="Robot, or a robot.yaml; default ur5, ur10, iiwa7, compi."),
+    ] = None,
+    subjects: Annotated[int | None, typer.Option(min=1, help="Of simulated throws.")] = None,
+    repetitions: Annotated[
+        int | None, typer.Option(min=1, help="Simulated throws of each subject.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of simulated throws.")] = 0,
+    jobs: Jobs = ALL_CORES,
+    figures: Annotated[Path | None, typer.Option(help="Folder for figures.")] = None,
+    json_file: Json = None,
+) -> None:
+    """Demonstrations in the workspaces of several arms, as in section 7.2.3 and figure 7.5."""
+    from rich.console import Console
+
+    from besman.evaluation import mapping
+    from besman.evaluation.mapping_data import choose_sets
+    from besman.evaluation.mapping_tables import failure_lines, mapping_tables
+    from besman.run import write_json
+    from besman.terminal import stage_display
+    from besman.work import Work
+    from besman.workers import Workers
+
+    with stage_display() as display, Workers(jobs) as workers:
+        progress, end = display("demos")
+        sets = choose_sets(data, subjects, repetitions, seed, progress)
+        end(True)
+        progress, end = display("mapping")
+        work = Work(jobs, progress, workers=workers)
+        result, mapped = mapping.evaluate_mapping(sets, robots or mapping.ROBOTS, work=work)
+        end(True)
+    if json_file is not None:
+        write_json(json_file, result)
+    console = Console()
+    for table in mapping_tables(result["rows"]):
+        console.print(table)
+    for line in failure_lines(result["rows"]):
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
+    if figures is not None:
+        from besman.evaluation.mapping_figures import write_figures
+
+        for path in write_figures(mapped, figures):
+            console.print(f"wrote {path}", highlight=False, soft_wrap=True)
+
+
 @evaluate_app.command("hierarchy")
 def evaluate_hierarchy(
     datasets: Annotated[
