@@ -37,6 +37,11 @@ from besman.work import Notes, Work, failure_of
 
 FloatArray = npt.NDArray[np.float64]
 
+# Half of the work is done in kernels without Python's lock: processes, which take two seconds to
+# start, are worth it for so many demonstrations; a placement of its own is ten times the work.
+_PROCESSES_FROM = 128
+_CORRECTIONS_FROM = 12
+
 
 @dataclass(frozen=True)
 class MappingSettings:
@@ -178,10 +183,10 @@ def map_embodiment(
     if not demonstrations:
         raise MappingError("map: expected at least one demonstration, got none")
     notes = Notes()
-    usable = _usable(demonstrations, notes)
-    height = _back_height(usable)
+    usable = usable_demonstrations(demonstrations, notes)
+    height = back_height(usable)
     placement = find_placement(
-        [_arm_paths(robot, usable)],
+        [arm_paths(robot, usable)],
         settings.search,
         back_height=height,
         jobs=work.jobs,
@@ -191,12 +196,12 @@ def map_embodiment(
     mapped = map_placed(usable, robot, placement, settings, height, noted.part(0.6, 1.0))
     if work.notes is not None:
         work.notes.add_workers(notes)
-    mapping = _sort_out(mapped, placement, robot, notes.failures, settings)
+    mapping = sort_out(mapped, placement, robot, notes.failures, settings)
     order = {one.name: at for at, one in enumerate(demonstrations)}
     return replace(mapping, failed=tuple(sorted(mapping.failed, key=lambda one: order[one.name])))
 
 
-def _arm_paths(robot: Robot, demonstrations: Sequence[HandTrajectory]) -> ArmPaths:
+def arm_paths(robot: Robot, demonstrations: Sequence[HandTrajectory]) -> ArmPaths:
     """Return what demonstrations ask of an arm."""
     return ArmPaths(robot, [(one.time, tool_poses(one, robot)) for one in demonstrations])
 
@@ -250,8 +255,8 @@ def map_placed(
     list of Mapped
         Of those that raised no error, in their order.
     """
-    one = partial(_map_placed, placement=placement, robot=robot, settings=settings)
-    mapped = work.part(0.0, 0.6).map(one, demonstrations, processes=True)
+    one = partial(map_with_placement, placement=placement, robot=robot, settings=settings)
+    mapped = work.part(0.0, 0.6).map(one, demonstrations, processes=_PROCESSES_FROM)
     reasons = {each.name: _reason(each.trajectory, each.report, settings) for each in mapped}
     unserved = [one for one in demonstrations if reasons.get(one.name)]
     if settings.correct and unserved:
@@ -263,17 +268,22 @@ def map_placed(
             back_height=back_height,
             reasons=reasons,
         )
-        moved = {each.name: each for each in work.part(0.6, 1.0).map(own, unserved, processes=True)}
+        # One that fails here keeps the reason it has.
+        again = replace(work.part(0.6, 1.0), notes=Notes())
+        found = again.map(own, unserved, processes=_CORRECTIONS_FROM, some=False)
+        moved = {each.name: each for each in found}
         mapped = [
             each
-            if each.name not in moved or _reason_of(moved[each.name], settings)
+            if each.name not in moved or reason_of(moved[each.name], settings)
             else moved[each.name]
             for each in mapped
         ]
     return mapped
 
 
-def _usable(demonstrations: tuple[HandTrajectory, ...], notes: Notes) -> tuple[HandTrajectory, ...]:
+def usable_demonstrations(
+    demonstrations: tuple[HandTrajectory, ...], notes: Notes
+) -> tuple[HandTrajectory, ...]:
     """Leave out and note what cannot be mapped at all."""
     usable = []
     for one in demonstrations:
@@ -290,7 +300,7 @@ def _usable(demonstrations: tuple[HandTrajectory, ...], notes: Notes) -> tuple[H
     return tuple(usable)
 
 
-def _map_placed(
+def map_with_placement(
     demonstration: HandTrajectory, placement: Placement, robot: Robot, settings: MappingSettings
 ) -> Mapped:
     """Map one demonstration, given the placement of all, and bring its target along."""
@@ -309,7 +319,7 @@ def _map_corrected(
     reasons: dict[str, str],
 ) -> Mapped:
     """Map one demonstration with a placement of its own."""
-    arm = _arm_paths(robot, [demonstration])
+    arm = arm_paths(robot, [demonstration])
     own = correct_placement(arm, settings.search, placement, back_height)
     middle = np.eye(4)
     middle[:3, 3] = arm.paths[0][1][:, :3, 3].mean(axis=0)
@@ -322,15 +332,15 @@ def _map_corrected(
         turn_rad=float(abs(np.arctan2(np.sin(turn), np.cos(turn)))),
         scale=own.scale / placement.scale,
     )
-    return replace(_map_placed(demonstration, own, robot, settings), correction=correction)
+    return replace(map_with_placement(demonstration, own, robot, settings), correction=correction)
 
 
-def _reason_of(mapped: Mapped, settings: MappingSettings) -> str:
+def reason_of(mapped: Mapped, settings: MappingSettings) -> str:
     """Say why a mapped demonstration cannot be used; empty if it can."""
     return _reason(mapped.trajectory, mapped.report, settings)
 
 
-def _sort_out(
+def sort_out(
     mapped: list[Mapped],
     placement: Placement,
     robot: Robot,
@@ -343,7 +353,7 @@ def _sort_out(
     aimed = any(np.isfinite(one.trajectory.target).all() for one in mapped)
     failed = list(failures)
     for one in mapped:
-        trajectory, reason = one.trajectory, _reason_of(one, settings)
+        trajectory, reason = one.trajectory, reason_of(one, settings)
         if aimed and not np.isfinite(trajectory.target).all():
             reason = "the flight of the thrown object was not seen, so there is no target"
         if reason:
@@ -369,7 +379,7 @@ def _sort_out(
     )
 
 
-def _back_height(demonstrations: tuple[HandTrajectory, ...]) -> float | None:
+def back_height(demonstrations: tuple[HandTrajectory, ...]) -> float | None:
     """Return how high the back is above the floor, known where a target on the floor is."""
     heights = [-one.target[2] for one in demonstrations if np.isfinite(one.target).all()]
     return float(np.mean(heights)) if heights else None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from besman.exceptions import RobotError
 from besman.robot.kinematics import as_rows, compiled, fill_frames
 from besman.robot.parts import Chain
 
@@ -64,6 +65,77 @@ def distances(chain: Chain, positions: npt.ArrayLike) -> FloatArray:
     )
     result[~np.isfinite(rows).all(axis=1)] = np.nan
     return result.reshape(*shape, 2)
+
+
+def distances_between(
+    first: Chain, first_positions: npt.ArrayLike, second: Chain, second_positions: npt.ArrayLike
+) -> FloatArray:
+    """Compute the distance between the moving parts of two arms with one world.
+
+    Parameters
+    ----------
+    first, second : Chain
+    first_positions, second_positions : array, shape (..., n)
+        Joint angles of each arm at the same moments, rad.
+
+    Returns
+    -------
+    array, shape (...)
+        Metres; below zero where capsules overlap, infinite where an arm has none.
+    """
+    rows, shape = as_rows(first, first_positions)
+    others, other_shape = as_rows(second, second_positions)
+    if shape != other_shape:
+        raise RobotError(
+            f"distances_between: got positions of {shape} and {other_shape} moments, expected the "
+            "same for both arms"
+        )
+    arms = [
+        (chain.placements, chain.axes, chain.capsule_joints, chain.capsule_ends, angles)
+        for chain, angles in ((first, rows), (second, others))
+    ]
+    placed = [_place_all(*arm) for arm in arms]
+    moving = [chain.capsule_joints >= 0 for chain in (first, second)]
+    result = _nearest(
+        placed[0][:, moving[0]],
+        first.capsule_radii[moving[0]],
+        placed[1][:, moving[1]],
+        second.capsule_radii[moving[1]],
+    )
+    return result.reshape(shape)
+
+
+@compiled
+def _place_all(
+    placements: FloatArray, axes: FloatArray, joints: IntArray, ends: FloatArray, rows: FloatArray
+) -> FloatArray:
+    """Return the capsules' ends in the world for every configuration, shape (B, C, 2, 3)."""
+    rotations, origins = np.empty((len(axes), 3, 3)), np.empty((len(axes), 3))
+    placed = np.empty((len(rows), len(joints), 2, 3))
+    for index in range(len(rows)):
+        fill_frames(placements, axes, rows[index], rotations, origins)
+        place_capsules(joints, ends, rotations, origins, placed[index])
+    return placed
+
+
+@compiled
+def _nearest(
+    first: FloatArray, first_radii: FloatArray, second: FloatArray, second_radii: FloatArray
+) -> FloatArray:
+    """Return the least distance between two sets of capsules at every moment, shape (B,)."""
+    result = np.full(len(first), np.inf)
+    for index in range(len(first)):
+        for one in range(len(first_radii)):
+            for other in range(len(second_radii)):
+                distance = segment_distance(
+                    first[index, one, 0],
+                    first[index, one, 1],
+                    second[index, other, 0],
+                    second[index, other, 1],
+                )
+                gap = distance - first_radii[one] - second_radii[other]
+                result[index] = min(result[index], gap)
+    return result
 
 
 @compiled

@@ -30,7 +30,8 @@ def run(optimizer, seed=0, generations=60, start=(0.0, 0.0, 0.0)):
 def test_finds_the_least_of_a_bowl_inside_the_box(optimizer):
     tried = run(optimizer)
     assert bowl(tried).min() < 1e-2
-    assert np.all(tried >= LOW) and np.all(tried <= HIGH)
+    assert np.all(tried >= LOW)
+    assert np.all(tried <= HIGH)
 
 
 @pytest.mark.parametrize("optimizer", OPTIMIZERS)
