@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +20,17 @@ from besman.io.exports import (
 from besman.io.urscript import CYCLE_S, UR_JOINTS, read_urscript, write_urscript
 from besman.records import FloatArray, RefinedMotion
 from besman.run import write_json
+from besman.work import Work
 
 # Rounding of what is written: nine digits; six decimals in URScript.
 _AGREEMENT_RAD = 1e-6
+# Writing holds Python's lock; processes are started in the time of so many motions.
+_PROCESSES_FROM = 40
 
 
-def write_exports(motions: tuple[RefinedMotion, ...], robot: Any, folder: Path) -> None:
+def write_exports(
+    motions: tuple[RefinedMotion, ...], robot: Any, folder: Path, work: Work = Work()
+) -> None:
     """Write every refined motion as CSV, ROS 2 message and, for UR arms, URScript; read all back.
 
     Beside them ``limits.json`` says what each motion asks of the arm: samples beyond a limit, the
@@ -37,6 +43,8 @@ def write_exports(motions: tuple[RefinedMotion, ...], robot: Any, folder: Path) 
         With the tool that the motions were refined with.
     folder : Path
         Made if need be.
+    work : Work
+        Threads, processes and progress.
 
     Raises
     ------
@@ -46,17 +54,23 @@ def write_exports(motions: tuple[RefinedMotion, ...], robot: Any, folder: Path) 
     folder.mkdir(exist_ok=True)
     # Written last: where it is, the exports are whole.
     (folder / "limits.json").unlink(missing_ok=True)
-    reports: dict[str, Any] = {}
-    for motion in motions:
-        source, _, segment = motion.plan.name.rpartition(":")
-        name = f"{Path(source).stem}_{segment}"
-        for path, held, every in _write_motion(motion, folder, name):
-            rows = np.minimum(np.arange(len(held)) * every, len(motion.time) - 1)
-            if np.max(np.abs(held - motion.positions[rows])) > _AGREEMENT_RAD:
-                raise RunError(f"{path}: does not hold the motion that was to be written")
-        reports[name] = _report(robot, folder / f"{name}.csv") | {"success": motion.success}
-    content = {"robot": robot.name, "tool": robot.tool.name, "rate_hz": 1000, "motions": reports}
-    write_json(folder / "limits.json", content)
+    export = partial(_export, robot=robot, folder=folder)
+    reports = work.map(
+        export, motions, name=lambda motion: motion.plan.name, processes=_PROCESSES_FROM, local=True
+    )
+    content = {"robot": robot.name, "tool": robot.tool.name, "rate_hz": 1000}
+    write_json(folder / "limits.json", content | {"motions": dict(reports)})
+
+
+def _export(motion: RefinedMotion, robot: Any, folder: Path) -> tuple[str, dict[str, Any]]:
+    """Write one motion and read it back; return its name and what it asks of the arm."""
+    source, _, segment = motion.plan.name.rpartition(":")
+    name = f"{Path(source).stem}_{segment}"
+    for path, held, every in _write_motion(motion, folder, name):
+        rows = np.minimum(np.arange(len(held)) * every, len(motion.time) - 1)
+        if np.max(np.abs(held - motion.positions[rows])) > _AGREEMENT_RAD:
+            raise RunError(f"{path}: does not hold the motion that was to be written")
+    return name, _report(robot, folder / f"{name}.csv") | {"success": motion.success}
 
 
 def _write_motion(

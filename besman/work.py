@@ -20,9 +20,6 @@ if TYPE_CHECKING:
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
-# Fewer items are done before processes have imported what they need.
-_FEW = 32
-
 
 def _ignore(done: float) -> None:
     """Take no notice of progress."""
@@ -123,8 +120,9 @@ class Work:
         items: Sequence[Item],
         *,
         name: Callable[[Item], str] = _name_of,
-        processes: bool = False,
+        processes: int = 0,
         local: bool = False,
+        some: bool = True,
     ) -> list[Result]:
         """Apply a function to every item.
 
@@ -136,11 +134,13 @@ class Work:
             Each can be computed by itself.
         name : callable
             Gives an item's name; by default its attribute ``name``.
-        processes : bool
-            The work holds Python's lock, so that on one machine many items are done sooner by
-            processes than by threads.
+        processes : int
+            From how many items on processes of this machine are sooner done than threads, which
+            share Python's lock but need not be started; 0 for never.
         local : bool
-            Not for a cluster, because it touches files.
+            Not for a cluster, because it touches files or is done before it is sent.
+        some : bool
+            At least one item must succeed.
 
         Returns
         -------
@@ -152,7 +152,7 @@ class Work:
         Exception
             What the first item failed with, if there are no `notes`.
         BesmanError
-            If every item failed.
+            If every item failed, and some must not.
         """
         found: list[Outcome] = [Outcome()] * len(items)
         for done, (at, outcome) in enumerate(self._outcomes(function, items, processes, local), 1):
@@ -166,18 +166,18 @@ class Work:
         failures = [failure_of(name(item), error) for item, error in errors]
         if self.notes is not None:
             self.notes.failures += failures
-        if errors and len(errors) == len(items):
+        if some and errors and len(errors) == len(items):
             raise _all_failed(errors[0][1], failures)
         return [one.value for one in found if one.error is None]
 
     def _outcomes(
-        self, function: Callable[[Any], Any], items: Sequence[Any], processes: bool, local: bool
+        self, function: Callable[[Any], Any], items: Sequence[Any], processes: int, local: bool
     ) -> Iterable[tuple[int, Outcome]]:
         """Work on the items where it is best; yield index and outcome as they come."""
         if self.workers is not None and self.workers.cluster is not None and not local:
             return self.workers.on_cluster(function, items)
-        many = self.jobs > 1 and len(items) >= _FEW
-        if self.workers is not None and processes and many:
+        many = self.jobs > 1 and 0 < processes <= len(items)
+        if self.workers is not None and many:
             return self.workers.in_processes(function, items)
         return _in_threads(function, items, self.jobs)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import replace
+from functools import partial
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -18,6 +19,9 @@ from besman.imitation.velocity_dmp import fit_velocity_weights
 from besman.records import AnyPlan, CartesianPlan, FloatArray, JointTrajectory, MotionPlan
 from besman.robot.model import Robot
 from besman.stage import Stage, Work
+
+# A trajectory takes two milliseconds, a process two seconds to start.
+_PROCESSES_FROM = 4000
 
 
 class _DmpConfig(Stage):
@@ -42,7 +46,7 @@ class _DmpConfig(Stage):
         robot : Robot, optional
             The arm with its tool; needed for Cartesian plans only.
         work : Work
-            Progress.
+            Threads, processes and progress.
 
         Returns
         -------
@@ -54,11 +58,8 @@ class _DmpConfig(Stage):
         PlanError
             If the robot is missing or another than the trajectories'.
         """
-        plans = []
-        for index, trajectory in enumerate(trajectories):
-            plans.append(self._imitate(trajectory, robot))
-            work.progress((index + 1) / len(trajectories))
-        return tuple(plans)
+        imitate = partial(self._imitate, robot=robot)
+        return tuple(work.map(imitate, trajectories, processes=_PROCESSES_FROM, local=True))
 
     @abstractmethod
     def _imitate(self, trajectory: JointTrajectory, robot: Robot | None) -> AnyPlan:

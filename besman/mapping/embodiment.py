@@ -269,8 +269,11 @@ def map_placed(
             reasons=reasons,
         )
         # One that fails here keeps the reason it has.
-        again = replace(work.part(0.6, 1.0), notes=Notes())
+        notes = Notes()
+        again = replace(work.part(0.6, 1.0), notes=notes)
         found = again.map(own, unserved, processes=_CORRECTIONS_FROM, some=False)
+        if work.notes is not None:
+            work.notes.add_workers(notes)
         moved = {each.name: each for each in found}
         mapped = [
             each

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
@@ -18,6 +19,10 @@ from besman.stage import Config, Stage, Work
 
 if TYPE_CHECKING:
     from besman.refinement.quest import Quest
+
+
+# Half of the work holds Python's lock; processes are started in the time of so many episodes.
+_EPISODES_FOR_PROCESSES = 4000
 
 
 class UnitsConfig(Config):
@@ -80,7 +85,7 @@ class RefineConfig(Stage):
         task : TaskConfig
             What is to be done.
         work : Work
-            Threads and progress.
+            Threads, processes and progress.
 
         Returns
         -------
@@ -92,23 +97,24 @@ class RefineConfig(Stage):
         RefinementError
             If a plan and the task or the robot do not belong together.
         """
+        _check(robot, task)
+        refine = partial(self._refine, robot=robot, task=task)
+        processes = max(2, _EPISODES_FOR_PROCESSES // self.episodes)
+        return tuple(work.map(refine, plans, processes=processes))
+
+    def _refine(self, plan: AnyPlan, robot: Robot, task: TaskConfig) -> RefinedMotion:
+        """Refine one motion plan."""
         from besman.simulation.trial import try_plans
 
-        _check(plans, robot, task)
-        quests = [self._quest(plan, robot, task) for plan in plans]
-        active = quests
-        while active:
-            proposals = [quest.propose() for quest in active]
-            flat = [plan for plans_of_one in proposals for plan in plans_of_one]
-            trials = iter(try_plans(robot, task, flat, work.jobs))
-            for quest, proposed in zip(active, proposals, strict=True):
-                quest.learn([next(trials) for _ in proposed])
-            active = [quest for quest in active if not quest.done]
-            spent = sum(quest.n_episodes if quest in active else self.episodes for quest in quests)
-            work.progress(spent / (self.episodes * len(quests)))
+        _check_plan(plan, robot, task)
+        quest = self._quest(plan, robot, task)
+        done = False
+        while not done:
+            quest.learn(try_plans(robot, task, quest.propose()))
+            done = quest.done
         # Once more, because paths of all episodes would be too much to keep.
-        best = try_plans(robot, task, [quest.best_plan for quest in quests], work.jobs, paths=True)
-        return tuple(quest.result(trial) for quest, trial in zip(quests, best, strict=True))
+        (best,) = try_plans(robot, task, [quest.best_plan], paths=True)
+        return quest.result(best)
 
     def _quest(self, plan: AnyPlan, robot: Robot, task: TaskConfig) -> Quest:
         """Set up the search for one plan."""
@@ -124,24 +130,27 @@ class RefineConfig(Stage):
         return Quest(space, search, robot, task, self.episodes)
 
 
-def _check(plans: tuple[AnyPlan, ...], robot: Robot, task: TaskConfig) -> None:
-    """Refuse plans, robot and task that do not belong together."""
+def _check(robot: Robot, task: TaskConfig) -> None:
+    """Refuse a robot and a task that do not belong together."""
     if robot.tool.name != task.tool:
         raise RefinementError(
             f"task {task.kind}: robot {robot.name} carries tool {robot.tool.name!r}, "
             f"expected {task.tool!r}"
         )
-    for plan in plans:
-        if plan.joint_names != robot.joint_names:
-            raise RefinementError(
-                f"{plan.name}: plan for joints {', '.join(plan.joint_names)}; robot "
-                f"{robot.name} has {', '.join(robot.joint_names)}"
-            )
-        wanted = plan.target if isinstance(task, StickThrowConfig) else plan.goal_pose
-        if not np.isfinite(wanted).all():
-            raise RefinementError(
-                f"{plan.name}: task {task.kind} needs a {_WANTED[task.kind]}, got none"
-            )
+
+
+def _check_plan(plan: AnyPlan, robot: Robot, task: TaskConfig) -> None:
+    """Refuse a plan that belongs to another robot or task."""
+    if plan.joint_names != robot.joint_names:
+        raise RefinementError(
+            f"{plan.name}: plan for joints {', '.join(plan.joint_names)}; robot "
+            f"{robot.name} has {', '.join(robot.joint_names)}"
+        )
+    wanted = plan.target if isinstance(task, StickThrowConfig) else plan.goal_pose
+    if not np.isfinite(wanted).all():
+        raise RefinementError(
+            f"{plan.name}: task {task.kind} needs a {_WANTED[task.kind]}, got none"
+        )
 
 
 _WANTED = {
