@@ -27,7 +27,11 @@ app = typer.Typer(
 
 Recordings = Annotated[list[Path], typer.Argument(help="Recordings, or folders of them.")]
 Out = Annotated[Path | None, typer.Option(help="Run folder; default runs/NAME.")]
-Jobs = Annotated[int, typer.Option(min=1, help="Threads; never changes a result.")]
+Jobs = Annotated[int, typer.Option(min=1, help="Threads or processes; never changes a result.")]
+Cluster = Annotated[
+    str | None,
+    typer.Option(help="Dask scheduler, tcp://HOST:PORT, whose workers map and refine."),
+]
 ALL_CORES = os.cpu_count() or 1
 Json = Annotated[Path | None, typer.Option("--json", help="Write the result here as well.")]
 
@@ -54,6 +58,7 @@ def run(
     ] = None,
     fresh: Annotated[str | None, typer.Option(help="Stage to compute anew.")] = None,
     jobs: Jobs = ALL_CORES,
+    cluster: Cluster = None,
 ) -> None:
     """Run a pipeline; stages whose config and input did not change are loaded."""
     from besman.pipeline import load_pipeline, run_pipeline
@@ -63,7 +68,7 @@ def run(
     config = load_pipeline(find_resource("pipelines", pipeline), tuple(settings or ()))
     folder = out or Path("runs") / config.name
     with stage_display() as display:
-        run_pipeline(config, folder, jobs=jobs, fresh=fresh, display=display)
+        run_pipeline(config, folder, jobs=jobs, cluster=cluster, fresh=fresh, display=display)
     _finish(folder)
 
 
@@ -77,19 +82,32 @@ def report(run: Annotated[Path, typer.Argument(help="A run folder.")]) -> None:
 def retarget(
     run: Annotated[Path, typer.Argument(help="A finished run, whose trained model is used.")],
     recordings: Recordings,
-    robot: Annotated[str | None, typer.Option(help="Another robot than the run's.")] = None,
-    out: Out = None,
+    robots: Annotated[
+        list[str] | None,
+        typer.Option("--robot", help="Another robot than the run's; may be given several times."),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Run folder, of several robots the folder of their run folders."),
+    ] = None,
     jobs: Jobs = ALL_CORES,
+    cluster: Cluster = None,
 ) -> None:
     """Take new demonstrations through a run's stages, with its trained model."""
-    from besman.pipeline import retarget_pipeline, run_pipeline
+    from rich.console import Console
+
+    from besman.report.robots import robots_table
+    from besman.retargeting import plan_retargeting, raise_failures, retarget_robots
     from besman.terminal import stage_display
 
-    config = retarget_pipeline(run, recordings, robot)
-    folder = out or run.with_name(f"{run.name}_{config.robot}_{recordings[0].stem}")
+    plans = plan_retargeting(run, recordings, tuple(robots or ()), out)
     with stage_display() as display:
-        run_pipeline(config, folder, jobs=jobs, display=display, trained_in=run)
-    _finish(folder)
+        done = retarget_robots(plans, run, jobs=jobs, cluster=cluster, display=display)
+    if len(done) == 1 and done[0].error is None:
+        _finish(done[0].plan.folder)
+    elif len(done) > 1:
+        Console().print(robots_table(done))
+    raise_failures(done)
 
 
 @app.command()

@@ -31,6 +31,7 @@ from besman.results import recognize_results, segment_results
 from besman.run import Display, Run
 from besman.segmentation.methods import DefaultSegmentConfig, SegmentStage
 from besman.stage import Config
+from besman.workers import Workers
 
 
 class PipelineConfig(Config):
@@ -192,6 +193,7 @@ def run_pipeline(
     folder: Path,
     *,
     jobs: int = 1,
+    cluster: str | None = None,
     fresh: str | None = None,
     display: Display | None = None,
     trained_in: Path | None = None,
@@ -205,7 +207,9 @@ def run_pipeline(
     folder : Path
         The run folder; made if need be.
     jobs : int
-        Threads to use; never changes a result.
+        Threads or processes to use; never changes a result.
+    cluster : str, optional
+        Address of a Dask scheduler, ``tcp://HOST:PORT``; its workers map and refine.
     fresh : str, optional
         Stage to compute anew.
     display : callable, optional
@@ -227,22 +231,23 @@ def run_pipeline(
 
     if fresh is not None and fresh not in STAGES:
         raise RunError(f"--fresh: no stage {fresh!r}; {nearest(fresh, STAGES)}")
-    wall, cpu = time.perf_counter(), time.process_time()
-    inputs = read_inputs(config.recordings, learn_from(config))
-    run = Run(folder, config.name, jobs=jobs, fresh=fresh, display=display)
-    run.start(pipeline_yaml(config), inputs.checksums)
-    run.record_time("read", wall, cpu, items=len(inputs.recordings), unit="recordings")
-    try:
-        # Many small matrices: threads inside BLAS cost more than they bring.
-        with threadpool_limits(limits=1, user_api="blas"):
-            _run_stages(config, run, inputs, trained_in)
-    except BesmanError as error:
-        run.finish("failed", str(error))
-        raise
-    except BaseException as error:
-        run.finish("failed", f"{type(error).__name__}: {error}")
-        raise
-    run.finish()
+    with Workers(jobs, cluster) as workers:
+        wall, cpu = time.perf_counter(), time.process_time()
+        inputs = read_inputs(config.recordings, learn_from(config))
+        run = Run(folder, config.name, jobs=jobs, fresh=fresh, display=display, workers=workers)
+        run.start(pipeline_yaml(config), inputs.checksums)
+        run.record_time("read", wall, cpu, items=len(inputs.recordings), unit="recordings")
+        try:
+            # Many small matrices: threads inside BLAS cost more than they bring.
+            with threadpool_limits(limits=1, user_api="blas"):
+                _run_stages(config, run, inputs, trained_in)
+        except BesmanError as error:
+            run.finish("failed", str(error))
+            raise
+        except BaseException as error:
+            run.finish("failed", f"{type(error).__name__}: {error}")
+            raise
+        run.finish()
     return folder
 
 
@@ -298,6 +303,7 @@ def _run_stages(config: PipelineConfig, run: Run, inputs: Inputs, trained_in: Pa
         )
     n = sum(found.labels.count(config.select.wanted) for found in choice)
     demonstrations = run.step("select", config.select, labelled, choice, items=n, unit="segments")
+    run.results["select"] = {"n_demonstrations": len(demonstrations)} | run.left_out("select")
 
     robot = _load_robot(config)
     n = len(demonstrations)
@@ -308,13 +314,14 @@ def _run_stages(config: PipelineConfig, run: Run, inputs: Inputs, trained_in: Pa
     plans = run.step(
         "imitate", config.imitate, mapping.trajectories, robot, items=n, unit="motions"
     )
-    run.results["imitate"] = imitate_results(plans)
+    run.results["imitate"] = imitate_results(plans) | run.left_out("imitate")
 
     task = _load_task(config)
+    n = len(plans)
     motions = run.step("refine", config.refine, plans, robot, task, items=n, unit="motions")
-    run.results["refine"] = refine_results(motions, task)
+    run.results["refine"] = refine_results(motions, task) | run.left_out("refine")
     if not _exports_are_current(run):
-        write_exports(motions, robot, run.folder / "exports")
+        run.work("export", write_exports, motions, robot, run.folder / "exports")
 
 
 def _exports_are_current(run: Run) -> bool:

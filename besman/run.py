@@ -205,6 +205,10 @@ class Run:
         )
         return result
 
+    def left_out(self, name: str) -> dict[str, Any]:
+        """Return what a stage left out, for ``results.json``: failed (list of name and reason)."""
+        return {"failed": [asdict(one) for one in self.failed[name]]}
+
     def work(
         self, name: str, function: Callable[..., Any], *records: Any, notes: Notes | None = None
     ) -> Any:

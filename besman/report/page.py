@@ -13,7 +13,7 @@ from besman.config_file import read_yaml
 from besman.exceptions import RunError
 from besman.record_files import digest, load_record
 from besman.report.confusion import confusion_table
-from besman.report.terminal import outcome_lines
+from besman.report.terminal import failures, outcome_lines
 from besman.report.timing import read_json, seconds, stage_rows
 from besman.run import write_json, write_text
 from besman.versions import code_version
@@ -203,7 +203,7 @@ def _stage_table(timing: dict[str, Any], results: dict[str, Any]) -> str:
             seconds(row["thesis_s"]) if row["thesis_s"] is not None else "",
             "human" if row["human"] else "machine",
             "yes" if row["cached"] else "",
-            f"{row['peak_rss_mb']:.0f}",
+            _memory(row),
         ]
         for row in stage_rows(timing, n)
     ]
@@ -216,6 +216,14 @@ def _stage_table(timing: dict[str, Any], results: dict[str, Any]) -> str:
         f"7.1 (8 throws), scaled to the {n} demonstrations here; its imitation covers select, map "
         "and imitate.</p>"
     )
+
+
+def _memory(row: dict[str, Any]) -> str:
+    """Say the greatest memory of this process so far, and of the greatest of its workers."""
+    own, workers = f"{row['peak_rss_mb']:.0f}", row.get("workers", {})
+    if not workers.get("n"):
+        return own
+    return f"{own} + {workers['n']} x {workers['peak_rss_mb']:.0f}"
 
 
 def _recordings(records: dict[str, Any], results: dict[str, Any]) -> str:
@@ -313,6 +321,8 @@ def _demonstrations(records: dict[str, Any], results: dict[str, Any]) -> str:
                 str(len(motion.returns)),
                 f'<span class="{tone}">{word}</span>',
             ]
+        elif motions:
+            row += [""] * 4
         rows.append(row)
     header = [
         "demonstration",
@@ -323,9 +333,19 @@ def _demonstrations(records: dict[str, Any], results: dict[str, Any]) -> str:
     ]
     if motions:
         header += ["miss, imitated", "miss, refined", "episodes", "success"]
-    failed = "".join(f"<li>{html.escape(line)}</li>" for line in results["map"]["failed"])
-    failures = f'<p class="bad">Not transferred:</p><ul>{failed}</ul>' if failed else ""
-    return "<h2>Every demonstration</h2>" + _table(header, rows) + failures
+    return "<h2>Every demonstration</h2>" + _table(header, rows) + _left_out(results)
+
+
+def _left_out(results: dict[str, Any]) -> str:
+    """One row for every demonstration or motion that a stage left out."""
+    rows = [
+        [html.escape(one["name"]), stage, html.escape(one["reason"])]
+        for stage, failed in failures(results).items()
+        for one in failed
+    ]
+    if not rows:
+        return ""
+    return '<h2 class="bad">Left out</h2>' + _table(["demonstration", "stage", "reason"], rows)
 
 
 def _provenance(folder: Path, state: dict[str, Any], results: dict[str, Any]) -> str:

@@ -10,6 +10,9 @@ from besman.report.timing import read_json, seconds, stage_rows
 if TYPE_CHECKING:
     from rich.console import Console
 
+# Failures of a stage that are listed in the terminal.
+_SHOWN = 3
+
 
 def print_report(folder: Path, console: Console) -> None:
     """Print the stage table and the outcome of a run.
@@ -53,8 +56,8 @@ def print_report(folder: Path, console: Console) -> None:
     table.add_section()
     table.add_row("total", seconds(timing["total_wall_s"]))
     console.print(table)
-    for line in outcome_lines(results):
-        console.print(line, highlight=False, soft_wrap=True)
+    for line in [*outcome_lines(results), *failure_lines(results), _memory_line(timing)]:
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
 
 
 def _caption(n: int) -> str:
@@ -62,6 +65,16 @@ def _caption(n: int) -> str:
         f"thesis: table 7.1, scaled to {n} demonstrations; its imitation covers select, map and "
         "imitate"
     )
+
+
+def _memory_line(timing: dict[str, Any]) -> str:
+    """Say the greatest memory of each process."""
+    own = max((row["peak_rss_mb"] for row in timing["stages"]), default=0.0)
+    workers = [row["workers"] for row in timing["stages"] if row.get("workers", {}).get("n")]
+    if not workers:
+        return f"memory: {own:.0f} MB"
+    most = max(one["peak_rss_mb"] for one in workers)
+    return f"memory: {own:.0f} MB, and at most {most:.0f} MB each worker process"
 
 
 def outcome_lines(results: dict[str, Any]) -> list[str]:
@@ -115,6 +128,33 @@ def outcome_lines(results: dict[str, Any]) -> list[str]:
             f"{refine['episodes']['median']:.0f} episodes"
         )
     return lines
+
+
+def failure_lines(results: dict[str, Any]) -> list[str]:
+    """Say what every stage left out, and of the first few why.
+
+    Parameters
+    ----------
+    results : dict
+        Content of ``results.json``.
+
+    Returns
+    -------
+    list of str
+    """
+    lines = []
+    for stage, failed in failures(results).items():
+        lines.append(f"{stage}: {len(failed)} left out")
+        lines += [f"  {one['name']}: {one['reason']}" for one in failed[:_SHOWN]]
+        if len(failed) > _SHOWN:
+            lines.append(f"  and {len(failed) - _SHOWN} more, see results.json")
+    return lines
+
+
+def failures(results: dict[str, Any]) -> dict[str, list[dict[str, str]]]:
+    """Return name and reason of everything that was left out, by stage."""
+    found = {stage: content.get("failed") for stage, content in results.items()}
+    return {stage: failed for stage, failed in found.items() if failed}
 
 
 def _number(value: float | None) -> float:

@@ -1,0 +1,55 @@
+"""The summary of a movement on several robots, in the terminal."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from besman.report.timing import read_json, seconds
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from besman.retargeting import Retargeted
+
+
+def robots_table(done: tuple[Retargeted, ...]) -> Table:
+    """Make a table with one row a robot.
+
+    Parameters
+    ----------
+    done : tuple of Retargeted
+
+    Returns
+    -------
+    rich.table.Table
+    """
+    from rich.box import SIMPLE
+    from rich.table import Table
+
+    table = Table(box=SIMPLE, pad_edge=False)
+    table.add_column("robot", no_wrap=True)
+    for name in ("mapped", "error mean", "p95", "max", "stretch", "refined", "miss", "time"):
+        table.add_column(name, justify="right", no_wrap=True)
+    table.add_column("run", overflow="fold")
+    for one in done:
+        folder = one.plan.folder
+        if one.error is not None:
+            table.add_row(one.plan.name, "failed", *[""] * 7, str(folder))
+        else:
+            results = read_json(folder / "results.json")
+            wall = seconds(read_json(folder / "timing.json")["total_wall_s"])
+            table.add_row(one.plan.name, *_figures(results), wall, str(folder))
+    return table
+
+
+def _figures(results: dict[str, Any]) -> list[str]:
+    """Return the figures of one robot."""
+    mapped, refined = results["map"], results["refine"]
+    error, miss = mapped["position_error_m"], refined["miss_m"]["median"]
+    return [
+        f"{mapped['n_transferred']} of {mapped['n_demonstrations']}",
+        *(f"{1000 * error[name]:.1f} mm" for name in ("mean", "p95", "max")),
+        f"{mapped['time_stretch']['median']:.2f}",
+        f"{refined['n_success']} of {refined['n_motions']}",
+        "-" if miss is None else f"{100 * miss:.1f} cm",
+    ]
