@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from besman.exceptions import LabellingError
-from besman.gaps import fill_gaps, find_runs
+from besman.gaps import find_runs
 from besman.labelling.given import model_from_pose
 from besman.labelling.marker_set import MarkerSet
 from besman.labelling.model import MarkerModel
@@ -33,13 +33,16 @@ class LabelConfig(Stage):
     markers : str
         A marker set of ``configs/markers`` or the path of one.
     longest_gap_s : float
-        Gaps up to this length are filled. A longer one is an error in a required marker, and
-        stays a gap in an optional one.
+        Gaps up to this length are filled by a spline. A longer one is an error in a required
+        marker, and stays a gap in an optional one.
+    longest_rigid_gap_s : float
+        Gaps up to this length are filled from the other markers of a rigid cluster.
     """
 
     method: Literal["named"] = "named"
     markers: str = "right_arm"
     longest_gap_s: float = Field(default=0.25, ge=0.0)
+    longest_rigid_gap_s: float = Field(default=1.0, ge=0.0)
 
     def run(
         self, recordings: tuple[Recording, ...], marker_set: MarkerSet, work: Work = Work()
@@ -73,9 +76,17 @@ class LabelConfig(Stage):
         """Label one recording."""
         columns = marker_set.match(recording.names, recording.source)
         # A length in seconds that is a whole number of samples must not lose one to rounding.
-        longest = int(np.floor(self.longest_gap_s * recording.rate_hz + 1e-6))
-        fillings = [fill_gaps(recording.positions[:, index], longest) for index in columns.values()]
-        positions = np.stack([filling[0] for filling in fillings], axis=1)
+        longest, longest_rigid = (
+            int(np.floor(length_s * recording.rate_hz + 1e-6))
+            for length_s in (self.longest_gap_s, self.longest_rigid_gap_s)
+        )
+        positions, filled = fill_markers(
+            recording.positions[:, list(columns.values())],
+            tuple(columns),
+            marker_set,
+            longest,
+            longest_rigid,
+        )
         for index, marker in enumerate(columns):
             if marker in marker_set.required:
                 _refuse_gap(positions[:, index], marker, recording, self.longest_gap_s)
@@ -83,7 +94,7 @@ class LabelConfig(Stage):
             time=recording.time,
             positions=positions,
             markers=tuple(columns),
-            filled=np.stack([filling[1] for filling in fillings], axis=1),
+            filled=filled,
             rate_hz=recording.rate_hz,
             source=recording.source,
             first_frame=recording.first_frame,

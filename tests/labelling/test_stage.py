@@ -121,3 +121,24 @@ def test_recordings_label_with_the_defaults(folder):
     results = label_results(recordings, labelled, markers)
     assert results["named_share"] == 1.0
     assert results["review"] == []
+
+
+def test_a_longer_gap_of_a_rigid_cluster_is_filled_from_the_other_two():
+    whole = read_recording(SAMPLE / "subject1.tsv")
+    column = [name.lower().replace(" ", "_") for name in whole.names].index("hand_left")
+    positions = np.array(whole.positions)
+    rows = slice(300, 300 + round(0.6 * whole.rate_hz))
+    positions[rows, column] = np.nan
+    hidden = Recording(
+        whole.time, positions, whole.names, whole.rate_hz, whole.source, whole.first_frame
+    )
+    markers = load_marker_set("right_arm")
+    (labelled,) = LabelConfig().run((hidden,), markers)
+    off = np.linalg.norm(labelled.marker("hand_left") - whole.positions[:, column], axis=1)
+    assert off.max() < 0.005
+    np.testing.assert_array_equal(
+        find_runs(labelled.filled[:, labelled.markers.index("hand_left")]),
+        [[rows.start, rows.stop]],
+    )
+    with pytest.raises(LabellingError, match=r"'hand_left' is not seen in frames .* \(0.6 s\)"):
+        LabelConfig(longest_rigid_gap_s=0.5).run((hidden,), markers)
