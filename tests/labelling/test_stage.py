@@ -135,7 +135,7 @@ def test_a_longer_gap_of_a_rigid_cluster_is_filled_from_the_other_two():
     markers = load_marker_set("right_arm")
     (labelled,) = LabelConfig().run((hidden,), markers)
     off = np.linalg.norm(labelled.marker("hand_left") - whole.positions[:, column], axis=1)
-    assert off.max() < 0.005
+    assert off.max() < 0.01  # the skin moves
     np.testing.assert_array_equal(
         find_runs(labelled.filled[:, labelled.markers.index("hand_left")]),
         [[rows.start, rows.stop]],
