@@ -242,7 +242,8 @@ def _function(call: bytes) -> Callable[[Any], Any]:
         expected = ", ".join(f"{key} {sent[key]}" for key in sent if own.get(key) != sent[key])
         raise RunError(
             f"worker {socket.gethostname()}:{os.getpid()} has {', '.join(differs)}; expected what "
-            f"this process has, or results would differ: {expected}"
+            f"this process has, or results would differ: {expected} (files changed meanwhile? "
+            "the same command goes on from the last stage that was done)"
         )
     checked: Callable[[Any], Any] = function
     return checked

@@ -1,0 +1,44 @@
+"""Functions that worker processes find by their name."""
+
+import os
+import signal
+import time
+from pathlib import Path
+
+
+def double(number):
+    return 2 * number
+
+
+def refuse_odd(number):
+    if number % 2:
+        raise ValueError(f"{number}\nis odd")
+    return number
+
+
+def die_of(number, deadly=(), marks=None):
+    """Kill the own process for a deadly number; of one that is not, once."""
+    if number in deadly:
+        os.kill(os.getpid(), signal.SIGKILL)
+    if marks is not None:
+        mark = Path(marks) / str(number)
+        if not mark.exists():
+            mark.touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+    return number
+
+
+def linger(number):
+    time.sleep(0.2)
+    return number
+
+
+class OddError(Exception):
+    """An error that cannot be sent: it needs two arguments, and keeps one."""
+
+    def __init__(self, first, second):
+        super().__init__(f"{first} {second}")
+
+
+def raise_unsendable(number):
+    raise OddError("cannot be", "sent")
