@@ -22,7 +22,7 @@ import numpy.typing as npt
 
 from besman.config_file import load_config
 from besman.evaluation.mapping_data import DATASET, DemonstrationSet
-from besman.exceptions import ConfigError, MappingError
+from besman.exceptions import BesmanError, ConfigError
 from besman.mapping.embodiment import Mapping
 from besman.mapping.stage import MapConfig
 from besman.records import Failure, JointTrajectory
@@ -187,13 +187,13 @@ def _map_set(
 def _try_mapping(
     stage: MapConfig, one: DemonstrationSet, robot: Robot, work: Work, notes: Notes
 ) -> tuple[Mapping | None, tuple[Failure, ...]]:
-    """Map one class to one arm; where nothing can be transferred, every one has that reason."""
+    """Map one class to one arm; where nothing can be transferred, that is each one's reason."""
     if not one.demonstrations:
         return None, ()
     try:
         part = Work(work.jobs, work.progress, notes, work.workers)
         mapping: Mapping = stage.run(one.demonstrations, robot, part)
-    except MappingError as error:
+    except BesmanError as error:
         return None, tuple(Failure(hand.name, str(error)) for hand in one.demonstrations)
     return mapping, mapping.failed
 

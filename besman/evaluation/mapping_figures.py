@@ -161,14 +161,24 @@ def _draw_paths(axes: Any, paths: list[tuple[FloatArray, str]], colours: dict[st
 
     if not paths:
         return
-    width, alpha = (0.5, 0.45) if len(paths) > 150 else (0.9, 0.8)
+    width, alpha = (0.35, 0.6) if len(paths) > 150 else (0.8, 0.8)
+    # In an order of chance, so that no subject or part of a session covers the others.
+    paths = [paths[row] for row in np.random.default_rng(0).permutation(len(paths))]
     own = [colours[name] for _, name in paths]
     lines = Line3DCollection(
         [path for path, _ in paths], colors=own, linewidths=width, alpha=alpha, zorder=3
     )
     axes.add_collection3d(lines, autolim=False)
     ends = np.array([path[-1] for path, _ in paths])
-    axes.scatter(*ends.T, c=own, s=3, alpha=alpha, linewidths=0, depthshade=False, zorder=4)
+    axes.scatter(
+        *ends.T,
+        c=own,
+        s=2 if len(paths) > 150 else 4,
+        alpha=alpha,
+        linewidths=0,
+        depthshade=False,
+        zorder=4,
+    )
 
 
 def _draw_arm(axes: Any, robot: Robot, floor: float) -> None:
