@@ -1,3 +1,4 @@
+import dataclasses
 import json
 import zipfile
 
@@ -6,9 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from besman import record_files
 from besman.exceptions import RunError
 from besman.record_files import digest, load_record, save_record
-from besman.records import Recording, Segments
+from besman.records import CartesianPlan, MotionPlan, Recording, Segments
 
 SCALARS = st.none() | st.booleans() | st.integers(-5, 5) | st.text(max_size=5) | st.floats()
 
@@ -34,6 +36,46 @@ def test_round_trip_of_nested_values(tmp_path_factory, nested):
     value = tuple(tuple(inner) for inner in nested)
     save_record(value, path)
     assert repr(load_record(path)) == repr(value)
+
+
+def _plan(**more):
+    return MotionPlan(
+        np.ones((2, 5)), np.zeros(2), np.ones(2), 0.8, ("one", "two"), 0.1,
+        np.array([0.0, 0, 0, 1, 0, 0, 0]), np.full(3, np.nan), "a", "throw", **more,
+    )  # fmt: skip
+
+
+def _cartesian_plan():
+    pose = np.array([0.5, 0, 1, 0, 1, 0, 0])
+    return CartesianPlan(
+        np.ones((6, 5)), pose, pose, 0.8, np.zeros(2), ("one", "two"), 0.1, True, 0.1,
+        pose, np.full(3, np.nan), "a", "throw",
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "plan",
+    [
+        _plan(),
+        _plan(kind="joint_dmp_velocity", goal_velocity=np.ones(2), lead_out_s=0.2),
+        _cartesian_plan(),
+    ],
+)
+def test_round_trip_of_motion_plans(tmp_path, plan):
+    save_record((plan,), tmp_path / "r.npz")
+    (again,) = load_record(tmp_path / "r.npz")
+    assert type(again) is type(plan)
+    assert digest(again) == digest(plan)
+
+
+def test_a_motion_plan_of_before_there_were_kinds_is_a_joint_dmp(tmp_path, monkeypatch):
+    known = ("weights", "start", "goal", "duration", "joint_names", "rmse", "goal_pose")
+    known += ("target", "name", "label")
+    fields = [field for field in dataclasses.fields(MotionPlan) if field.name in known]
+    monkeypatch.setattr(record_files.dataclasses, "fields", lambda _: fields)
+    save_record(_plan(), tmp_path / "r.npz")
+    monkeypatch.undo()
+    assert digest(load_record(tmp_path / "r.npz")) == digest(_plan())
 
 
 def test_same_record_same_bytes(tmp_path):

@@ -1,7 +1,15 @@
 import numpy as np
 import pytest
 
-from besman.records import JointTrajectory, LabelledSegments, Recording, ShapeError
+from besman.exceptions import PlanError
+from besman.records import (
+    CartesianPlan,
+    JointTrajectory,
+    LabelledSegments,
+    MotionPlan,
+    Recording,
+    ShapeError,
+)
 
 
 def test_arrays_are_copied_and_read_only():
@@ -44,3 +52,37 @@ def test_joint_trajectory_needs_as_many_velocities_as_positions():
             "a",
             "b",
         )
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"goal_velocity": [1.0, 0]}, "a: a joint_dmp rests at its ends; got a velocity there"),
+        (
+            {"kind": "joint_dmp_velocity", "goal_velocity": [1.0, 0]},
+            "a: lead_out_s: got 0 s, expected more than 0 where the primitive moves at its end",
+        ),
+        (
+            {"kind": "joint_dmp_velocity", "start_velocity": [1.0, 0], "lead_out_s": 0.1},
+            "a: lead_in_s: got 0 s",
+        ),
+        (
+            {"lead_in_s": 0.5, "lead_out_s": 0.5},
+            "a: duration: got 0.9 s, expected more than the leads' 1 s",
+        ),
+    ],
+)
+def test_a_motion_plan_that_would_jump(change, message):
+    with pytest.raises(PlanError, match=message):
+        MotionPlan(
+            np.ones((2, 5)), np.zeros(2), np.ones(2), 0.9, ("one", "two"), 0.1,
+            np.zeros(7), np.zeros(3), "a", "throw", **change,
+        )  # fmt: skip
+
+
+def test_a_cartesian_plan_with_a_quaternion_of_zero():
+    with pytest.raises(PlanError, match="a: start: got a quaternion of length 0, expected 1"):
+        CartesianPlan(
+            np.ones((6, 5)), np.zeros(7), np.zeros(7), 0.8, np.zeros(2), ("one", "two"), 0.1, True,
+            0.1, np.zeros(7), np.zeros(3), "a", "throw",
+        )  # fmt: skip

@@ -15,7 +15,7 @@ from scipy.interpolate import make_interp_spline
 
 from besman.frames import quaternion_to_rotation
 from besman.imitation.cartesian_dmp import roll_out_poses
-from besman.imitation.dmp import N_NODES, DmpBasis
+from besman.imitation.dmp import N_NODES, DmpBasis, interpolate
 from besman.records import CartesianPlan
 from besman.robot.ik_kernel import follow_paths
 from besman.robot.inverse_kinematics import IkWeights, joint_box
@@ -23,7 +23,8 @@ from besman.robot.model import Robot
 
 FloatArray = npt.NDArray[np.float64]
 
-N_POSES = 126  # every fourth node of a DMP
+_NODES_A_STEP = 4
+N_POSES = (N_NODES - 1) // _NODES_A_STEP + 1
 _ROUNDS, _TOLERANCE = 60, 1e-12
 
 
@@ -116,3 +117,41 @@ def joint_nodes(plan: CartesianPlan, robot: Robot) -> tuple[FloatArray, FloatArr
     steps, _ = joint_steps(plan, robot)
     spline = spline_map()
     return spline.position @ steps, spline.velocity @ steps, spline.acceleration @ steps
+
+
+def greatest_rates(
+    positions: FloatArray, velocities: FloatArray, accelerations: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return values among which are the greatest velocities and accelerations between nodes.
+
+    Where a joint has to turn sharply, the acceleration swings within a step. It is a cubic
+    polynomial there, so its extremes are known; the velocity is looked at in four times as many
+    places as there are nodes.
+
+    Parameters
+    ----------
+    positions, velocities, accelerations : array, shape (N_NODES, n)
+        As `joint_nodes` gives them.
+
+    Returns
+    -------
+    velocities, accelerations : array, shape (..., n)
+    """
+    fine = np.linspace(0.0, 1.0, 4 * (N_NODES - 1) + 1)
+    _, speeds, _ = interpolate(positions, velocities, accelerations, fine)
+    # Values of every step's cubic at 0, 1/4, 1/2 and 1, then its coefficients.
+    at = np.array([0, 1, 2, _NODES_A_STEP])
+    first = np.arange(0, N_NODES - 1, _NODES_A_STEP)
+    values = accelerations[first + at[:, None]]
+    powers = np.vander(at / _NODES_A_STEP, 4, increasing=True)
+    c0, c1, c2, c3 = np.tensordot(np.linalg.inv(powers), values, axes=1)
+    root = np.sqrt(np.maximum(c2**2 - 3.0 * c1 * c3, 0.0))
+    # Both roots of 3 c3 u^2 + 2 c2 u + c1, without cancellation.
+    q = -(c2 + np.where(c2 < 0.0, -root, root))
+    tiny = np.finfo(np.float64).tiny
+    extremes = [
+        np.clip(above / np.where(np.abs(below) > tiny, below, np.inf), 0.0, 1.0)
+        for above, below in ((q, 3.0 * c3), (c1, q))
+    ]
+    peaks = [c0 + u * (c1 + u * (c2 + u * c3)) for u in extremes]
+    return speeds, np.concatenate([accelerations, *peaks])

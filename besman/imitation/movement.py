@@ -25,6 +25,7 @@ RATE_HZ = 1000.0
 # A movement is looked at in 501 or more places; between them it can be this much faster.
 _N_PLACES = 1001
 _MARGIN = 1.0 + 2e-4
+_MARGIN_OF_PATHS = 1.0 + 1e-3
 
 
 def roll_out_plans(
@@ -92,15 +93,7 @@ def _roll_out_cartesian(
     """Solve every plan's path and sample it."""
     from besman.imitation.joint_path import joint_nodes
 
-    for plan in plans:
-        if robot is None or plan.joint_names != robot.joint_names:
-            got = "none" if robot is None else ", ".join(robot.joint_names)
-            raise PlanError(
-                f"{plan.name}: a Cartesian plan needs its arm, with the joints "
-                f"{', '.join(plan.joint_names)}; got {got}"
-            )
-    assert robot is not None
-    nodes = [joint_nodes(plan, robot) for plan in plans]
+    nodes = [joint_nodes(plan, _own_arm(plan, robot)) for plan in plans]
     scale = durations[:, None]
     x = np.asarray(time, dtype=np.float64) / scale
     q, v, a = (np.stack(part) for part in zip(*nodes, strict=True))
@@ -135,6 +128,9 @@ def sample_plan(
         As `roll_out_plans`.
     """
     time = np.arange(int(np.ceil(plan.duration * rate_hz)) + 1) / rate_hz
+    if isinstance(plan, MotionPlan) and plan.kind == "joint_dmp":
+        # One duration alone lets the map be interpolated in place of the movement.
+        return time, *roll_out(plan.weights, plan.start, plan.goal, plan.duration, time)
     q, v, a = roll_out_plans([plan], time, robot)
     return time, q[0], v[0], a[0]
 
@@ -188,7 +184,23 @@ def least_duration(plan: AnyPlan, limits: JointLimits, robot: Robot | None = Non
         # As if it lasted one second.
         stretch = time_stretch(limits, basis.velocity @ parameters, basis.acceleration @ parameters)
         return _MARGIN * stretch
+    if isinstance(plan, CartesianPlan):
+        from besman.imitation.joint_path import greatest_rates, joint_nodes
+
+        rates = greatest_rates(*joint_nodes(plan, _own_arm(plan, robot)))
+        return _MARGIN_OF_PATHS * time_stretch(limits, *rates)
     time = np.linspace(0.0, plan.duration, _N_PLACES)
-    _, velocities, accelerations = roll_out_plans([plan], time, robot)
+    _, velocities, accelerations = roll_out_plans([plan], time)
     stretch = time_stretch(limits, velocities[0], accelerations[0])
     return _MARGIN * stretch * plan.duration
+
+
+def _own_arm(plan: CartesianPlan, robot: Robot | None) -> Robot:
+    """Refuse a plan without its arm."""
+    if robot is None or plan.joint_names != robot.joint_names:
+        got = "none" if robot is None else ", ".join(robot.joint_names)
+        raise PlanError(
+            f"{plan.name}: a Cartesian plan needs its arm, with the joints "
+            f"{', '.join(plan.joint_names)}; got {got}"
+        )
+    return robot
