@@ -13,7 +13,7 @@ _GREATEST_STEP_RAD = 0.6
 
 
 @compiled
-def _pose_error(pose: FloatArray, target: FloatArray, free_spin: bool, error: FloatArray) -> None:
+def pose_error(pose: FloatArray, target: FloatArray, free_spin: bool, error: FloatArray) -> None:
     """Write position error (m) and rotation vector (rad) from pose to target into `error` (6,)."""
     x = y = z = 0.0
     cosine = 0.0
@@ -147,7 +147,7 @@ def _take_step(
 
 
 @compiled
-def _free_spin(jacobian: FloatArray, pose: FloatArray) -> None:
+def remove_spin(jacobian: FloatArray, pose: FloatArray) -> None:
     """Take the rotation about the tool's z axis out of a Jacobian."""
     for i in range(jacobian.shape[1]):
         spin = 0.0
@@ -204,7 +204,7 @@ def solve_pose(
     for _ in range(rounds + 1):
         fill_frames(placements, axes, trial, rotations, origins)
         fill_tip(tip, rotations, origins, pose)
-        _pose_error(pose, target, free_spin, trial_error)
+        pose_error(pose, target, free_spin, trial_error)
         new_cost = _cost(trial_error, trial, nearby, weights)
         if new_cost < cost:
             gain = cost - new_cost
@@ -218,7 +218,7 @@ def solve_pose(
                 break
             fill_jacobian(axes, rotations, origins, pose, jacobian)
             if free_spin:
-                _free_spin(jacobian, pose)
+                remove_spin(jacobian, pose)
             _fill_normal_equations(jacobian, error, angles, nearby, weights, matrix, gradient)
         else:
             damping *= 6.0

@@ -1,4 +1,4 @@
-"""Inverse kinematics of whole paths: the branch with the least total cost, without jumps."""
+"""Inverse kinematics of whole paths: the branches with the least total cost, without jumps."""
 
 from __future__ import annotations
 
@@ -8,51 +8,26 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.exceptions import RobotError
-from besman.robot.collision import distances
-from besman.robot.ik_kernel import follow_paths
-from besman.robot.limits import time_stretch
+from besman.robot.branch_choice import choose_candidates, rate_path
+from besman.robot.branches import IkWeights, draw_starts, find_branches, follow_all, joint_box
 from besman.robot.model import Robot
+from besman.robot.path_refinement import refine_path
+
+__all__ = [
+    "IkPath",
+    "IkWeights",
+    "draw_starts",
+    "find_branches",
+    "follow_all",
+    "joint_box",
+    "solve_path",
+]
 
 FloatArray = npt.NDArray[np.float64]
 
-# Branches of an arm with six joints: eight, some of them twice within +-360 degrees.
-_RANDOM_STARTS = 24
-_SAME_BRANCH_RAD = 0.05
-# Within this distance to itself a branch is dearer than any other.
-_SAFE_DISTANCE_M = 0.01
-_LIMIT_MARGIN_RAD = np.radians(0.5)
-
-
-@dataclass(frozen=True)
-class IkWeights:
-    """What counts how much where not all can be had.
-
-    Attributes
-    ----------
-    position : float
-        Per metre.
-    orientation : float
-        Per radian.
-    home : float
-        Per radian from the home configuration; small: it decides only what the pose leaves open.
-    stretch : float
-        Per unit of time stretch that a branch needs beyond 1 to keep velocity and acceleration
-        limits; compares branches where the time between poses is known.
-
-    References
-    ----------
-    A. Fabisch: A comparison of policy search in joint space and Cartesian space for refinement of
-    skills, 2019 (approximate inverse kinematics). doi:10.1007/978-3-030-19648-6_35
-    """
-
-    position: float = 1.0
-    orientation: float = 0.1
-    home: float = 1e-3
-    stretch: float = 0.05
-
-    def as_array(self) -> FloatArray:
-        """Return the weights of one pose, shape (3,)."""
-        return np.array([self.position, self.orientation, self.home])
+# Home only settles what a whole path leaves open: less than for a pose alone.
+_HOME_SHARE = 0.1
+_WEIGHTS = IkWeights()
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +41,7 @@ class IkPath:
     position_error, orientation_error : array, shape (T,)
         Metres and radians between the poses asked for and those reached.
     cost : float
-        What the branches were compared by.
+        What the sequences of branches were compared by.
     """
 
     positions: FloatArray
@@ -79,16 +54,18 @@ def solve_path(
     robot: Robot,
     poses: FloatArray,
     *,
-    weights: IkWeights = IkWeights(),
+    weights: IkWeights = _WEIGHTS,
     free_spin: bool = False,
     step_s: float | None = None,
     seed: int = 0,
 ) -> IkPath:
     """Find joint angles that follow a path of poses.
 
-    The first, the middle and the last pose are solved from home and from drawn configurations;
-    every branch found is followed over the whole path by warm-started Levenberg-Marquardt steps,
-    and the cheapest is kept: pose errors, length of the way in joint space, collisions.
+    Sequences of branches over the whole path are chosen by dynamic programming: of an arm built
+    like the UR series from all its branches in closed form; of others, and where that arm cannot
+    reach a pose, from branches followed from several poses, so that the path may change from one
+    to another where they come near. The best are refined as a whole, which settles what the poses
+    leave open and what no branch can reach, and the cheapest is kept.
 
     Parameters
     ----------
@@ -115,174 +92,33 @@ def solve_path(
         If the poses have the wrong shape or are not finite.
     """
     targets = _check(poses)
-    anchors = sorted({0, len(targets) // 2, len(targets) - 1})
-    starts = draw_starts(robot, seed)
     best: IkPath | None = None
-    for anchor in anchors:
-        for start in find_branches(robot, targets[anchor], starts, weights, free_spin):
-            path = follow(robot, targets, start, anchor, weights, free_spin, step_s)
-            if best is None or path.cost < best.cost:
-                best = path
+    for start in choose_candidates(robot, targets, weights, free_spin, step_s, seed):
+        positions, errors = refine_path(
+            robot.chain,
+            targets,
+            start,
+            joint_box(robot),
+            weights.as_array() * [1.0, 1.0, _HOME_SHARE],
+            robot.home,
+            free_spin,
+            _paces(robot, start, step_s),
+        )
+        cost = rate_path(robot, positions, errors, weights, step_s)
+        if best is None or cost < best.cost:
+            best = IkPath(positions, errors[:, 0], errors[:, 1], cost)
     assert best is not None
     return best
 
 
-def follow(
-    robot: Robot,
-    targets: FloatArray,
-    start: FloatArray,
-    anchor: int,
-    weights: IkWeights,
-    free_spin: bool,
-    step_s: float | None = None,
-) -> IkPath:
-    """Follow one branch from an anchor pose in both directions.
-
-    Parameters
-    ----------
-    robot : Robot
-    targets : array, shape (T, 4, 4)
-    start : array, shape (n,)
-        Configuration at the anchor, rad.
-    anchor : int
-        Index of the pose to start from.
-    weights, free_spin, step_s
-        As in `solve_path`.
-
-    Returns
-    -------
-    IkPath
-    """
-    found, all_errors = follow_all(
-        robot, targets[None], start[None], anchor, weights, free_spin, rounds=60, tolerance=1e-12
-    )
-    positions, errors = found[0, 0], all_errors[0, 0]
-    steps = np.diff(positions, axis=0)
-    near = np.maximum(0.0, 1.0 - distances(robot.chain, positions).min(axis=1) / _SAFE_DISTANCE_M)
-    cost = (
-        np.mean((weights.position * errors[:, 0]) ** 2 + (weights.orientation * errors[:, 1]) ** 2)
-        + weights.home**2 * np.mean((positions - robot.home) ** 2)
-        + (10 * weights.home) ** 2 * np.sum(np.linalg.norm(steps, axis=1)) ** 2
-        + np.mean(near)
-    )
-    if step_s is not None and len(steps) > 1:
-        stretch = time_stretch(robot.limits, steps / step_s, np.diff(steps, axis=0) / step_s**2)
-        cost += (weights.stretch * max(stretch - 1.0, 0.0)) ** 2
-    return IkPath(positions, errors[:, 0], errors[:, 1], float(cost))
-
-
-def follow_all(
-    robot: Robot,
-    targets: FloatArray,
-    starts: FloatArray,
-    anchor: int,
-    weights: IkWeights,
-    free_spin: bool,
-    *,
-    rounds: int,
-    tolerance: float,
+def _paces(
+    robot: Robot, positions: FloatArray, step_s: float | None
 ) -> tuple[FloatArray, FloatArray]:
-    """Follow many paths from many starts; see `besman.robot.ik_kernel.follow_paths`.
-
-    Parameters
-    ----------
-    robot : Robot
-    targets : array, shape (D, T, 4, 4)
-        Poses of D paths, metres.
-    starts : array, shape (K, n)
-        Where to start at the anchor, rad.
-    anchor : int
-        Index of the pose to start from.
-    weights, free_spin
-        As in `solve_path`.
-    rounds, tolerance : int, float
-        Greatest number of steps a pose, and the relative improvement that ends them.
-
-    Returns
-    -------
-    positions : array, shape (D, K, T, n)
-        rad.
-    errors : array, shape (D, K, T, 2)
-        Position (m) and orientation (rad).
-    """
-    chain = robot.chain
-    low, high = joint_box(robot)
-    # Fresh copies are writable; read-only arrays would be compiled for once more.
-    return follow_paths(
-        chain.placements,
-        chain.axes,
-        chain.tip,
-        low,
-        high,
-        np.array(robot.home),
-        weights.as_array(),
-        free_spin,
-        np.array(targets, order="C"),
-        np.array(starts, order="C"),
-        anchor,
-        rounds,
-        tolerance,
-    )
-
-
-def find_branches(
-    robot: Robot,
-    target: FloatArray,
-    starts: FloatArray,
-    weights: IkWeights,
-    free_spin: bool,
-) -> FloatArray:
-    """Solve one pose from many starts and keep one configuration of every branch.
-
-    Parameters
-    ----------
-    robot : Robot
-    target : array, shape (4, 4)
-        Pose in the robot's world frame, metres.
-    starts : array, shape (S, n)
-        Configurations to start from, rad.
-    weights, free_spin
-        As in `solve_path`.
-
-    Returns
-    -------
-    array, shape (K, n)
-        Configurations in the order of their cost, rad.
-    """
-    paths, errors = follow_all(
-        robot, target[None, None], starts, 0, weights, free_spin, rounds=100, tolerance=1e-10
-    )
-    found = paths[0, :, 0]
-    costs = (
-        (weights.position * errors[0, :, 0, 0]) ** 2
-        + (weights.orientation * errors[0, :, 0, 1]) ** 2
-        + weights.home**2 * np.sum((found - robot.home) ** 2, axis=1)
-    )
-    order = np.argsort(costs, kind="stable")
-    # Others than the best are worth following only if they come near the pose at all.
-    bound = costs[order[0]] + (0.05 * weights.position) ** 2
-    kept: list[FloatArray] = []
-    for index in order:
-        new = all(np.max(np.abs(found[index] - other)) > _SAME_BRANCH_RAD for other in kept)
-        if new and costs[index] <= bound:
-            kept.append(found[index])
-    return np.array(kept)
-
-
-def draw_starts(robot: Robot, seed: int) -> FloatArray:
-    """Return home and configurations drawn around it, shape (S, n)."""
-    rng = np.random.default_rng(seed)
-    low, high = joint_box(robot)
-    near = robot.home + rng.uniform(-np.pi, np.pi, (_RANDOM_STARTS, robot.n))
-    return np.vstack([robot.home, np.clip(near, low, high)])
-
-
-def joint_box(robot: Robot) -> tuple[FloatArray, FloatArray]:
-    """Return the position limits, a little inside, so that a smoothed path stays within."""
-    margin = np.minimum(
-        _LIMIT_MARGIN_RAD, (robot.limits.position_max - robot.limits.position_min) / 10
-    )
-    return robot.limits.position_min + margin, robot.limits.position_max - margin
+    """Return first and second differences at the limits; without a time at the path's own pace."""
+    if step_s is None:
+        steps = np.abs(np.diff(positions, axis=0)) / robot.limits.velocity
+        step_s = max(float(np.percentile(steps, 99)), 1e-3) if len(steps) else 1.0
+    return robot.limits.velocity * step_s, robot.limits.acceleration * step_s**2
 
 
 def _check(poses: FloatArray) -> FloatArray:

@@ -1,0 +1,164 @@
+"""Branches of an arm: configurations that reach one pose, followed along paths of poses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from besman.robot.ik_kernel import follow_paths
+from besman.robot.model import Robot
+
+FloatArray = npt.NDArray[np.float64]
+
+# Branches of an arm with six joints: eight, some of them twice within +-360 degrees.
+_RANDOM_STARTS = 24
+SAME_BRANCH_RAD = 0.05
+_LIMIT_MARGIN_RAD = np.radians(0.5)
+
+
+@dataclass(frozen=True)
+class IkWeights:
+    """What counts how much where not all can be had.
+
+    Attributes
+    ----------
+    position : float
+        Per metre.
+    orientation : float
+        Per radian.
+    home : float
+        Per radian from the home configuration; small: it decides only what the pose leaves open.
+    stretch : float
+        Per unit of time stretch that a branch needs beyond 1 to keep velocity and acceleration
+        limits; compares branches where the time between poses is known.
+
+    References
+    ----------
+    A. Fabisch: A comparison of policy search in joint space and Cartesian space for refinement of
+    skills, 2019 (approximate inverse kinematics). doi:10.1007/978-3-030-19648-6_35
+    """
+
+    position: float = 1.0
+    orientation: float = 0.1
+    home: float = 1e-3
+    stretch: float = 0.005
+
+    def as_array(self) -> FloatArray:
+        """Return the weights of one pose, shape (3,)."""
+        return np.array([self.position, self.orientation, self.home])
+
+
+def follow_all(
+    robot: Robot,
+    targets: FloatArray,
+    starts: FloatArray,
+    anchor: int,
+    weights: IkWeights,
+    free_spin: bool,
+    *,
+    rounds: int,
+    tolerance: float,
+) -> tuple[FloatArray, FloatArray]:
+    """Follow many paths from many starts; see `besman.robot.ik_kernel.follow_paths`.
+
+    Parameters
+    ----------
+    robot : Robot
+    targets : array, shape (D, T, 4, 4)
+        Poses of D paths, metres.
+    starts : array, shape (K, n)
+        Where to start at the anchor, rad.
+    anchor : int
+        Index of the pose to start from.
+    weights, free_spin
+        As in `besman.robot.inverse_kinematics.solve_path`.
+    rounds, tolerance : int, float
+        Greatest number of steps a pose, and the relative improvement that ends them.
+
+    Returns
+    -------
+    positions : array, shape (D, K, T, n)
+        rad.
+    errors : array, shape (D, K, T, 2)
+        Position (m) and orientation (rad).
+    """
+    chain = robot.chain
+    low, high = joint_box(robot)
+    # Fresh copies are writable; read-only arrays would be compiled for once more.
+    return follow_paths(
+        chain.placements,
+        chain.axes,
+        chain.tip,
+        low,
+        high,
+        np.array(robot.home),
+        weights.as_array(),
+        free_spin,
+        np.array(targets, order="C"),
+        np.array(starts, order="C"),
+        anchor,
+        rounds,
+        tolerance,
+    )
+
+
+def find_branches(
+    robot: Robot,
+    target: FloatArray,
+    starts: FloatArray,
+    weights: IkWeights,
+    free_spin: bool,
+) -> FloatArray:
+    """Solve one pose from many starts and keep one configuration of every branch.
+
+    Parameters
+    ----------
+    robot : Robot
+    target : array, shape (4, 4)
+        Pose in the robot's world frame, metres.
+    starts : array, shape (S, n)
+        Configurations to start from, rad.
+    weights, free_spin
+        As in `besman.robot.inverse_kinematics.solve_path`.
+
+    Returns
+    -------
+    array, shape (K, n)
+        Configurations in the order of their cost, rad.
+    """
+    paths, errors = follow_all(
+        robot, target[None, None], starts, 0, weights, free_spin, rounds=100, tolerance=1e-10
+    )
+    found = paths[0, :, 0]
+    costs = (
+        (weights.position * errors[0, :, 0, 0]) ** 2
+        + (weights.orientation * errors[0, :, 0, 1]) ** 2
+        + weights.home**2 * np.sum((found - robot.home) ** 2, axis=1)
+    )
+    order = np.argsort(costs, kind="stable")
+    # Others than the best are worth following only if they come near the pose at all.
+    bound = costs[order[0]] + (0.05 * weights.position) ** 2
+    kept: list[FloatArray] = []
+    for index in order:
+        new = all(np.max(np.abs(found[index] - other)) > SAME_BRANCH_RAD for other in kept)
+        if new and costs[index] <= bound:
+            kept.append(found[index])
+    return np.array(kept)
+
+
+def draw_starts(robot: Robot, seed: int) -> FloatArray:
+    """Return home and configurations drawn around it, shape (S, n)."""
+    rng = np.random.default_rng(seed)
+    low, high = joint_box(robot)
+    near = robot.home + rng.uniform(-np.pi, np.pi, (_RANDOM_STARTS, robot.n))
+    return np.vstack([robot.home, np.clip(near, low, high)])
+
+
+def joint_box(robot: Robot) -> tuple[FloatArray, FloatArray]:
+    """Return the position limits, a little inside, so that a smoothed path stays within."""
+    margin = np.minimum(
+        _LIMIT_MARGIN_RAD, (robot.limits.position_max - robot.limits.position_min) / 10
+    )
+    return robot.limits.position_min + margin, robot.limits.position_max - margin

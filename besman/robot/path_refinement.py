@@ -1,0 +1,411 @@
+"""A whole path improved at once: Gauss-Newton steps on all joint angles, within the limits."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from besman.robot.collision import least_distances, place_capsules
+from besman.robot.ik_kernel import pose_error, remove_spin
+from besman.robot.kinematics import compiled, fill_frames, fill_jacobian, fill_tip
+from besman.robot.parts import Chain
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+# What else counts, in metres of pose error: a speed at its limit, an acceleration at its limit,
+# one unit of speed or acceleration beyond what the movement needs, touching itself.
+_SPEED_M = 1e-4
+_PULL_M = 1e-4
+_RUSH_M = 0.02
+_JERK_M = 1e-3
+_TOUCH_M = 0.05
+# Twice what most of the movement needs is no jump.
+_RUSH = 1.3
+# Beyond this an orientation error costs in proportion, no longer by its square (P. J. Huber: Robust
+# estimation of a location parameter, 1964, doi:10.1214/aoms/1177703732): what an arm can turn only
+# part of the way does not draw its position off.
+LINEAR_RAD = 0.2
+_SAFE_DISTANCE_M = 0.015
+_DIFFERENCE_RAD = 1e-6
+_GREATEST_STEP_RAD = 0.3
+
+
+def refine_path(
+    chain: Chain,
+    targets: FloatArray,
+    positions: FloatArray,
+    box: tuple[FloatArray, FloatArray],
+    weights: FloatArray,
+    home: FloatArray,
+    free_spin: bool,
+    paces: tuple[FloatArray, FloatArray],
+    *,
+    rounds: int = 60,
+    tolerance: float = 1e-3,
+) -> tuple[FloatArray, FloatArray]:
+    """Improve all poses of a path together, so that one gives way where it helps the others.
+
+    Minimises the weighted squares of pose errors, speeds, accelerations, speeds far beyond what
+    most of the movement needs (jumps), nearness to itself and to the floor, distance from home.
+
+    Parameters
+    ----------
+    chain : Chain
+        The arm.
+    targets : array, shape (T, 4, 4)
+        Poses asked for, metres.
+    positions : array, shape (T, n)
+        Where to start, rad.
+    box : (low, high), arrays of shape (n,)
+        Limits of the joints, rad.
+    weights : array, shape (3,)
+        Of position (1/m), orientation (1/rad), distance from home (1/rad).
+    home : array, shape (n,)
+        rad.
+    free_spin : bool
+        The rotation about the tool's z axis does not matter.
+    paces : (speed, pull), arrays of shape (n,)
+        First and second differences between poses at the limits of speed and acceleration, rad.
+    rounds, tolerance : int, float
+        Greatest number of steps, and the relative improvement below which the search ends.
+
+    Returns
+    -------
+    positions : array, shape (T, n)
+        rad.
+    errors : array, shape (T, 2)
+        Position (m) and orientation (rad).
+    """
+    answer = np.clip(positions, *box)
+    rush = np.array(
+        [_greatest_needed(np.diff(answer, k, axis=0), pace) for k, pace in enumerate(paces, 1)]
+    )
+    scales = np.stack([1.0 / paces[0], 1.0 / paces[1]])
+    errors = _refine(
+        chain.placements, chain.axes, chain.tip, chain.capsule_joints, chain.capsule_ends,
+        chain.capsule_radii, chain.capsule_pairs, np.array(box[0]), np.array(box[1]),
+        np.array(weights), np.array(home), free_spin, scales, rush,
+        np.array(targets, order="C"), answer, rounds, tolerance,
+    )  # fmt: skip
+    return answer, errors
+
+
+def _greatest_needed(differences: FloatArray, pace: FloatArray) -> float:
+    """Return the share of the limits that most of the movement needs, and some more."""
+    if len(differences) == 0:
+        return np.inf
+    return _RUSH * max(1.0, float(np.percentile(np.max(np.abs(differences) / pace, axis=1), 80)))
+
+
+@compiled
+def _shortfall(
+    joints: IntArray,
+    ends: FloatArray,
+    radii: FloatArray,
+    pairs: IntArray,
+    rotations: FloatArray,
+    origins: FloatArray,
+    placed: FloatArray,
+) -> float:
+    """Return by which share the distances to itself and the floor fall short of the safe one."""
+    place_capsules(joints, ends, rotations, origins, placed)
+    own, floor = least_distances(joints, placed, radii, pairs)
+    return max(0.0, 1.0 - min(own, floor) / _SAFE_DISTANCE_M)
+
+
+@compiled
+def _pose_cost(error: FloatArray, weights: FloatArray) -> float:
+    """Return the cost of a pose error: position squared, orientation as Huber has it."""
+    place = turn = 0.0
+    for row in range(3):
+        place += error[row] ** 2
+        turn += error[3 + row] ** 2
+    off = np.sqrt(turn)
+    if off > LINEAR_RAD:
+        turn = LINEAR_RAD * (2.0 * off - LINEAR_RAD)
+    return weights[0] ** 2 * place + weights[1] ** 2 * turn
+
+
+@compiled
+def _time_cost(angles: FloatArray, scales: FloatArray, rush: FloatArray) -> float:
+    """Sum the squares of speeds, accelerations and jumps."""
+    n_poses, n = angles.shape
+    total = 0.0
+    for index in range(1, n_poses):
+        for j in range(n):
+            speed = (angles[index, j] - angles[index - 1, j]) * scales[0, j]
+            total += (_SPEED_M * speed) ** 2 + (_RUSH_M * max(0.0, abs(speed) - rush[0])) ** 2
+            if index > 1:
+                pull = angles[index, j] - 2.0 * angles[index - 1, j] + angles[index - 2, j]
+                pull *= scales[1, j]
+                total += (_PULL_M * pull) ** 2 + (_JERK_M * max(0.0, abs(pull) - rush[1])) ** 2
+    return total
+
+
+@compiled
+def _add_time(
+    angles: FloatArray, scales: FloatArray, rush: FloatArray, band: FloatArray, downhill: FloatArray
+) -> None:
+    """Add speeds, accelerations and jumps to the normal equations; row and lower diagonal."""
+    n_poses, n = angles.shape
+    for index in range(1, n_poses):
+        for j in range(n):
+            here, last = index * n + j, (index - 1) * n + j
+            speed = (angles[index, j] - angles[index - 1, j]) * scales[0, j]
+            weight, pulled = _SPEED_M**2, _SPEED_M**2 * speed
+            if abs(speed) > rush[0]:
+                weight += _RUSH_M**2
+                pulled += _RUSH_M**2 * (speed - np.sign(speed) * rush[0])
+            weight, pulled = weight * scales[0, j] ** 2, pulled * scales[0, j]
+            band[here, 0] += weight
+            band[last, 0] += weight
+            band[here, n] -= weight
+            downhill[here] -= pulled
+            downhill[last] += pulled
+            if index > 1:
+                first = last - n
+                pull = angles[index, j] - 2.0 * angles[index - 1, j] + angles[index - 2, j]
+                pull *= scales[1, j]
+                weight, pulled = _PULL_M**2, _PULL_M**2 * pull
+                if abs(pull) > rush[1]:
+                    weight += _JERK_M**2
+                    pulled += _JERK_M**2 * (pull - np.sign(pull) * rush[1])
+                weight, pulled = weight * scales[1, j] ** 2, pulled * scales[1, j]
+                band[here, 0] += weight
+                band[last, 0] += 4.0 * weight
+                band[first, 0] += weight
+                band[here, n] -= 2.0 * weight
+                band[last, n] -= 2.0 * weight
+                band[here, 2 * n] += weight
+                downhill[here] -= pulled
+                downhill[last] += 2.0 * pulled
+                downhill[first] -= pulled
+
+
+@compiled
+def _solve_band(band: FloatArray, vector: FloatArray, width: int) -> None:
+    """Solve a symmetric positive definite band system in place by Cholesky.
+
+    Parameters
+    ----------
+    band : array, shape (N, width + 1)
+        Row i holds the entries (i, i), (i, i - 1), ... (i, i - width); overwritten.
+    vector : array, shape (N,)
+        Right side; overwritten by the solution.
+    width : int
+        Number of lower diagonals.
+    """
+    size = len(vector)
+    for i in range(size):
+        for j in range(max(0, i - width), i + 1):
+            total = band[i, i - j]
+            for k in range(max(0, i - width), j):
+                total -= band[i, i - k] * band[j, j - k]
+            if i == j:
+                band[i, 0] = np.sqrt(max(total, 1e-30))
+            else:
+                band[i, i - j] = total / band[j, 0]
+        total = vector[i]
+        for k in range(max(0, i - width), i):
+            total -= band[i, i - k] * vector[k]
+        vector[i] = total / band[i, 0]
+    for i in range(size - 1, -1, -1):
+        vector[i] /= band[i, 0]
+        for k in range(max(0, i - width), i):
+            vector[k] -= band[i, i - k] * vector[i]
+
+
+@compiled
+def _evaluate(
+    placements: FloatArray,
+    axes: FloatArray,
+    tip: FloatArray,
+    joints: IntArray,
+    ends: FloatArray,
+    radii: FloatArray,
+    pairs: IntArray,
+    weights: FloatArray,
+    home: FloatArray,
+    free_spin: bool,
+    targets: FloatArray,
+    angles: FloatArray,
+    errors: FloatArray,
+) -> float:
+    """Write the pose errors (T, 6); return their cost with that of distances and home."""
+    n_poses, n = angles.shape
+    rotations, origins, pose = np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((4, 4))
+    placed = np.empty((len(joints), 2, 3))
+    total = 0.0
+    for index in range(n_poses):
+        fill_frames(placements, axes, angles[index], rotations, origins)
+        fill_tip(tip, rotations, origins, pose)
+        pose_error(pose, targets[index], free_spin, errors[index])
+        short = _shortfall(joints, ends, radii, pairs, rotations, origins, placed)
+        total += _pose_cost(errors[index], weights) + (_TOUCH_M * short) ** 2
+        for j in range(n):
+            total += (weights[2] * (angles[index, j] - home[j])) ** 2
+    return total
+
+
+@compiled
+def _fill_slope(
+    placements: FloatArray,
+    axes: FloatArray,
+    joints: IntArray,
+    ends: FloatArray,
+    radii: FloatArray,
+    pairs: IntArray,
+    angles: FloatArray,
+    rotations: FloatArray,
+    origins: FloatArray,
+    slope: FloatArray,
+) -> float:
+    """Return the shortfall at the frames given, and write its slope (n,) by differences."""
+    placed = np.empty((len(joints), 2, 3))
+    short = _shortfall(joints, ends, radii, pairs, rotations, origins, placed)
+    slope[:] = 0.0
+    if short > 0.0:
+        moved = angles.copy()
+        for j in range(len(angles)):
+            moved[j] += _DIFFERENCE_RAD
+            fill_frames(placements, axes, moved, rotations, origins)
+            beside = _shortfall(joints, ends, radii, pairs, rotations, origins, placed)
+            slope[j] = (beside - short) / _DIFFERENCE_RAD
+            moved[j] = angles[j]
+    return short
+
+
+@compiled
+def _add_poses(
+    placements: FloatArray,
+    axes: FloatArray,
+    tip: FloatArray,
+    joints: IntArray,
+    ends: FloatArray,
+    radii: FloatArray,
+    pairs: IntArray,
+    weights: FloatArray,
+    home: FloatArray,
+    free_spin: bool,
+    angles: FloatArray,
+    errors: FloatArray,
+    band: FloatArray,
+    downhill: FloatArray,
+) -> None:
+    """Add pose errors, distances and home to the normal equations."""
+    n_poses, n = angles.shape
+    rotations, origins, pose = np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((4, 4))
+    jacobian, slope = np.empty((6, n)), np.empty(n)
+    for index in range(n_poses):
+        fill_frames(placements, axes, angles[index], rotations, origins)
+        fill_tip(tip, rotations, origins, pose)
+        fill_jacobian(axes, rotations, origins, pose, jacobian)
+        if free_spin:
+            remove_spin(jacobian, pose)
+        short = _fill_slope(
+            placements, axes, joints, ends, radii, pairs, angles[index], rotations, origins, slope
+        )
+        place, turn = weights[0] ** 2, weights[1] ** 2
+        off = np.sqrt(np.sum(errors[index, 3:] ** 2))
+        if off > LINEAR_RAD:
+            turn *= LINEAR_RAD / off
+        for j in range(n):
+            here = index * n + j
+            total = weights[2] ** 2 * (home[j] - angles[index, j])
+            for row in range(6):
+                total += (place if row < 3 else turn) * jacobian[row, j] * errors[index, row]
+            downhill[here] += total - _TOUCH_M**2 * short * slope[j]
+            for k in range(j + 1):
+                total = weights[2] ** 2 if j == k else 0.0
+                for row in range(6):
+                    total += (place if row < 3 else turn) * jacobian[row, j] * jacobian[row, k]
+                band[here, j - k] += total + _TOUCH_M**2 * slope[j] * slope[k]
+
+
+@compiled
+def _fill_trial(
+    angles: FloatArray,
+    low: FloatArray,
+    high: FloatArray,
+    band: FloatArray,
+    downhill: FloatArray,
+    damping: float,
+    trial: FloatArray,
+) -> None:
+    """Write the next trial (T, n): the damped step, not too far and within the limits."""
+    n_poses, n = angles.shape
+    damped, step = band.copy(), downhill.copy()
+    for index in range(n_poses):
+        for j in range(n):
+            here = index * n + j
+            damped[here, 0] += damping * (band[here, 0] + 1e-6)
+            # A joint at its limit that is pushed further out is held.
+            if (angles[index, j] <= low[j] and downhill[here] < 0.0) or (
+                angles[index, j] >= high[j] and downhill[here] > 0.0
+            ):
+                damped[here, 0] += 1e12
+    _solve_band(damped, step, 2 * n)
+    greatest = np.max(np.abs(step))
+    shrink = min(1.0, _GREATEST_STEP_RAD / greatest) if greatest > 0.0 else 1.0
+    for index in range(n_poses):
+        for j in range(n):
+            wanted = angles[index, j] + shrink * step[index * n + j]
+            trial[index, j] = min(max(wanted, low[j]), high[j])
+
+
+@compiled
+def _refine(
+    placements: FloatArray,
+    axes: FloatArray,
+    tip: FloatArray,
+    joints: IntArray,
+    ends: FloatArray,
+    radii: FloatArray,
+    pairs: IntArray,
+    low: FloatArray,
+    high: FloatArray,
+    weights: FloatArray,
+    home: FloatArray,
+    free_spin: bool,
+    scales: FloatArray,
+    rush: FloatArray,
+    targets: FloatArray,
+    angles: FloatArray,
+    rounds: int,
+    tolerance: float,
+) -> FloatArray:
+    """Improve `angles` in place; return the errors (T, 2). See `refine_path`."""
+    n_poses, n = angles.shape
+    band, downhill = np.empty((n_poses * n, 2 * n + 1)), np.empty(n_poses * n)
+    trial, trial_errors, errors = angles.copy(), np.empty((n_poses, 6)), np.empty((n_poses, 6))
+    cost, damping = np.inf, 1e-3
+    for _ in range(rounds + 1):
+        new_cost = _time_cost(trial, scales, rush) + _evaluate(
+            placements, axes, tip, joints, ends, radii, pairs, weights, home, free_spin,
+            targets, trial, trial_errors,
+        )  # fmt: skip
+        if new_cost < cost:
+            gain = cost - new_cost
+            cost = new_cost
+            damping = max(damping * 0.2, 1e-9)
+            angles[:] = trial
+            errors[:] = trial_errors
+            if gain <= tolerance * cost:
+                break
+            band[:], downhill[:] = 0.0, 0.0
+            _add_poses(
+                placements, axes, tip, joints, ends, radii, pairs, weights, home, free_spin,
+                angles, errors, band, downhill,
+            )  # fmt: skip
+            _add_time(angles, scales, rush, band, downhill)
+        else:
+            damping *= 8.0
+            if damping > 1e7:
+                break
+        _fill_trial(angles, low, high, band, downhill, damping, trial)
+    result = np.empty((n_poses, 2))
+    for index in range(n_poses):
+        for part in range(2):
+            result[index, part] = np.sqrt(np.sum(errors[index, 3 * part : 3 * part + 3] ** 2))
+    return result
