@@ -34,6 +34,19 @@ from besman.stage import Config
 from besman.workers import Workers
 
 
+class SecondArmConfig(Config):
+    """The other arm of a robot with two, for the person's other hand.
+
+    Attributes
+    ----------
+    robot, tool : str
+        As of the pipeline; both arms stand in one world.
+    """
+
+    robot: str
+    tool: str
+
+
 class PipelineConfig(Config):
     """One complete recipe: recordings, robot, and the stages in their order.
 
@@ -48,6 +61,9 @@ class PipelineConfig(Config):
         none given: the recordings themselves.
     robot, tool : str
         A robot of ``robots/`` or the path of a robot.yaml, and one of its tools.
+    second_arm : SecondArmConfig, optional
+        What the person's other hand does is mapped to this arm, with the same placement and at the
+        same time; imitation and refinement treat each arm by itself.
     task : str
         A task of ``configs/tasks/`` or a path.
     margin_s : float
@@ -64,6 +80,7 @@ class PipelineConfig(Config):
     training: tuple[str, ...] = ()
     robot: str
     tool: str
+    second_arm: SecondArmConfig | None = None
     task: str
     margin_s: Annotated[float, Field(gt=0)] = 0.3
     label: LabelStage = LabelConfig()
@@ -122,6 +139,9 @@ def load_pipeline(path: Path, settings: tuple[str, ...] = ()) -> PipelineConfig:
         label["learn_from"] = _absolute(label["learn_from"], path.resolve().parent)
     for key in ("robot", "task"):
         content[key] = _own_file(content.get(key), path.resolve().parent)
+    second = content.get("second_arm")
+    if isinstance(second, dict) and "robot" in second:
+        second["robot"] = _own_file(second["robot"], path.resolve().parent)
     recognize = content.get("recognize")
     if isinstance(recognize, dict) and "model" in recognize:
         recognize["model"] = _absolute(recognize["model"], path.resolve().parent)
@@ -158,7 +178,7 @@ def _apply(content: dict[str, Any], setting: str) -> None:
         raise ConfigError(f"--set {key}: got {text!r}, which is not a YAML value") from None
     if key in ("recordings", "training", "label.learn_from", "recognize.model"):
         value = _absolute(value, Path.cwd())
-    if key in ("robot", "task"):
+    if key in ("robot", "task", "second_arm.robot"):
         value = _own_file(value, Path.cwd())
     *parents, last = key.split(".")
     for parent in parents:
@@ -306,28 +326,49 @@ def _run_stages(config: PipelineConfig, run: Run, inputs: Inputs, trained_in: Pa
     run.results["select"] = {"n_demonstrations": len(demonstrations)} | run.left_out("select")
 
     robot = _load_robot(config)
-    n = len(demonstrations)
-    mapping = run.step("map", config.map, demonstrations, robot, items=n, unit="demos")
-    run.results["map"] = map_results(mapping)
+    if config.second_arm is None:
+        n = len(demonstrations)
+        mapping = run.step("map", config.map, demonstrations, robot, items=n, unit="demos")
+        run.results["map"] = map_results(mapping)
+        _learn_motions(config, run, mapping, robot)
+        return
 
+    others = run.step(
+        "select_second", config.select.other_arm, labelled, choice, items=n, unit="segments"
+    )
+    robots = (robot, _load_robot(config.second_arm))
+    n = len(demonstrations) + len(others)
+    mappings = run.step(
+        "map", config.map, demonstrations, others, *robots, items=n, unit="demos", method="run_both"
+    )
+    for mapping, arm, name in zip(mappings, robots, ("", "_second"), strict=True):
+        run.results[f"map{name}"] = map_results(mapping)
+        _learn_motions(config, run, mapping, arm, name)
+
+
+def _learn_motions(
+    config: PipelineConfig, run: Run, mapping: Any, robot: Any, arm: str = ""
+) -> None:
+    """Imitate what was mapped to an arm, refine it, and export it."""
     n = len(mapping.trajectories)
     plans = run.step(
-        "imitate", config.imitate, mapping.trajectories, robot, items=n, unit="motions"
+        f"imitate{arm}", config.imitate, mapping.trajectories, robot, items=n, unit="motions"
     )
-    run.results["imitate"] = imitate_results(plans) | run.left_out("imitate")
+    run.results[f"imitate{arm}"] = imitate_results(plans) | run.left_out(f"imitate{arm}")
 
     task = _load_task(config)
     n = len(plans)
-    motions = run.step("refine", config.refine, plans, robot, task, items=n, unit="motions")
-    run.results["refine"] = refine_results(motions, task) | run.left_out("refine")
-    if not _exports_are_current(run):
-        run.work("export", write_exports, motions, robot, run.folder / "exports")
+    motions = run.step(f"refine{arm}", config.refine, plans, robot, task, items=n, unit="motions")
+    run.results[f"refine{arm}"] = refine_results(motions, task) | run.left_out(f"refine{arm}")
+    folder = run.folder / f"exports{arm}"
+    if not _exports_are_current(run, folder, f"refine{arm}"):
+        run.work(f"export{arm}", write_exports, motions, robot, folder)
 
 
-def _exports_are_current(run: Run) -> bool:
+def _exports_are_current(run: Run, folder: Path, stage: str) -> bool:
     """Tell whether whole exports were written after the motions were stored, also past a crash."""
-    limits = run.folder / "exports" / "limits.json"
-    stored = next(run.folder.glob("[0-9][0-9]_refine/stage.json"))
+    limits = folder / "limits.json"
+    stored = next(run.folder.glob(f"[0-9][0-9]_{stage}/stage.json"))
     return limits.is_file() and limits.stat().st_mtime_ns >= stored.stat().st_mtime_ns
 
 
@@ -446,7 +487,7 @@ def retarget_pipeline(
     return config.model_copy(update=changes)
 
 
-def _load_robot(config: PipelineConfig) -> Any:
+def _load_robot(config: PipelineConfig | SecondArmConfig) -> Any:
     from besman.robot.model import load_robot
 
     return load_robot(config.robot, config.tool)

@@ -99,6 +99,13 @@ class SelectConfig(Stage):
         turn = (np.nan,) * 4 if self.object_in_hand_wxyz is None else self.object_in_hand_wxyz
         return np.concatenate([place, np.array(turn) / np.linalg.norm(turn)])
 
+    @property
+    def other_arm(self) -> SelectConfig:
+        """The same for the person's other hand; nothing is thrown with it."""
+        return self.model_copy(
+            update={"arm": "left" if self.arm == "right" else "right", "object": None}
+        )
+
     def run(
         self,
         recordings: tuple[LabelledRecording, ...],
@@ -211,11 +218,30 @@ class MapConfig(Stage):
         self, demonstrations: tuple[HandTrajectory, ...], robot: Robot, work: Work = Work()
     ) -> Any:
         """Return a `besman.mapping.embodiment.Mapping`."""
-        from besman.mapping.embodiment import MappingSettings, map_embodiment
+        from besman.mapping.embodiment import map_embodiment
+
+        return map_embodiment(demonstrations, robot, self._settings(), work)
+
+    def run_both(
+        self,
+        demonstrations: tuple[HandTrajectory, ...],
+        others: tuple[HandTrajectory, ...],
+        robot: Robot,
+        other_robot: Robot,
+        work: Work = Work(),
+    ) -> Any:
+        """Return a pair of `besman.mapping.embodiment.Mapping`, one for each arm."""
+        from besman.mapping.two_arms import map_two_arms
+
+        robots = (robot, other_robot)
+        return map_two_arms((demonstrations, others), robots, self._settings(), work)
+
+    def _settings(self) -> Any:
+        from besman.mapping.embodiment import MappingSettings
         from besman.mapping.terms import TermWeights
         from besman.robot.inverse_kinematics import IkWeights
 
-        settings = MappingSettings(
+        return MappingSettings(
             terms=TermWeights(**self.weights.model_dump()),
             ik=IkWeights(orientation=self.orientation_weight_m_rad),
             free_spin=self.free_axis_spin,
@@ -230,7 +256,6 @@ class MapConfig(Stage):
             least_duration_s=self.minimum_duration_s,
             greatest_error_m=self.greatest_error_m,
         )
-        return map_embodiment(demonstrations, robot, settings, work)
 
 
 def map_results(mapping: Any) -> dict[str, Any]:

@@ -110,6 +110,9 @@ def _records(folder: Path) -> dict[str, Any]:
     for place in sorted(folder.glob("[0-9][0-9]_*")):
         if (place / "record.npz").is_file():
             found[place.name[3:]] = load_record(place / "record.npz")
+    if isinstance(found.get("map"), tuple):
+        # Of two arms the first is drawn.
+        found["map"] = found["map"][0]
     if (folder / "truth.npz").is_file():
         found["truth"] = load_record(folder / "truth.npz")
     return found
