@@ -29,8 +29,8 @@ _PARALLEL = 1e-6
 _MEET_M = 1e-6
 # Sine of joint 5 (and other shares) below which a branch is singular: that joint is left open.
 _SINGULAR = 1e-7
-# What rounding may push a pose beyond the reach, as a share of it.
-_ROUNDING = 1e-9
+# What rounding (of the model, too) may push a pose beyond the reach, as a share of it.
+_ROUNDING = 1e-7
 _TURN = 2.0 * np.pi
 
 
@@ -328,6 +328,47 @@ def _solve_wrist(
 
 
 @compiled
+def _reach_elbow(
+    axes: FloatArray, points: FloatArray, total: float, answer: FloatArray, work: FloatArray
+) -> float:
+    """Change an open joint 6 until joints 2 and 3 reach; return the total turn that goes with it.
+
+    Where axis 6 is parallel to joints 2 to 4, joint 6 turns against them; `work` as `_solve_wrist`
+    left it.
+    """
+    along, vector, wrist, offset, place, link = axes[1], work[3], work[4], work[7], work[8], work[9]
+    _, size = _turn_between(axes[5], along, vector)
+    if size >= _SINGULAR:
+        return total
+    lengths = np.zeros(4)
+    for k in range(3):
+        offset[k] = points[5, k] - points[3, k]
+        place[k] = wrist[k] - points[1, k]
+    for which in range(4):
+        for k in range(3):
+            if which >= 2:
+                link[k] = points[which, k] - points[which - 1, k]
+            else:
+                link[k] = offset[k] if which == 0 else place[k]
+        lengths[which] = np.sqrt(max(_dot(link, link) - _dot(link, along) ** 2, 0.0))
+    if lengths[0] * lengths[1] < _SINGULAR:
+        return total
+    toward, _ = _turn_between(along, offset, place)
+    double = 2.0 * lengths[0] * lengths[1]
+    shared = lengths[0] ** 2 + lengths[1] ** 2
+    distance = np.sqrt(max(shared - double * np.cos(total - toward), 0.0))
+    least, most = abs(lengths[2] - lengths[3]), lengths[2] + lengths[3]
+    if least <= distance <= most:
+        return total
+    wanted = most if distance > most else least
+    away = np.arccos(min(max((shared - wanted**2) / double, -1.0), 1.0))
+    off = total - toward - _TURN * np.rint((total - toward) / _TURN)
+    changed = toward + (away if off > 0.0 else -away)
+    answer[5] += np.sign(_dot(axes[5], vector)) * (total - changed)
+    return float(changed)
+
+
+@compiled
 def _fit(angles: FloatArray, low: FloatArray, high: FloatArray, near: FloatArray) -> bool:
     """Shift angles by full turns next to `near` within the limits; return whether that is so."""
     for j in range(len(angles)):
@@ -387,6 +428,8 @@ def _solve_path(
                 axes, points, turn, wrist, branch >> 1, near, work, answer
             )
             total = _total_turn(axes, turn, answer, work) if found else 0.0
+            if found and is_open:
+                total = _reach_elbow(axes, points, total, answer, work)
             for elbow in range(2):
                 one = positions[index, branch + elbow]
                 for j in range(6):
