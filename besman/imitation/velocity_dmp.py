@@ -119,12 +119,18 @@ def roll_out_velocity(
     parameters = np.concatenate([*ends, weights.swapaxes(-1, -2)], axis=-2)
     basis = velocity_basis(weights.shape[-1])
     x = (time - lead_in) / scale
-    q, v, a = interpolate(
-        basis.position @ parameters,
-        basis.velocity @ parameters,
-        basis.acceleration @ parameters,
-        np.clip(x, 0.0, 1.0),
-    )
+    inner = np.clip(x, 0.0, 1.0)
+    # As in `roll_out`: one duration for all asks for interpolation of the map alone.
+    if x.ndim == 1:
+        maps = interpolate(basis.position, basis.velocity, basis.acceleration, inner)
+        q, v, a = (matrix @ parameters for matrix in maps)
+    else:
+        q, v, a = interpolate(
+            basis.position @ parameters,
+            basis.velocity @ parameters,
+            basis.acceleration @ parameters,
+            inner,
+        )
     within = ((x >= 0.0) & (x <= 1.0))[..., None] / scale[..., None]
     v, a = v * within, a * within / scale[..., None]
     for sign, lead, since, outside, velocity in (
