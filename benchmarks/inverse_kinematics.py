@@ -1,7 +1,9 @@
 """Inverse kinematics in poses a second, beside mink and Pinocchio, measured in one run.
 
 The same 20 paths of 100 poses for the UR5 with its stick holder, full orientation, warm-started
-from the pose before. One thread. mink is used if it is installed (``pip install mink daqp``).
+from the pose before. One thread. mink is used if it is installed (``pip install mink daqp``). Then
+all eight branches in closed form, the best sequence of them over each path, and whole paths as
+stage ``map`` solves them, also with the spin about the tool left free.
 
     python benchmarks/inverse_kinematics.py
 """
@@ -15,9 +17,17 @@ import numpy as np
 import pinocchio
 from scipy.spatial.transform import Rotation
 
-from besman.robot.inverse_kinematics import IkWeights, find_branches, follow_all, solve_path
+from besman.robot.branch_sequence import choose_sequences
+from besman.robot.inverse_kinematics import (
+    IkWeights,
+    find_branches,
+    follow_all,
+    joint_box,
+    solve_path,
+)
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.model import Robot, load_robot
+from besman.robot.ur_kinematics import read_geometry, solve_branches
 
 N_PATHS, N_POSES = 20, 100
 TOLERANCE_M = 1e-4
@@ -91,6 +101,45 @@ def make_mink(robot: Robot) -> Callable[[Robot, np.ndarray, np.ndarray], np.ndar
     return solve
 
 
+def with_branches(robot: Robot, targets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """All eight branches of every pose in closed form."""
+    geometry = read_geometry(robot.chain)
+    assert geometry is not None
+    return solve_branches(geometry, targets, *joint_box(robot), robot.home)
+
+
+def with_sequence(robot: Robot, targets: np.ndarray) -> np.ndarray:
+    """The best sequence of the branches in closed form."""
+    found, valid = with_branches(robot, targets)
+    costs = np.where(valid, 0.0, np.inf)
+    reach = robot.limits.velocity / N_POSES
+    return choose_sequences(found, costs, reach, *joint_box(robot), robot.home, 1)[0]
+
+
+def measure(solve: Callable[[np.ndarray], object], paths: np.ndarray) -> float:
+    """Return poses a second, the best of three."""
+    solve(paths[0])
+    best = np.inf
+    for _ in range(3):
+        begin = time.perf_counter()
+        for path in paths:
+            solve(path)
+        best = min(best, time.perf_counter() - begin)
+    return N_PATHS * N_POSES / best
+
+
+def report_whole_paths(robot: Robot, paths: np.ndarray) -> None:
+    """Print the speed of branches, of their sequence and of whole paths."""
+    print(f"{'all 8 branches':>16} {measure(lambda path: with_branches(robot, path), paths):10.0f}")
+    print(f"{'best sequence':>16} {measure(lambda path: with_sequence(robot, path), paths):10.0f}")
+    for name in ("ur5", "compi"):
+        arm = load_robot(name, "stick_holder")
+        for free in (False, True):
+            speed = measure(lambda path: solve_path(arm, path, free_spin=free), paths)  # noqa: B023
+            spent = 1000 * N_POSES / speed
+            print(f"whole path, {name}{', free spin' if free else ''}: {spent:.0f} ms")
+
+
 def main() -> None:
     robot, paths = load_robot("ur5", "stick_holder"), make_paths()
     starts = [
@@ -118,11 +167,7 @@ def main() -> None:
         print(f"{name:>16} {speeds[name]:10.0f} {worst * 1000:9.3f} mm")
     for name in list(speeds)[1:]:
         print(f"besman : {name} = {speeds['besman'] / speeds[name]:.0f} : 1")
-    begin = time.perf_counter()
-    for path in paths:
-        solve_path(robot, path)
-    spent = (time.perf_counter() - begin) / N_PATHS
-    print(f"all branches searched and compared: {spent * 1000:.0f} ms a path")
+    report_whole_paths(robot, paths)
 
 
 if __name__ == "__main__":

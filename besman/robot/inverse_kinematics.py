@@ -117,7 +117,7 @@ def _paces(
     """Return first and second differences at the limits; without a time at the path's own pace."""
     if step_s is None:
         steps = np.abs(np.diff(positions, axis=0)) / robot.limits.velocity
-        step_s = max(float(np.percentile(steps, 99)), 1e-3) if len(steps) else 1.0
+        step_s = max(float(np.percentile(steps, 90)), 1e-3) if len(steps) else 1.0
     return robot.limits.velocity * step_s, robot.limits.acceleration * step_s**2
 
 
