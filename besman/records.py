@@ -377,7 +377,7 @@ class MotionPlan(Record):
     weights : array, shape (n, K)
         Weights of the forcing term.
     start, goal : array, shape (n,)
-        rad; where the primitive starts and ends. A lead comes before and after.
+        rad; where the primitive starts and ends.
     duration : float
         Seconds of the whole movement, leads included.
     joint_names : tuple of str, length n
@@ -394,13 +394,13 @@ class MotionPlan(Record):
     start_velocity, goal_velocity : array, shape (n,)
         rad/s at start and goal; zero by default, and of a ``joint_dmp``.
     lead_in_s, lead_out_s : float
-        Seconds in which the arm speeds up from rest to the start's velocity, and slows down from
-        the goal's.
+        Seconds before the start and after the goal, in which the arm speeds up from rest to the
+        start's velocity and slows down from the goal's; zero of a ``joint_dmp``.
 
     Raises
     ------
     PlanError
-        If the movement would start or end with a jump of its velocity.
+        If the movement would start or end with a jump of its velocity, or has no duration.
     """
 
     weights: FloatArray
@@ -439,6 +439,8 @@ class MotionPlan(Record):
 
     def _check_leads(self) -> None:
         """Refuse a movement that would jump from rest, or to it."""
+        if self.kind == "joint_dmp" and (self.lead_in_s or self.lead_out_s):
+            raise PlanError(f"{self.name}: a joint_dmp rests at its ends; got a lead there")
         moving = (self.start_velocity, "lead_in_s"), (self.goal_velocity, "lead_out_s")
         for velocity, lead in moving:
             if not np.any(velocity):
@@ -489,7 +491,7 @@ class CartesianPlan:
     Raises
     ------
     PlanError
-        If a quaternion has not the length 1.
+        If a quaternion has not the length 1, or the duration is not above zero.
     """
 
     weights: FloatArray
@@ -519,6 +521,8 @@ class CartesianPlan:
                 "target": (3,),
             },
         )
+        if not self.duration > 0:
+            raise PlanError(f"{self.name}: duration: got {self.duration:g} s, expected more than 0")
         for name in ("start", "goal"):
             length = float(np.linalg.norm(getattr(self, name)[3:]))
             if not abs(length - 1.0) <= 1e-6:

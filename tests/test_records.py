@@ -57,6 +57,7 @@ def test_joint_trajectory_needs_as_many_velocities_as_positions():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
+        ({"lead_out_s": 0.1}, "a: a joint_dmp rests at its ends; got a lead there"),
         ({"goal_velocity": [1.0, 0]}, "a: a joint_dmp rests at its ends; got a velocity there"),
         (
             {"kind": "joint_dmp_velocity", "goal_velocity": [1.0, 0]},
@@ -67,7 +68,7 @@ def test_joint_trajectory_needs_as_many_velocities_as_positions():
             "a: lead_in_s: got 0 s",
         ),
         (
-            {"lead_in_s": 0.5, "lead_out_s": 0.5},
+            {"kind": "joint_dmp_velocity", "lead_in_s": 0.5, "lead_out_s": 0.5},
             "a: duration: got 0.9 s, expected more than the leads' 1 s",
         ),
     ],
@@ -80,9 +81,16 @@ def test_a_motion_plan_that_would_jump(change, message):
         )  # fmt: skip
 
 
-def test_a_cartesian_plan_with_a_quaternion_of_zero():
-    with pytest.raises(PlanError, match="a: start: got a quaternion of length 0, expected 1"):
+@pytest.mark.parametrize(
+    ("duration", "message"),
+    [
+        (0.8, "a: start: got a quaternion of length 0, expected 1"),
+        (0.0, "a: duration: got 0 s, expected more than 0"),
+    ],
+)
+def test_a_cartesian_plan_with_a_quaternion_or_duration_of_zero(duration, message):
+    with pytest.raises(PlanError, match=message):
         CartesianPlan(
-            np.ones((6, 5)), np.zeros(7), np.zeros(7), 0.8, np.zeros(2), ("one", "two"), 0.1, True,
-            0.1, np.zeros(7), np.zeros(3), "a", "throw",
+            np.ones((6, 5)), np.zeros(7), np.zeros(7), duration, np.zeros(2), ("one", "two"), 0.1,
+            True, 0.1, np.zeros(7), np.zeros(3), "a", "throw",
         )  # fmt: skip
