@@ -9,7 +9,7 @@ from pathlib import Path
 from besman.evaluation.recognition_data import dataset_folders, is_synthetic, name_parts
 from besman.exceptions import ConfigError, MappingError
 from besman.inputs import read_inputs
-from besman.manual_segments import SIDES, Side, actions_of, building_blocks
+from besman.manual_segments import IDLE, SIDES, Side, actions_of, building_blocks
 from besman.mapping.stage import SelectConfig
 from besman.records import Failure, HandTrajectory, LabelledRecording, LabelledSegments
 from besman.synthetic.datasets import captures
@@ -109,7 +109,7 @@ def simulate_throws(
 
 
 def load_demonstrations(data: Path) -> list[DemonstrationSet]:
-    """Read every labelled class of recordings.
+    """Read every labelled class of recordings; `IDLE` is no movement.
 
     Parameters
     ----------
@@ -153,7 +153,9 @@ def _load_folder(folder: Path) -> list[DemonstrationSet]:
         for recording, truth in pairs
         for side, segments in _layers(truth)
     ]
-    classes = sorted({(side, label) for _, side, part in layers for label in part.labels})
+    classes = sorted(
+        {(side, label) for _, side, part in layers for label in part.labels if label != IDLE}
+    )
     names = [label for _, label in classes]
     found = []
     for side, label in sorted(classes, key=lambda pair: (SIDES.index(pair[0]), pair[1])):

@@ -306,7 +306,7 @@ def _add_key(figure: Figure, group: Sequence[Transferred], subject: str | None) 
         )  # fmt: skip
     else:
         n = sum(subject_of(name) == subject for name in names)
-        place = figure.add_axes((0.36, 0.7 / height, 0.28, 0.1 / height))
+        place = figure.add_axes((0.36, 0.62 / height, 0.28, 0.09 / height))
         colours = ScalarMappable(Normalize(1, max(n, 2)), _order_colours())
         bar = figure.colorbar(colours, cax=place, orientation="horizontal")
         bar.set_label("number of the demonstration", fontsize=8, color=_INK, labelpad=1)

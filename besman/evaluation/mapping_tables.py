@@ -66,7 +66,7 @@ def _time_table(rows: Sequence[dict[str, Any]], title: str) -> Table:
         "unscaled: share as fast as demonstrated; stretch of time: median / 95th percentile / "
         "greatest; outside: samples at 1 kHz beyond a limit / in self-collision"
     )
-    columns = ("unscaled\n\\[%]", "stretch", "outside", "s each", "CPU s\neach", "peak\n\\[MB]")
+    columns = ("unscaled\n\\[%]", "stretch", "outside", "s each", "peak\n\\[MB]")
     table = _new_table(title, caption, columns)
     for row, label in zip(rows, _labels(rows), strict=True):
         share = row["unscaled_share"]
@@ -77,7 +77,6 @@ def _time_table(rows: Sequence[dict[str, Any]], title: str) -> Table:
             _spread(row["time_stretch"], 1.0, 2),
             f"{row['limit_violations']} / {row['self_collisions']}",
             f"{row['seconds_per_demonstration']:.3f}",
-            f"{row['cpu_seconds_per_demonstration']:.3f}",
             f"{row['peak_rss_mb']:.0f}",
         )
     return table
