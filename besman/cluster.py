@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import re
 import time
@@ -11,12 +12,20 @@ from typing import Any
 from besman.exceptions import RunError
 from besman.workers import run_item
 
-_ADDRESS = re.compile(r"(tcp|tls)://\S+:\d+")
+_ADDRESS = re.compile(r"tcp://\S+:\d+")
 _CONNECT_S = 5.0
 _FIRST_WORKER_S = 10.0
 # Workers that are restarted are back sooner.
 _NO_WORKERS_S = 30.0
 _ANSWER_S = 30.0
+
+
+async def _greet(address: str) -> None:
+    """Exchange greetings with a scheduler."""
+    from distributed.comm import connect
+
+    comm = await connect(address, timeout=_CONNECT_S)
+    await comm.close()
 
 
 class ClusterPool:
@@ -58,6 +67,8 @@ class ClusterPool:
         from distributed import Client
 
         try:
+            # The client itself waits longer for a port that is open and says nothing.
+            asyncio.run(asyncio.wait_for(_greet(self._address), _CONNECT_S))
             self._client = Client(self._address, timeout=_CONNECT_S, set_as_default=False)
         except (OSError, ValueError) as error:
             raise RunError(
