@@ -385,6 +385,8 @@ class MotionPlan(Record):
         Root mean square error of the imitation, rad.
     goal_pose : array, shape (7,)
         Demonstrated end pose in the robot's world frame.
+    start_pose : array, shape (7,)
+        Demonstrated start pose in the robot's world frame; NaN where it is not known.
     target : array, shape (3,)
         As in `JointTrajectory`.
     name, label
@@ -418,6 +420,7 @@ class MotionPlan(Record):
     goal_velocity: FloatArray = field(default_factory=lambda: np.empty(0))
     lead_in_s: float = 0.0
     lead_out_s: float = 0.0
+    start_pose: FloatArray = field(default_factory=lambda: np.full(7, np.nan))
 
     def __post_init__(self) -> None:
         for name in ("start_velocity", "goal_velocity"):
@@ -430,6 +433,7 @@ class MotionPlan(Record):
                 "start": ("n",),
                 "goal": ("n",),
                 "goal_pose": (7,),
+                "start_pose": (7,),
                 "target": (3,),
                 "start_velocity": ("n",),
                 "goal_velocity": ("n",),
@@ -485,7 +489,7 @@ class CartesianPlan:
         The rotation about the tool's z axis does not matter.
     rmse : float
         Root mean square error of the imitation, rad, in joint space.
-    goal_pose, target, name, label
+    goal_pose, start_pose, target, name, label
         As in `MotionPlan`.
 
     Raises
@@ -508,6 +512,7 @@ class CartesianPlan:
     name: str
     label: str
     kind: Literal["cartesian_dmp"] = "cartesian_dmp"
+    start_pose: FloatArray = field(default_factory=lambda: np.full(7, np.nan))
 
     def __post_init__(self) -> None:
         _freeze(
@@ -518,6 +523,7 @@ class CartesianPlan:
                 "goal": (7,),
                 "joints": ("n",),
                 "goal_pose": (7,),
+                "start_pose": (7,),
                 "target": (3,),
             },
         )
