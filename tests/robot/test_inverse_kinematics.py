@@ -131,9 +131,9 @@ def smooth_joints(rng, robot, n_poses=100):
     shapes = np.stack([np.ones_like(u), u, np.sin(2 * u + 1), np.cos(3 * u)], axis=1)
     while True:
         joints = shapes @ rng.uniform(-0.5, 0.5, (4, robot.n)) + robot.home
-        if np.all((joints > low) & (joints < high)):
-            if distances(robot.chain, joints).min() > 0.03:
-                return joints
+        clear = distances(robot.chain, joints).min() > 0.03
+        if clear and np.all((joints > low) & (joints < high)):
+            return joints
 
 
 @pytest.mark.parametrize("name", ["ur5", "ur10", "compi", "iiwa7"])

@@ -49,7 +49,7 @@ def test_the_configuration_that_made_the_pose_is_among_them(name, joints):
 
 def test_all_eight_branches_are_there_and_the_numeric_search_finds_no_other():
     for robot in ROBOTS.values():
-        poses, found, valid = solve(robot, robot.home + [0.3, 0.1, -0.2, 0.2, 0.4, -0.3])
+        poses, found, valid = solve(robot, robot.home + np.array([0.3, 0.1, -0.2, 0.2, 0.4, -0.3]))
         assert valid.all()
         apart = wrapped(found[0][:, None] - found[0][None]).max(axis=-1)
         assert np.all(apart[~np.eye(N_BRANCHES, dtype=bool)] > 0.05)
