@@ -106,7 +106,10 @@ def retarget(
     if len(done) == 1 and done[0].error is None:
         _finish(done[0].plan.folder)
     elif len(done) > 1:
-        Console().print(robots_table(done))
+        console = Console()
+        console.print(robots_table(done))
+        for one in done:
+            console.print(f"{one.plan.name}: {one.plan.folder}", highlight=False, soft_wrap=True)
     raise_failures(done)
 
 

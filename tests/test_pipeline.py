@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -173,6 +174,72 @@ def test_retarget_uses_the_trained_model(finished, tmp_path, monkeypatch):
     assert not list((tmp_path / "out").glob("*train*"))
 
 
+@pytest.mark.slow
+def test_retarget_goes_on_if_one_of_several_robots_fails(
+    finished, capture, tmp_path, monkeypatch, capsys
+):
+    options = [word for name in ("ur10", "ur11", "iiwa7") for word in ("--robot", name)]
+    out = tmp_path / "all"
+    assert besman(monkeypatch, "retarget", finished, capture, *options, "--out", out) == 2
+    said = capsys.readouterr()
+    assert re.search(r"ur10 +3 of 3 .*\n.*ur11 +failed.*\n.*iiwa7 +3 of 3 ", said.out)
+    error = said.err.strip().splitlines()[-1]
+    message = "besman: error: retarget: 1 of 3 robots failed: ur11: no robot 'ur11'; did you mean"
+    assert error.startswith(message)
+    for name in ("ur10", "iiwa7"):
+        assert json.loads((out / name / "run.json").read_text())["status"] == "done"
+        assert (out / name / "report.html").is_file()
+    assert json.loads((out / "ur11" / "run.json").read_text())["status"] == "failed"
+
+
+def test_retarget_refuses_a_robot_twice(finished, capture, monkeypatch, capsys):
+    twice = ("--robot", "ur10", "--robot", "ur10")
+    assert besman(monkeypatch, "retarget", finished, capture, *twice) == 2
+    assert "--robot: got 'ur10' twice; expected each robot once" in capsys.readouterr().err
+
+
+def test_what_fails_is_a_row_in_every_stage(finished, capture, tmp_path, monkeypatch, capsys):
+    """A stage loses one demonstration; the next ones go on with the rest, also from the cache."""
+    from besman.exceptions import MappingError
+    from besman.imitation.stage import ImitateConfig
+    from besman.mapping import stage
+
+    names = [one.name for one in load_record(finished / "05_select" / "record.npz")]
+    select, imitate = stage.map_record, ImitateConfig._imitate
+
+    def lose_first(*arguments, name, **options):
+        if name == names[0]:
+            raise MappingError(f"{name}: marker 'hand_top' is not seen in <frame> 7")
+        return select(*arguments, name=name, **options)
+
+    def lose_second(self, trajectory, robot):
+        if trajectory.name == names[1]:
+            raise ZeroDivisionError("nothing moves")
+        return imitate(self, trajectory, robot)
+
+    monkeypatch.setattr(stage, "map_record", lose_first)
+    monkeypatch.setattr(ImitateConfig, "_imitate", lose_second)
+    arguments = ("run", STICK_THROW, "--out", tmp_path / "r", "--set", f"recordings={capture}")
+    for _ in range(2):
+        assert besman(monkeypatch, *arguments, *FAST) == 0
+        found = results(tmp_path / "r")
+        reason = "marker 'hand_top' is not seen in <frame> 7"
+        assert found["select"] == {
+            "n_demonstrations": 2,
+            "failed": [{"name": names[0], "reason": reason}],
+        }
+        assert found["map"]["n_demonstrations"] == 2
+        lost = {"name": names[1], "reason": "ZeroDivisionError: nothing moves"}
+        assert found["imitate"]["failed"] == [lost]
+        assert found["refine"]["n_motions"] == 1
+        assert found["refine"]["failed"] == []
+        said = capsys.readouterr().out
+        assert f"select: 1 left out\n  {names[0]}: {reason}\n" in said
+        page = (tmp_path / "r" / "report.html").read_text()
+        assert "marker &#x27;hand_top&#x27; is not seen in &lt;frame&gt; 7" in page
+        assert "ZeroDivisionError: nothing moves" in page
+
+
 def test_report_is_one_file_without_network(finished, monkeypatch):
     (finished / "report.html").unlink()
     assert besman(monkeypatch, "report", finished) == 0
@@ -303,8 +370,6 @@ def test_bad_input_is_one_line_and_exit_code_2(make, tmp_path, capture, monkeypa
     code = besman(monkeypatch, "run", pipeline, "--out", tmp_path / "out", *settings)
     said = capsys.readouterr().err.strip().splitlines()[-1]
     assert code == 2
-    import re
-
     assert re.search(message, said), said
     assert said.startswith("besman: error: ")
     assert "Traceback" not in said

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,10 @@ from besman.report.terminal import failures, outcome_lines
 from besman.report.timing import read_json, seconds, stage_rows
 from besman.run import write_json, write_text
 from besman.versions import code_version
+
+# More would take longer to draw than to compute, and nobody looks at hundreds.
+_DRAWN_RECORDINGS = 12
+_DRAWN_PATHS = 60
 
 _STYLE = """
 :root { color-scheme: light dark; --ink: #1c2024; --soft: #62676f; --line: #d9dce1; --page: #fff;
@@ -246,13 +251,26 @@ def _recordings(records: dict[str, Any], results: dict[str, Any]) -> str:
     marker = results["segment"]["marker"]
     plots = "".join(
         f"<figure>{figures.speed_profile(recording, segments, manual, marker, colours)}</figure>"
-        for recording, segments, manual in zip(labelled, found, truth, strict=True)
+        for recording, segments, manual in _some(
+            tuple(zip(labelled, found, truth, strict=True)), _DRAWN_RECORDINGS
+        )
     )
     return (
         f'<h2>Segments and their labels</h2><p class="key">{key}</p>{plots}<figcaption>Speed of '
         "the hand, found segments shaded by label, manual segments in the strip below."
-        "</figcaption>"
+        f"{_shown(len(found), _DRAWN_RECORDINGS, 'recordings')}</figcaption>"
     )
+
+
+def _some(items: Sequence[Any], most: int) -> list[Any]:
+    """Return all items, or of more than `most` as many evenly spaced in their order."""
+    rows = np.linspace(0, len(items) - 1, min(most, len(items)))
+    return [items[row] for row in np.rint(rows).astype(int)]
+
+
+def _shown(n: int, most: int, what: str) -> str:
+    """Say that not all are drawn."""
+    return "" if n <= most else f" Drawn are {most} of {n} {what}, evenly spaced in their order."
 
 
 def _actions(records: dict[str, Any], results: dict[str, Any]) -> str:
@@ -262,14 +280,16 @@ def _actions(records: dict[str, Any], results: dict[str, Any]) -> str:
     from besman.report import figures
 
     drawn = []
-    for blocks, found in zip(records["recognize"], records["compose"], strict=True):
+    pairs = tuple(zip(records["recognize"], records["compose"], strict=True))
+    for blocks, found in _some(pairs, _DRAWN_RECORDINGS):
         names = [f"actions {k}" if k > 1 else "actions" for k in range(1, len(found.levels) + 1)]
         layers = [("blocks", blocks), *zip(names, found.levels, strict=True)]
         colours = figures.label_colours([name for _, layer in layers for name in layer.labels])
         drawn.append(f"<figure>{figures.time_line(layers, colours, blocks.source)}</figure>")
     return (
         f"<h2>Actions made of building blocks</h2>{''.join(drawn)}<figcaption>Building blocks "
-        "below, the actions they make above.</figcaption>"
+        f"below, the actions they make above.{_shown(len(pairs), _DRAWN_RECORDINGS, 'recordings')}"
+        "</figcaption>"
     )
 
 
@@ -280,12 +300,14 @@ def _motions(records: dict[str, Any], results: dict[str, Any]) -> str:
     from besman.report import figures
 
     motions = records["refine"]
+    mapped = _some(records["map"].trajectories, _DRAWN_PATHS)
     radius = results["refine"]["success_radius_m"]
     targets = np.array([_target(motion) for motion in motions]).reshape(-1, 3)
     return (
         "<h2>Demonstrated and executed paths</h2>"
-        f"<figure>{figures.paths(records['map'].trajectories, motions)}<figcaption>Path of the "
-        "tool centre point in the robot's frame (floor below the base).</figcaption></figure>"
+        f"<figure>{figures.paths(mapped, _some(motions, _DRAWN_PATHS))}<figcaption>Path of the "
+        "tool centre point in the robot's frame (floor below the base)."
+        f"{_shown(len(motions), _DRAWN_PATHS, 'motions')}</figcaption></figure>"
         "<h2>Refinement in simulation</h2>"
         f'<div class="pair"><figure>{figures.learning_curve(motions, radius)}<figcaption>Best miss '
         "so far of every motion.</figcaption></figure>"

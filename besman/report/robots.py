@@ -28,17 +28,16 @@ def robots_table(done: tuple[Retargeted, ...]) -> Table:
 
     table = Table(box=SIMPLE, pad_edge=False)
     table.add_column("robot", no_wrap=True)
-    for name in ("mapped", "error mean", "p95", "max", "stretch", "refined", "miss", "time"):
+    for name in ("mapped", "error [mm]", "p95", "max", "stretch", "refined", "miss", "time"):
         table.add_column(name, justify="right", no_wrap=True)
-    table.add_column("run", overflow="fold")
     for one in done:
         folder = one.plan.folder
         if one.error is not None:
-            table.add_row(one.plan.name, "failed", *[""] * 7, str(folder))
+            table.add_row(one.plan.name, "failed")
         else:
             results = read_json(folder / "results.json")
             wall = seconds(read_json(folder / "timing.json")["total_wall_s"])
-            table.add_row(one.plan.name, *_figures(results), wall, str(folder))
+            table.add_row(one.plan.name, *_figures(results), wall)
     return table
 
 
@@ -48,7 +47,7 @@ def _figures(results: dict[str, Any]) -> list[str]:
     error, miss = mapped["position_error_m"], refined["miss_m"]["median"]
     return [
         f"{mapped['n_transferred']} of {mapped['n_demonstrations']}",
-        *(f"{1000 * error[name]:.1f} mm" for name in ("mean", "p95", "max")),
+        *(f"{1000 * error[name]:.1f}" for name in ("mean", "p95", "max")),
         f"{mapped['time_stretch']['median']:.2f}",
         f"{refined['n_success']} of {refined['n_motions']}",
         "-" if miss is None else f"{100 * miss:.1f} cm",
