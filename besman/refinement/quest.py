@@ -14,7 +14,7 @@ from besman.refinement.search import Search
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.limits import check_limits
 from besman.robot.model import Robot
-from besman.simulation.tasks import StickThrowConfig, TaskConfig
+from besman.simulation.task import Task
 from besman.simulation.trial import Trial
 
 FloatArray = npt.NDArray[np.float64]
@@ -34,14 +34,14 @@ class Quest:
         Over the space.
     robot : Robot
         Whose limits count.
-    task : TaskConfig
+    task : Task
         What is to be done.
     episodes : int
         Greatest number of episodes, the imitation's own among them.
     """
 
     def __init__(
-        self, space: Space, search: Search, robot: Robot, task: TaskConfig, episodes: int
+        self, space: Space, search: Search, robot: Robot, task: Task, episodes: int
     ) -> None:
         self._space, self._search, self._robot = space, search, robot
         self._task, self._episodes = task, episodes
@@ -139,14 +139,14 @@ class Quest:
         )
 
 
-def succeeds(trial: Trial, task: TaskConfig, share: float) -> bool:
+def succeeds(trial: Trial, task: Task, share: float) -> bool:
     """Tell whether a trial meets the task's criterion with room to spare.
 
     Parameters
     ----------
     trial : Trial
         What came of a plan.
-    task : TaskConfig
+    task : Task
         With the criterion.
     share : float
         Share of the greatest permitted errors that may be used up.
@@ -155,8 +155,4 @@ def succeeds(trial: Trial, task: TaskConfig, share: float) -> bool:
     -------
     bool
     """
-    if not trial.success or trial.miss > share * task.success_radius_m:
-        return False
-    if isinstance(task, StickThrowConfig):
-        return True
-    return trial.orientation_error <= share * np.radians(task.success.success_angle_deg)
+    return trial.success and task.succeeds(trial.miss, trial.measures, share)

@@ -14,7 +14,7 @@ from besman.exceptions import RefinementError
 from besman.records import AnyPlan, RefinedMotion
 from besman.refinement.search import Part
 from besman.robot.model import Robot
-from besman.simulation.tasks import StickThrowConfig, TaskConfig
+from besman.simulation.task import Task
 from besman.stage import Config, Stage, Work
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ class RefineConfig(Stage):
         self,
         plans: tuple[AnyPlan, ...],
         robot: Robot,
-        task: TaskConfig,
+        task: Task,
         work: Work = Work(),
     ) -> tuple[RefinedMotion, ...]:
         """Refine motion plans until each succeeds with a margin or its episodes are used up.
@@ -82,7 +82,7 @@ class RefineConfig(Stage):
             What imitation gave. Slowed down, where their own movement exceeds a limit.
         robot : Robot
             With the task's tool.
-        task : TaskConfig
+        task : Task
             What is to be done.
         work : Work
             Threads, processes and progress.
@@ -102,11 +102,11 @@ class RefineConfig(Stage):
         processes = max(2, _EPISODES_FOR_PROCESSES // self.episodes)
         return tuple(work.map(refine, plans, processes=processes))
 
-    def _refine(self, plan: AnyPlan, robot: Robot, task: TaskConfig) -> RefinedMotion:
+    def _refine(self, plan: AnyPlan, robot: Robot, task: Task) -> RefinedMotion:
         """Refine one motion plan."""
         from besman.simulation.trial import try_plans
 
-        _check_plan(plan, robot, task)
+        plan = _place(plan, robot, task)
         quest = self._quest(plan, robot, task)
         done = False
         while not done:
@@ -116,7 +116,7 @@ class RefineConfig(Stage):
         (best,) = try_plans(robot, task, [quest.best_plan], paths=True)
         return quest.result(best)
 
-    def _quest(self, plan: AnyPlan, robot: Robot, task: TaskConfig) -> Quest:
+    def _quest(self, plan: AnyPlan, robot: Robot, task: Task) -> Quest:
         """Set up the search for one plan."""
         from besman.refinement.cma_es import CmaEs
         from besman.refinement.plan_space import Units, plan_space
@@ -130,7 +130,7 @@ class RefineConfig(Stage):
         return Quest(space, search, robot, task, self.episodes)
 
 
-def _check(robot: Robot, task: TaskConfig) -> None:
+def _check(robot: Robot, task: Task) -> None:
     """Refuse a robot and a task that do not belong together."""
     if robot.tool.name != task.tool:
         raise RefinementError(
@@ -139,34 +139,27 @@ def _check(robot: Robot, task: TaskConfig) -> None:
         )
 
 
-def _check_plan(plan: AnyPlan, robot: Robot, task: TaskConfig) -> None:
-    """Refuse a plan that belongs to another robot or task."""
+def _place(plan: AnyPlan, robot: Robot, task: Task) -> AnyPlan:
+    """Give a plan the task's target; refuse one that belongs to another robot or task."""
     if plan.joint_names != robot.joint_names:
         raise RefinementError(
             f"{plan.name}: plan for joints {', '.join(plan.joint_names)}; robot "
             f"{robot.name} has {', '.join(robot.joint_names)}"
         )
-    wanted = plan.target if isinstance(task, StickThrowConfig) else plan.goal_pose
-    if not np.isfinite(wanted).all():
-        raise RefinementError(
-            f"{plan.name}: task {task.kind} needs a {_WANTED[task.kind]}, got none"
-        )
+    plan = task.place(plan, robot)
+    if not np.isfinite(task.wanted(plan)).all():
+        raise RefinementError(f"{plan.name}: task {task.kind} needs a {task.needs}, got none")
+    return plan
 
 
-_WANTED = {
-    "stick_throw": "target on the floor (select.object names the thrown object's marker)",
-    "reach": "demonstrated end pose",
-}
-
-
-def refine_results(motions: tuple[RefinedMotion, ...], task: TaskConfig) -> dict[str, Any]:
+def refine_results(motions: tuple[RefinedMotion, ...], task: Task) -> dict[str, Any]:
     """Give the stage's figures for ``results.json``.
 
     Parameters
     ----------
     motions : tuple of RefinedMotion
         What refinement gave.
-    task : TaskConfig
+    task : Task
         With the success criterion.
 
     Returns

@@ -19,13 +19,16 @@ class Movements:
     positions, velocities, accelerations : array, shape (B, T, n)
         rad, rad/s, rad/s^2; after its duration a movement stands still.
     durations : array, shape (B,)
-        Seconds.
+        Seconds that the motion plans take.
+    ends : array, shape (B,), optional
+        Seconds until the task's own part after them is over; NaN where the arm cannot do it.
     """
 
     positions: FloatArray
     velocities: FloatArray
     accelerations: FloatArray
     durations: FloatArray
+    ends: FloatArray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +49,9 @@ class Episodes:
     failures : tuple of str, length B
         Why an episode failed; "" if it did not.
     object_paths : tuple of arrays, shape (F, 3)
-        Paths of what is thrown, metres; empty unless asked for.
+        Paths of what is thrown or carried, metres; empty unless asked for.
+    measures : dict of arrays, shape (B,)
+        What else an episode is judged by, the unit at the end of each name.
     """
 
     outcomes: FloatArray
@@ -55,3 +60,37 @@ class Episodes:
     shortfalls: FloatArray
     failures: tuple[str, ...]
     object_paths: tuple[FloatArray, ...] = field(default=())
+    measures: dict[str, FloatArray] = field(default_factory=dict)
+
+
+def tracking_errors(
+    positions: FloatArray, movements: Movements, last: npt.NDArray[np.int64]
+) -> FloatArray:
+    """Compute how far arms were off their movements.
+
+    Parameters
+    ----------
+    positions : array, shape (B, T, n)
+        Joint angles after each step, rad.
+    movements : Movements
+        What was asked for.
+    last : int array, shape (B,)
+        Last step that counts.
+
+    Returns
+    -------
+    array, shape (B,)
+        Greatest deviation of a joint, rad; infinite where a simulation diverged before.
+    """
+    # States are those after a step.
+    wanted = np.concatenate([movements.positions[:, 1:], movements.positions[:, -1:]], axis=1)
+    deviation = np.nan_to_num(np.abs(positions - wanted).max(axis=2), nan=np.inf)
+    during = np.arange(deviation.shape[1]) <= last[:, None]
+    return np.asarray(np.where(during, deviation, 0.0).max(axis=1))
+
+
+def arm_failure(tracking: float, greatest: float) -> str:
+    """Name what an arm did wrong: "" if it was within `greatest` (rad) of its movement."""
+    if not np.isfinite(tracking):
+        return "unstable simulation"
+    return "arm did not follow" if tracking > greatest else ""

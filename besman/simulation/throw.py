@@ -7,28 +7,88 @@ ballistic, down to the floor.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 from itertools import product
-from typing import Any
+from typing import Annotated, Any, ClassVar, Literal
 
 import mujoco
 import numpy as np
 import numpy.typing as npt
+from pydantic import Field
 
-from besman.robot.dynamics import GRAVITY
+from besman.records import AnyPlan
 from besman.robot.model import Robot
-from besman.robot.mujoco_model import ARM_BIT, arm_spec, matrix_to_quaternion, servo_controls
+from besman.robot.mujoco_model import ARM_BIT, arm_spec
 from besman.simulation.episodes import Episodes, Movements
-from besman.simulation.physics import Run, run_physics
-from besman.simulation.tasks import StickThrowConfig
+from besman.simulation.scenes import (
+    add_point_sensor,
+    add_tool_body,
+    add_tool_sensors,
+    contact,
+    lay_in_tool,
+    set_contact_options,
+)
+from besman.simulation.task import NotNegative, Positive
+from besman.simulation.throwing import Thing, ThrowConfig, throw
+from besman.stage import Config
 
 FloatArray = npt.NDArray[np.float64]
 
 _WALL_M = 0.003  # half a wall's thickness
 _PLATE_BIT = 2 * ARM_BIT
-_FLIGHT_STEP_S = 0.01
-# Columns of the sensors, see `throw_model`.
-_TAIL, _TCP, _TCP_ROTATION = slice(0, 3), slice(3, 6), slice(6, 10)
+
+
+class StickConfig(Config):
+    """The stick: a rod with round ends and its mass spread evenly."""
+
+    length_m: Annotated[float, Field(gt=0.05, le=2.0)] = 0.45
+    radius_m: Annotated[float, Field(gt=0.001, le=0.02)] = 0.006
+    mass_kg: Positive = 0.06
+
+
+class HolderConfig(Config):
+    """The holder: a square tube along TCP z, open in front; its back plate is at the TCP.
+
+    Attributes
+    ----------
+    length_m : float
+        From the back plate to the opening.
+    clearance_m : float
+        Between the stick's surface and each wall.
+    friction : float
+        Coefficient of sliding friction between stick and holder.
+    """
+
+    length_m: Positive = 0.15
+    clearance_m: Positive = 0.002
+    friction: NotNegative = 0.05
+
+
+class StickThrowConfig(ThrowConfig):
+    """A stick is thrown at a target on the floor.
+
+    Attributes
+    ----------
+    kind : "stick_throw"
+    tool : str
+        Tool of the robot that the holder is mounted on.
+    stick, holder, simulation, reward, failure, success
+        See the classes.
+    """
+
+    kind: Literal["stick_throw"]
+    tool: str = "stick_holder"
+    stick: StickConfig = StickConfig()
+    holder: HolderConfig = HolderConfig()
+
+    needs: ClassVar[str] = "target on the floor (select.object names the thrown object's marker)"
+
+    def simulate(
+        self, robot: Robot, plans: Sequence[AnyPlan], movements: Movements, paths: bool
+    ) -> Episodes:
+        """Throw; the paths are those of the stick's centre."""
+        return simulate_throws(robot, self, movements, paths)
 
 
 @lru_cache(maxsize=8)
@@ -39,34 +99,22 @@ def throw_model(robot: Robot, task: StickThrowConfig) -> mujoco.MjModel:
     and orientation (4, wxyz) of the tool centre point in the world.
     """
     spec, last = arm_spec(robot, task.simulation.time_step_s)
-    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    # Friction that is softer than the contact itself lets the stick creep in its holder.
-    spec.option.impratio = 10.0
-    # Made for scenes of many bodies; here they cost a tenth of the time.
-    spec.option.disableflags |= (
-        mujoco.mjtDisableBit.mjDSBL_MIDPHASE | mujoco.mjtDisableBit.mjDSBL_ISLAND
-    )
-    holder = last.add_body(
-        name="holder",
-        pos=robot.chain.tip[:3, 3],
-        quat=matrix_to_quaternion(robot.chain.tip[:3, :3]),
-    )
+    set_contact_options(spec)
+    holder = add_tool_body(last, robot, "holder")
     _add_holder(holder, task)
     stick = spec.worldbody.add_body(name="stick")
     stick.add_freejoint()
     _add_stick(stick, task)
     # The link that carries the holder encloses the stick's tail.
     spec.add_exclude(bodyname1=robot.joint_names[-1], bodyname2="stick")
-    _add_sensors(spec)
+    add_point_sensor(spec, "tail")
+    add_tool_sensors(spec)
     return spec.compile()
 
 
 def _contact(task: StickThrowConfig) -> dict[str, list[float]]:
     """Give the contact parameters of stick and holder."""
-    return {
-        "solref": [task.simulation.contact_time_s, 1.0],
-        "friction": [task.holder.friction, 0.005, 0.0001],
-    }
+    return contact(task.simulation.contact_time_s, task.holder.friction)
 
 
 def _add_holder(holder: Any, task: StickThrowConfig) -> None:
@@ -130,21 +178,6 @@ def _add_stick(stick: Any, task: StickThrowConfig) -> None:
     stick.add_site(name="tail", pos=[0.0, 0.0, -half])
 
 
-def _add_sensors(spec: mujoco.MjSpec) -> None:
-    """Add the sensors that `throw_model` names."""
-    site, kinds = mujoco.mjtObj.mjOBJ_SITE, mujoco.mjtSensor
-    spec.add_sensor(
-        name="tail",
-        type=kinds.mjSENS_FRAMEPOS,
-        objtype=site,
-        objname="tail",
-        reftype=site,
-        refname="tcp",
-    )
-    spec.add_sensor(name="tcp", type=kinds.mjSENS_FRAMEPOS, objtype=site, objname="tcp")
-    spec.add_sensor(name="turn", type=kinds.mjSENS_FRAMEQUAT, objtype=site, objname="tcp")
-
-
 def simulate_throws(
     robot: Robot, task: StickThrowConfig, movements: Movements, paths: bool = False
 ) -> Episodes:
@@ -167,136 +200,17 @@ def simulate_throws(
         Outcomes are where the stick's centre of mass meets the floor z = 0.
     """
     model = throw_model(robot, task)
-    controls = servo_controls(
-        robot, movements.positions, movements.velocities, movements.accelerations
-    )
-    longest = movements.durations + task.simulation.longest_wait_s
-    last = np.ceil(longest / task.simulation.time_step_s).astype(np.int64) - 1
+    initial = lay_in_tool(model, movements.positions[:, 0], task.stick.length_m / 2)
+    length = task.holder.length_m
 
-    def finished(run: Run, span: slice) -> npt.NDArray[np.bool_]:
-        return _is_clear(run, span, task).any(axis=1) | (last < span.stop)
+    def is_clear(tail: FloatArray) -> npt.NDArray[np.bool_]:
+        ahead = tail[..., 2] - length
+        aside = np.hypot(tail[..., 0], tail[..., 1])
+        outside = (ahead > 0) | (aside > 2 * (task.stick.radius_m + task.holder.clearance_m))
+        return np.asarray(outside & (np.hypot(ahead, aside) > task.simulation.clear_distance_m))
 
-    initial = _initial_qpos(model, task, movements.positions[:, 0])
-    return _judge(run_physics(model, initial, controls, finished), task, movements, last, paths)
+    def way_out(tail: FloatArray) -> FloatArray:
+        return np.asarray(tail[..., 2] / length)
 
-
-def _initial_qpos(model: mujoco.MjModel, task: StickThrowConfig, starts: FloatArray) -> FloatArray:
-    """Lay the stick's tail on the back plate, its axis along TCP z."""
-    data = mujoco.MjData(model)
-    qpos = np.empty((len(starts), model.nq))
-    n = starts.shape[1]
-    for index, start in enumerate(starts):
-        data.qpos[:n] = start
-        mujoco.mj_kinematics(model, data)
-        rotation = data.site("tcp").xmat.reshape(3, 3)
-        qpos[index, :n] = start
-        qpos[index, n : n + 3] = data.site("tcp").xpos + rotation[:, 2] * task.stick.length_m / 2
-        qpos[index, n + 3 :] = matrix_to_quaternion(rotation)
-    return qpos
-
-
-def _is_clear(run: Run, span: slice, task: StickThrowConfig) -> npt.NDArray[np.bool_]:
-    """Tell when (B, steps) the stick's tail is clear of the holder."""
-    tail = run.sensors[:, span, _TAIL]
-    ahead = tail[..., 2] - task.holder.length_m
-    aside = np.hypot(tail[..., 0], tail[..., 1])
-    outside = (ahead > 0) | (aside > 2 * (task.stick.radius_m + task.holder.clearance_m))
-    return np.asarray(outside & (np.hypot(ahead, aside) > task.simulation.clear_distance_m))
-
-
-def _judge(
-    run: Run,
-    task: StickThrowConfig,
-    movements: Movements,
-    last: npt.NDArray[np.int64],
-    paths: bool,
-) -> Episodes:
-    """Find out what came of every throw, up to its last step."""
-    batch, steps, n = movements.positions.shape
-    rows = np.arange(batch)
-    clear = _is_clear(run, slice(None), task) & (np.arange(steps) <= last[:, None])
-    released = np.asarray(clear.any(axis=1))
-    at = np.where(released, clear.argmax(axis=1), np.minimum(run.steps - 1, last))
-    position, velocity = run.qpos[rows, at, n : n + 3], run.qvel[rows, at, n : n + 3]
-    touchdown = ballistic_touchdown(position, velocity)
-    during = np.arange(steps) <= at[:, None]
-    deviation = np.abs(run.qpos[:, :, :n] - _next(movements.positions)).max(axis=2)
-    tracking = np.where(during, np.nan_to_num(deviation, nan=np.inf), 0.0).max(axis=1)
-    # How far the tail ever came, as a share of the way out.
-    out = np.where(during, run.sensors[:, :, 2], 0.0).max(axis=1) / task.holder.length_m
-    speed = np.linalg.norm(velocity, axis=1)
-    judged = [
-        _failure(bool(released[row]), speed[row], tracking[row], out[row], task) for row in rows
-    ]
-    thrown = (released & np.isfinite(tracking))[:, None]
-    return Episodes(
-        outcomes=np.where(thrown, touchdown, np.nan),
-        end_poses=np.concatenate(
-            [run.sensors[rows, at, _TCP], run.sensors[rows, at, _TCP_ROTATION]], axis=1
-        ),
-        tracking_errors=tracking,
-        shortfalls=np.array([shortfall for _, shortfall in judged]),
-        failures=tuple(failure for failure, _ in judged),
-        object_paths=tuple(
-            np.concatenate([run.qpos[i, : at[i] + 1, n : n + 3], flight(position[i], velocity[i])])
-            for i in rows
-        )
-        if paths
-        else (),
-    )
-
-
-def _next(positions: FloatArray) -> FloatArray:
-    """Shift by one sample: states are those after a step."""
-    return np.concatenate([positions[:, 1:], positions[:, -1:]], axis=1)
-
-
-def _failure(
-    released: bool, speed: float, tracking: float, out: float, task: StickThrowConfig
-) -> tuple[str, float]:
-    """Name what went wrong in one episode, and how wrong it went (0 to 1)."""
-    if not np.isfinite(tracking):
-        return "unstable simulation", 1.0
-    if tracking > task.failure.greatest_tracking_error_rad:
-        return "arm did not follow", 1.0
-    if not released:
-        return "stick not released", float(np.clip(1.0 - out, 0.0, 1.0))
-    if speed < task.failure.least_release_speed_m_s:
-        return "stick dropped", 1.0 - speed / task.failure.least_release_speed_m_s
-    return "", 0.0
-
-
-def ballistic_touchdown(position: npt.ArrayLike, velocity: npt.ArrayLike) -> FloatArray:
-    """Follow a free flight to the floor z = 0.
-
-    Parameters
-    ----------
-    position, velocity : array, shape (..., 3)
-        Metres, m/s; z up.
-
-    Returns
-    -------
-    array, shape (..., 3)
-        Metres; NaN where the flight begins below the floor.
-    """
-    position, velocity = np.asarray(position), np.asarray(velocity)
-    height, up = position[..., 2], velocity[..., 2]
-    with np.errstate(invalid="ignore"):
-        duration = (up + np.sqrt(up**2 + 2.0 * GRAVITY * height)) / GRAVITY
-    landed = position + velocity * duration[..., None]
-    landed[..., 2] = 0.0
-    return np.where((height >= 0.0)[..., None], landed, np.nan)
-
-
-def flight(position: FloatArray, velocity: FloatArray) -> FloatArray:
-    """Sample a free flight (F, 3) from a state (3,) to the floor, metres."""
-    landed = ballistic_touchdown(position, velocity)
-    if not np.isfinite(landed).all():
-        return np.empty((0, 3))
-    up = velocity[2]
-    duration = (up + np.sqrt(up**2 + 2.0 * GRAVITY * position[2])) / GRAVITY
-    time = np.append(np.arange(_FLIGHT_STEP_S, duration, _FLIGHT_STEP_S), duration)[:, None]
-    path = position + velocity * time
-    path[:, 2] -= 0.5 * GRAVITY * time[:, 0] ** 2
-    path[-1] = landed
-    return path
+    stick = Thing("stick", is_clear, way_out)
+    return throw(robot, task, model, initial, stick, movements, paths)

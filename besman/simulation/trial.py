@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from itertools import groupby
 
 import numpy as np
 import numpy.typing as npt
 
-from besman.imitation.movement import roll_out_plans
 from besman.records import AnyPlan
 from besman.robot.collision import distances
 from besman.robot.model import Robot
 from besman.simulation.episodes import Episodes, Movements
-from besman.simulation.reach import simulate_reaching
-from besman.simulation.tasks import StickThrowConfig, TaskConfig
-from besman.simulation.throw import simulate_throws
+from besman.simulation.task import Task
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -47,7 +45,11 @@ class Trial:
     success : bool
         The task's criterion is met and nothing failed.
     object_path : array, shape (F, 3)
-        Path of what is thrown, metres; empty unless asked for.
+        Path of what is thrown or carried, metres; empty unless asked for.
+    measures : dict of float
+        What else it was judged by, see `besman.simulation.task.Task.measure`.
+    costs : dict of float
+        Terms of the reward by the names of their weights.
     """
 
     reward: float
@@ -57,11 +59,13 @@ class Trial:
     failure: str
     success: bool
     object_path: FloatArray
+    measures: dict[str, float] = field(default_factory=dict)
+    costs: dict[str, float] = field(default_factory=dict)
 
 
 def try_plans(
     robot: Robot,
-    task: TaskConfig,
+    task: Task,
     plans: Sequence[AnyPlan],
     jobs: int = 1,
     paths: bool = False,
@@ -72,25 +76,25 @@ def try_plans(
     ----------
     robot : Robot
         With the task's tool.
-    task : TaskConfig
+    task : Task
         Scene, reward, criteria.
     plans : sequence of MotionPlan or CartesianPlan
         Those of one kind with the same number of weights.
     jobs : int
         Threads; results do not depend on it.
     paths : bool
-        Whether to give the paths of what is thrown.
+        Whether to give the paths of what is thrown or carried.
 
     Returns
     -------
     list of Trial
         In the order of the plans.
     """
-    blocks = [plans[first : first + _BLOCK] for first in range(0, len(plans), _BLOCK)]
+    blocks = list(_blocks(robot, task, plans))
 
     def try_block(block: Sequence[AnyPlan]) -> list[Trial]:
         movements = move(block, task, robot)
-        episodes = simulate(robot, task, movements, paths)
+        episodes = task.simulate(robot, block, movements, paths)
         return _score(robot, task, block, movements, episodes)
 
     if jobs > 1 and len(blocks) > 1:
@@ -101,27 +105,21 @@ def try_plans(
     return [trial for block in results for trial in block]
 
 
-def move(plans: Sequence[AnyPlan], task: TaskConfig, robot: Robot | None = None) -> Movements:
-    """Roll out motion plans at the task's time step, with the time that it needs after them.
-
-    Cartesian plans need the robot, for their inverse kinematics.
-    """
-    durations = np.array([plan.duration for plan in plans])
-    step = task.simulation.time_step_s
-    time = step * np.arange(int(np.ceil((durations.max() + task.rest_s) / step)) + 1)
-    return Movements(*roll_out_plans(plans, time, robot), durations)
+def _blocks(robot: Robot, task: Task, plans: Sequence[AnyPlan]) -> Iterator[list[AnyPlan]]:
+    """Cut plans into blocks of one scene each."""
+    for _, group in groupby(plans, lambda plan: task.scene(plan, robot)):
+        same = list(group)
+        yield from (same[first : first + _BLOCK] for first in range(0, len(same), _BLOCK))
 
 
-def simulate(robot: Robot, task: TaskConfig, movements: Movements, paths: bool) -> Episodes:
-    """Simulate movements in the scene of their task."""
-    if isinstance(task, StickThrowConfig):
-        return simulate_throws(robot, task, movements, paths)
-    return simulate_reaching(robot, task, movements)
+def move(plans: Sequence[AnyPlan], task: Task, robot: Robot | None = None) -> Movements:
+    """Return what an arm does in a task; see `besman.simulation.task.Task.move`."""
+    return task.move(plans, robot)
 
 
 def _score(
     robot: Robot,
-    task: TaskConfig,
+    task: Task,
     plans: Sequence[AnyPlan],
     movements: Movements,
     episodes: Episodes,
@@ -140,7 +138,7 @@ def _score(
 
 
 def _score_one(
-    task: TaskConfig,
+    task: Task,
     plan: AnyPlan,
     episodes: Episodes,
     index: int,
@@ -152,33 +150,26 @@ def _score_one(
     shortfall = float(episodes.shortfalls[index])
     if not failure and (excess > 0 or depth > 0):
         failure = "position limit" if excess > 0 else "collision with itself or the floor"
-    target = plan.target if isinstance(task, StickThrowConfig) else plan.goal_pose[:3]
-    miss = float(np.linalg.norm(outcome - target))
-    angle = float("nan")
-    cost = task.reward.limit_excess_per_rad * excess + task.reward.collision_per_m * depth
+    miss = task.miss(plan, outcome)
+    measures = task.measure(plan, episodes, index)
+    reward = task.reward
+    costs = {
+        "limit_excess_per_rad": reward.limit_excess_per_rad * excess,
+        "collision_per_m": reward.collision_per_m * depth,
+    }
     if np.isfinite(miss):
-        cost += task.reward.miss_per_m * miss
+        costs["miss_per_m"] = reward.miss_per_m * miss
     if failure:
-        cost += task.reward.failure * (1.0 + shortfall)
-    success = not failure and miss <= task.success.success_radius_m
-    if not isinstance(task, StickThrowConfig):
-        angle = rotation_between(episodes.end_poses[index, 3:], plan.goal_pose[3:])
-        cost += task.reward.misorientation_per_rad * (angle if np.isfinite(angle) else np.pi)
-        success = success and angle <= np.radians(task.success.success_angle_deg)
+        costs["failure"] = reward.failure * (1.0 + shortfall)
+    costs |= task.costs(measures)
     return Trial(
-        reward=-cost,
+        reward=-sum(costs.values()),
         miss=miss,
-        orientation_error=angle,
+        orientation_error=measures.get("misorientation_rad", float("nan")),
         outcome=outcome,
         failure=failure,
-        success=bool(success),
+        success=bool(not failure and task.succeeds(miss, measures)),
         object_path=episodes.object_paths[index] if episodes.object_paths else np.empty((0, 3)),
+        measures=measures,
+        costs=costs,
     )
-
-
-def rotation_between(first: FloatArray, second: FloatArray) -> float:
-    """Return the angle between two orientations given as unit quaternions (4,), rad."""
-    first, second = np.asarray(first), np.asarray(second)
-    # By the chord rather than the cosine, which is blind to small angles.
-    chord = min(float(np.linalg.norm(first - second)), float(np.linalg.norm(first + second)))
-    return float(4.0 * np.arcsin(min(chord / 2.0, 1.0))) if np.isfinite(chord) else float("nan")

@@ -6,9 +6,9 @@ import pytest
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.model import load_robot
 from besman.robot.mujoco_model import matrix_to_quaternion
-from besman.simulation.reach import simulate_reaching
+from besman.simulation.reach import rotation_between, simulate_reaching
 from besman.simulation.tasks import load_task
-from besman.simulation.trial import move, rotation_between, try_plans
+from besman.simulation.trial import move, try_plans
 
 TASK = load_task("reach")
 ROBOT = load_robot("ur5", "gripper")

@@ -5,7 +5,8 @@ from scipy.integrate import solve_ivp
 
 from besman.simulation.episodes import Movements
 from besman.simulation.tasks import load_task
-from besman.simulation.throw import ballistic_touchdown, flight, simulate_throws, throw_model
+from besman.simulation.throw import simulate_throws, throw_model
+from besman.simulation.throwing import ballistic_touchdown, flight
 from besman.simulation.trial import move
 
 TASK = load_task("stick_throw")
@@ -49,9 +50,9 @@ def test_the_stick_starts_at_rest_on_the_back_plate(robot, make_plan):
     data = mujoco.MjData(model)
     plan = make_plan()
     movements = move([plan], TASK)
-    from besman.simulation.throw import _initial_qpos
+    from besman.simulation.scenes import lay_in_tool
 
-    data.qpos[:] = _initial_qpos(model, TASK, movements.positions[:, 0])[0]
+    data.qpos[:] = lay_in_tool(model, movements.positions[:, 0], TASK.stick.length_m / 2)[0]
     mujoco.mj_forward(model, data)
     tail = data.sensordata[:3]
     np.testing.assert_allclose(tail, 0, atol=1e-9)

@@ -1,0 +1,111 @@
+"""Parts that scenes share: solver options, the tool's frame, its sensors."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+
+from besman.robot.model import Robot
+from besman.robot.mujoco_model import ARM_BIT, matrix_to_quaternion
+
+FloatArray = npt.NDArray[np.float64]
+
+
+def set_contact_options(spec: mujoco.MjSpec) -> None:
+    """Choose the solver's options for few, stiff contacts with friction."""
+    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    # Friction that is softer than the contact itself lets things creep.
+    spec.option.impratio = 10.0
+    # Made for scenes of many bodies; here they cost a tenth of the time.
+    spec.option.disableflags |= (
+        mujoco.mjtDisableBit.mjDSBL_MIDPHASE | mujoco.mjtDisableBit.mjDSBL_ISLAND
+    )
+
+
+def contact(time_s: float, friction: float) -> dict[str, list[float]]:
+    """Give the contact parameters of a geom.
+
+    Parameters
+    ----------
+    time_s : float
+        Time constant of the contact, seconds.
+    friction : float
+        Coefficient of sliding friction.
+    """
+    return {"solref": [time_s, 1.0], "friction": [friction, 0.005, 0.0001]}
+
+
+def add_tool_body(last: Any, robot: Robot, name: str) -> Any:
+    """Hang a body without mass on the last link, in the frame of the tool centre point."""
+    tip = robot.chain.tip
+    return last.add_body(name=name, pos=tip[:3, 3], quat=matrix_to_quaternion(tip[:3, :3]))
+
+
+def add_tool_capsule(last: Any, robot: Robot, **parameters: Any) -> None:
+    """Add the capsule that the robot's tool says to the last link; nothing if it has none."""
+    tool = robot.tool
+    if tool.capsule_radius == 0:
+        return
+    flange = robot.chain.tip @ np.linalg.inv(tool.tcp2flange)
+    ends = tool.capsule_ends @ flange[:3, :3].T + flange[:3, 3]
+    last.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+        fromto=ends.ravel(),
+        size=[tool.capsule_radius, 0.0, 0.0],
+        mass=0.0,
+        contype=ARM_BIT,
+        conaffinity=0,
+        **parameters,
+    )
+
+
+def add_tool_sensors(spec: mujoco.MjSpec) -> None:
+    """Add position (3) and orientation (4, wxyz) of the tool centre point in the world."""
+    site, kinds = mujoco.mjtObj.mjOBJ_SITE, mujoco.mjtSensor
+    spec.add_sensor(name="tcp", type=kinds.mjSENS_FRAMEPOS, objtype=site, objname="tcp")
+    spec.add_sensor(name="turn", type=kinds.mjSENS_FRAMEQUAT, objtype=site, objname="tcp")
+
+
+def add_point_sensor(spec: mujoco.MjSpec, site: str) -> None:
+    """Add the position (3) of a site in the frame of the tool centre point."""
+    kind = mujoco.mjtObj.mjOBJ_SITE
+    spec.add_sensor(
+        name=site,
+        type=mujoco.mjtSensor.mjSENS_FRAMEPOS,
+        objtype=kind,
+        objname=site,
+        reftype=kind,
+        refname="tcp",
+    )
+
+
+def lay_in_tool(model: mujoco.MjModel, starts: FloatArray, ahead_m: float) -> FloatArray:
+    """Return initial states in which a free body lies along the tool's axis.
+
+    Parameters
+    ----------
+    model : mujoco.MjModel
+        With the arm's joints first, then the body's free joint.
+    starts : array, shape (B, n)
+        Joint angles, rad.
+    ahead_m : float
+        Where the body's frame is on the z axis of the tool centre point, metres.
+
+    Returns
+    -------
+    array, shape (B, nq)
+    """
+    data = mujoco.MjData(model)
+    qpos = np.empty((len(starts), model.nq))
+    n = starts.shape[1]
+    for index, start in enumerate(starts):
+        data.qpos[:n] = start
+        mujoco.mj_kinematics(model, data)
+        rotation = data.site("tcp").xmat.reshape(3, 3)
+        qpos[index, :n] = start
+        qpos[index, n : n + 3] = data.site("tcp").xpos + rotation[:, 2] * ahead_m
+        qpos[index, n + 3 :] = matrix_to_quaternion(rotation)
+    return qpos
