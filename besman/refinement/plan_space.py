@@ -20,6 +20,9 @@ from besman.robot.parts import JointLimits
 
 FloatArray = npt.NDArray[np.float64]
 
+_GREATEST_STRETCH = 3.0
+_HALVINGS = 8
+
 
 @dataclass(frozen=True)
 class Units:
@@ -40,8 +43,8 @@ class Units:
     goal_rad: float = 0.1
     log_duration: float = 0.1
     shape_rad: float = 0.1
-    goal_m: float = 0.05
-    shape_m: float = 0.05
+    goal_m: float = 0.03
+    shape_m: float = 0.03
 
 
 class Space(Protocol):
@@ -119,7 +122,9 @@ class CartesianPlanSpace:
     """Cartesian plans that differ from a first one in goal pose, duration and weights.
 
     Every plan starts and ends at rest, and lasts as long as the limits of velocity and
-    acceleration require of the joint movement that inverse kinematics gives.
+    acceleration require of the joint movement that inverse kinematics gives. Where the pose makes
+    the arm jump, that is long: a point whose plan would need three times the time of the first
+    one stands for the point halfway to the origin, and so on.
 
     Parameters
     ----------
@@ -145,6 +150,8 @@ class CartesianPlanSpace:
     ) -> None:
         self._plan, self._robot, self._parts, self._units = plan, robot, parts, units
         self._shapes = shape_directions(plan.weights.shape[1])[:n_shapes]
+        self._least_s = least_duration(plan, robot.limits, robot)
+        self._greatest_s = _GREATEST_STRETCH * max(plan.duration, self._least_s)
         sizes = {"goal": 6, "duration": 1, "weights": 6 * len(self._shapes)}
         self._sizes = [sizes[part] for part in parts]
 
@@ -155,6 +162,17 @@ class CartesianPlanSpace:
 
     def plan_at(self, point: npt.ArrayLike) -> CartesianPlan:
         """Return the motion plan at a point, shape (D,)."""
+        point = np.asarray(point, dtype=np.float64)
+        for _ in range(_HALVINGS):
+            plan = self._plan_at(point)
+            least = least_duration(plan, self._robot.limits, self._robot)
+            if least <= self._greatest_s:
+                return replace(plan, duration=max(plan.duration, least))
+            point = 0.5 * point
+        return replace(self._plan, duration=max(self._plan.duration, self._least_s))
+
+    def _plan_at(self, point: FloatArray) -> CartesianPlan:
+        """Return the plan at a point, whatever its joint movement."""
         start, units = self._plan, self._units
         pieces = _split(point, self._parts, self._sizes)
         weights, goal = start.weights, start.goal
@@ -166,10 +184,7 @@ class CartesianPlanSpace:
         if "weights" in pieces:
             scale = np.repeat([units.shape_m, units.shape_rad], 3)[:, None]
             weights = weights + (scale * pieces["weights"].reshape(6, -1)) @ self._shapes
-        duration = _duration(start, pieces, units)
-        plan = replace(start, weights=weights, goal=goal)
-        least = least_duration(plan, self._robot.limits, self._robot)
-        return replace(plan, duration=max(duration, least))
+        return replace(start, weights=weights, goal=goal, duration=_duration(start, pieces, units))
 
 
 def plan_space(

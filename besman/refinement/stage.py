@@ -31,8 +31,8 @@ class UnitsConfig(Config):
     goal_rad: Annotated[float, Field(gt=0)] = 0.1
     log_duration: Annotated[float, Field(gt=0)] = 0.1
     shape_rad: Annotated[float, Field(gt=0)] = 0.1
-    goal_m: Annotated[float, Field(gt=0)] = 0.05
-    shape_m: Annotated[float, Field(gt=0)] = 0.05
+    goal_m: Annotated[float, Field(gt=0)] = 0.03
+    shape_m: Annotated[float, Field(gt=0)] = 0.03
 
 
 class RefineConfig(Stage):

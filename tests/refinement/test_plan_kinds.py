@@ -110,6 +110,23 @@ def test_units_of_a_cartesian_plan(robot, plans):
     np.testing.assert_allclose(spread, [0, 0.02, 0, 0, 0, 0.05], atol=1e-3)
 
 
+def test_where_the_arm_would_jump_a_point_stands_for_one_nearer_to_the_origin(robot, plans):
+    plan = plans["cartesian_dmp"]
+    space = CartesianPlanSpace(plan, robot, ("goal",), 1)
+    origin = space.plan_at(np.zeros(6))
+    ways = np.random.default_rng(0).normal(size=(20, 6))
+    shares = []
+    for way in ways:
+        # Three tenths of a metre and a radian away, much of which is out of reach.
+        found = space.plan_at(10 * way)
+        assert found.duration <= 3.0 * origin.duration
+        shares.append((found.goal[:3] - plan.goal[:3]) / (0.3 * way[:3]))
+    np.testing.assert_allclose(np.std(shares, axis=1), 0, atol=1e-9)
+    powers = np.log2(np.array(shares)[:, 0])
+    np.testing.assert_allclose(powers, np.rint(powers), atol=1e-9)
+    assert powers.min() < -0.5
+
+
 def test_a_goal_that_is_passed_needs_no_other_weights(robot, plans):
     plan = plans["joint_dmp_velocity"]
     moved = PlanSpace(plan, robot.limits, ("goal",), 1).plan_at(np.ones(6))
