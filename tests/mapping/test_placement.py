@@ -55,9 +55,10 @@ def test_a_movement_too_large_for_the_arm_is_made_smaller():
     search = PlacementSearch(evaluations=80, scale=(0.3, 1.0))
     placement = find_placement([arm(huge)], search)
     assert 0.3 <= placement.scale < 0.95
-    assert placement.terms["position"] < find_placement(
-        [arm(huge)], PlacementSearch(evaluations=80)
-    ).terms["position"]
+    assert (
+        placement.terms["position"]
+        < find_placement([arm(huge)], PlacementSearch(evaluations=80)).terms["position"]
+    )
     placed = placement.apply(tool_poses(huge, ROBOT))
     length = np.linalg.norm(np.diff(placed[:, :3, 3], axis=0), axis=1).sum()
     before = np.linalg.norm(np.diff(huge.poses[:, :3], axis=0), axis=1).sum()
