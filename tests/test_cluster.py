@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 import psutil
@@ -167,13 +168,34 @@ def test_refinement_is_the_same_in_threads_processes_and_a_cluster(
 
 
 @pytest.mark.slow
-def test_an_item_that_fails_or_kills_is_a_row(scheduler, monkeypatch):
+def test_an_item_that_fails_or_kills_is_a_row(tmp_path, monkeypatch):
+    # A scheduler that gives up at once, so that three workers are enough.
     monkeypatch.setenv("DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES", "0")
-    with two_workers(scheduler), Workers(2, scheduler[0]) as workers:
-        notes = Notes()
-        work = Work(2, notes=notes, workers=workers)
-        assert work.map(worker_items.refuse_odd, range(4), name=str) == [0, 2]
-        assert notes.failures[0] == Failure("1", "ValueError: 1 is odd")
+    file = tmp_path / "s.json"
+    processes = [start("scheduler", tmp_path, "--port", "0", "--scheduler-file", file)]
+    wait_for(lambda: file.exists() and file.read_text().endswith("}"))
+    address = json.loads(file.read_text())["address"]
+    options = ("--no-nanny", "--nthreads", "1", "--memory-limit", "0", "--local-directory")
+    processes += [start("worker", tmp_path, address, *options, tmp_path / f"{n}") for n in range(3)]
+    try:
+        from distributed import Client
+
+        with Client(address, set_as_default=False) as client:
+            client.wait_for_workers(3, timeout=60)
+        with Workers(1, address) as workers:
+            notes = Notes()
+            work = Work(1, notes=notes, workers=workers)
+            assert work.map(worker_items.refuse_odd, range(4), name=str) == [0, 2]
+            assert notes.failures[0] == Failure("1", "ValueError: 1 is odd")
+            die = partial(worker_items.die_of, deadly=(5,))
+            rest = [n for n in range(12) if n != 5]
+            assert work.map(die, range(12), name=str) == rest
+            assert notes.failures[-1].name == "5"
+            reason = "the worker process died of it, alone with it once"
+            assert notes.failures[-1].reason.startswith(reason)
+    finally:
+        for process in processes:
+            stop(process)
 
 
 @pytest.mark.slow
