@@ -26,6 +26,7 @@ from besman.recognition.model_files import load_model
 from besman.recognition.stage import RecognizeConfig, RecognizeStage
 from besman.record_files import load_record, save_record
 from besman.records import LabelledRecording, LabelledSegments
+from besman.refinement.methods import RefineStage
 from besman.refinement.stage import RefineConfig, refine_results
 from besman.results import recognize_results, segment_results
 from besman.run import Display, Run
@@ -90,7 +91,7 @@ class PipelineConfig(Config):
     select: SelectConfig
     map: MapConfig = MapConfig()
     imitate: ImitateStage = ImitateConfig()
-    refine: RefineConfig = RefineConfig()
+    refine: RefineStage = RefineConfig()
 
     @field_validator("recordings", "training", mode="before")
     @classmethod

@@ -179,7 +179,10 @@ class Run:
             computed = before["wall_s"]
             notes.failures = [Failure(**one) for one in before["failed"]]
         else:
-            result = self.work(name, getattr(stage, method), *records, notes=notes)
+            going = self.folder / f".{place.name}.going"
+            kept = self._checkpoints(going, key, name) if stage.keeps_checkpoints else None
+            function = getattr(stage, method)
+            result = self.work(name, function, *records, notes=notes, checkpoints=kept)
             computed = time.perf_counter() - wall
             _store(
                 place,
@@ -192,6 +195,7 @@ class Run:
                     "failed": [asdict(one) for one in notes.failures],
                 },
             )
+            shutil.rmtree(going, ignore_errors=True)
         self.failed[name] = notes.failures
         self.record_time(
             name,
@@ -209,8 +213,22 @@ class Run:
         """Return what a stage left out, for ``results.json``: failed (list of name and reason)."""
         return {"failed": [asdict(one) for one in self.failed[name]]}
 
+    def _checkpoints(self, going: Path, key: str, name: str) -> Path:
+        """Return the folder of a stage's checkpoints; those of another config or input go."""
+        own = going / key[:16]
+        for other in going.glob("*"):
+            if other != own or name == self.fresh:
+                shutil.rmtree(other, ignore_errors=True)
+        own.mkdir(parents=True, exist_ok=True)
+        return own
+
     def work(
-        self, name: str, function: Callable[..., Any], *records: Any, notes: Notes | None = None
+        self,
+        name: str,
+        function: Callable[..., Any],
+        *records: Any,
+        notes: Notes | None = None,
+        checkpoints: Path | None = None,
     ) -> Any:
         """Call a function with the run's threads and workers, and its progress shown.
 
@@ -223,6 +241,8 @@ class Run:
         *records
         notes : Notes, optional
             Takes what fails; without them the first failure is raised.
+        checkpoints : Path, optional
+            See `Work`.
 
         Returns
         -------
@@ -234,7 +254,7 @@ class Run:
         )
         finished = False
         try:
-            work = Work(self.jobs, progress, notes, self._workers)
+            work = Work(self.jobs, progress, notes, self._workers, checkpoints)
             result = function(*records, work=work)
             finished = True
         finally:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 from pydantic import BaseModel, ConfigDict
 
 from besman.work import Work
@@ -20,5 +22,8 @@ class Stage(Config):
 
     Subclasses have a ``method`` field and a method
     ``run(self, *records, work: Work = Work()) -> record or tuple of records``.
-    Stages read no files and write none.
+    Stages read no files and write none; one that goes on where it was after it was killed keeps
+    what it needs for that in ``work.checkpoints``, and says so by `keeps_checkpoints`.
     """
+
+    keeps_checkpoints: ClassVar[bool] = False

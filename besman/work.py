@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from besman.exceptions import BesmanError
@@ -96,12 +97,15 @@ class Work:
         Takes what fails, so that the rest goes on. Without it the first failure is raised.
     workers : Workers, optional
         Processes or a cluster; without them there are threads alone.
+    checkpoints : Path, optional
+        An existing folder for what a stage wants to find again if it is ended before its end.
     """
 
     jobs: int = 1
     progress: Callable[[float], None] = _ignore
     notes: Notes | None = None
     workers: Workers | None = None
+    checkpoints: Path | None = None
 
     def part(self, start: float, stop: float) -> Work:
         """Return the same work, whose progress is a part of this one's.

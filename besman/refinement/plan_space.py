@@ -30,8 +30,8 @@ class Units:
 
     Attributes
     ----------
-    goal_rad, goal_m : float
-        Goal of a joint, or of the tool's rotation; goal of the tool's position.
+    start_rad, start_m, goal_rad, goal_m : float
+        Start and goal of a joint, or of the tool's rotation; of the tool's position.
     log_duration : float
         Natural logarithm of the duration.
     shape_rad, shape_m : float
@@ -40,9 +40,11 @@ class Units:
         rougher ones move it less, with the same acceleration.
     """
 
+    start_rad: float = 0.1
     goal_rad: float = 0.1
     log_duration: float = 0.1
     shape_rad: float = 0.1
+    start_m: float = 0.03
     goal_m: float = 0.03
     shape_m: float = 0.03
 
@@ -61,7 +63,7 @@ class Space(Protocol):
 
 
 class PlanSpace:
-    """Motion plans that differ from a first one in goal, duration and weights.
+    """Motion plans that differ from a first one in start, goal, duration and weights.
 
     Every plan starts and ends at rest, and lasts as long as the arm's limits of velocity and
     acceleration require. Another duration is another speed, evenly, also at the goal.
@@ -72,7 +74,7 @@ class PlanSpace:
         The origin.
     limits : JointLimits
         Of the arm.
-    parts : tuple of "goal", "duration", "weights"
+    parts : tuple of "start", "goal", "duration", "weights"
         What may change.
     n_shapes : int
         How many changes of the weights per joint, the smoothest first.
@@ -93,7 +95,7 @@ class PlanSpace:
         # A goal that is passed moves its quintic; one that is rested at asks it of the weights.
         self._goal_response = goal_response(n_weights) * float(plan.kind == "joint_dmp")
         self._shapes = shape_directions(n_weights)[:n_shapes]
-        sizes = {"goal": n, "duration": 1, "weights": n * len(self._shapes)}
+        sizes = {"start": n, "goal": n, "duration": 1, "weights": n * len(self._shapes)}
         self._sizes = [sizes[part] for part in parts]
 
     @property
@@ -105,7 +107,12 @@ class PlanSpace:
         """Return the motion plan at a point, shape (D,)."""
         start, n = self._plan, len(self._plan.goal)
         pieces = _split(point, self._parts, self._sizes)
-        weights, goal = start.weights, start.goal
+        weights, first, goal = start.weights, start.start, start.goal
+        if "start" in pieces:
+            # All of the movement goes along with its start, and the goal comes back.
+            moved = self._units.start_rad * pieces["start"]
+            first = first + moved
+            weights = weights - np.outer(moved, self._goal_response)
         if "goal" in pieces:
             moved = self._units.goal_rad * pieces["goal"]
             goal = goal + moved
@@ -114,12 +121,12 @@ class PlanSpace:
             shape = self._units.shape_rad * pieces["weights"].reshape(n, -1)
             weights = weights + shape @ self._shapes
         duration = _duration(start, pieces, self._units)
-        plan = replace(start, weights=weights, goal=goal)
+        plan = replace(start, weights=weights, start=first, goal=goal)
         return stretch_plan(plan, max(duration, least_duration(plan, self._limits)))
 
 
 class CartesianPlanSpace:
-    """Cartesian plans that differ from a first one in goal pose, duration and weights.
+    """Cartesian plans that differ from a first one in start, goal pose, duration and weights.
 
     Every plan starts and ends at rest, and lasts as long as the limits of velocity and
     acceleration require of the joint movement that inverse kinematics gives. Where the pose makes
@@ -132,7 +139,7 @@ class CartesianPlanSpace:
         The origin.
     robot : Robot
         The arm with its tool.
-    parts : tuple of "goal", "duration", "weights"
+    parts : tuple of "start", "goal", "duration", "weights"
         What may change.
     n_shapes : int
         How many changes of the weights per coordinate, the smoothest first.
@@ -152,7 +159,7 @@ class CartesianPlanSpace:
         self._shapes = shape_directions(plan.weights.shape[1])[:n_shapes]
         self._least_s = least_duration(plan, robot.limits, robot)
         self._greatest_s = _GREATEST_STRETCH * max(plan.duration, self._least_s)
-        sizes = {"goal": 6, "duration": 1, "weights": 6 * len(self._shapes)}
+        sizes = {"start": 6, "goal": 6, "duration": 1, "weights": 6 * len(self._shapes)}
         self._sizes = [sizes[part] for part in parts]
 
     @property
@@ -175,16 +182,18 @@ class CartesianPlanSpace:
         """Return the plan at a point, whatever its joint movement."""
         start, units = self._plan, self._units
         pieces = _split(point, self._parts, self._sizes)
-        weights, goal = start.weights, start.goal
+        weights, first, goal = start.weights, start.start, start.goal
+        if "start" in pieces:
+            first = _move_pose(first, pieces["start"], units.start_m, units.start_rad)
         if "goal" in pieces:
-            turned = from_rotation_vector(units.goal_rad * pieces["goal"][3:])
-            position = goal[:3] + units.goal_m * pieces["goal"][:3]
-            goal = np.concatenate([position, multiply(turned, goal[3:])])
-            weights = move_ends(weights, (start.start, start.goal), (start.start, goal))
+            goal = _move_pose(goal, pieces["goal"], units.goal_m, units.goal_rad)
+        if "start" in pieces or "goal" in pieces:
+            weights = move_ends(weights, (start.start, start.goal), (first, goal))
         if "weights" in pieces:
             scale = np.repeat([units.shape_m, units.shape_rad], 3)[:, None]
             weights = weights + (scale * pieces["weights"].reshape(6, -1)) @ self._shapes
-        return replace(start, weights=weights, goal=goal, duration=_duration(start, pieces, units))
+        duration = _duration(start, pieces, units)
+        return replace(start, weights=weights, start=first, goal=goal, duration=duration)
 
 
 def plan_space(
@@ -194,6 +203,12 @@ def plan_space(
     if isinstance(plan, CartesianPlan):
         return CartesianPlanSpace(plan, robot, parts, n_shapes, units)
     return PlanSpace(plan, robot.limits, parts, n_shapes, units)
+
+
+def _move_pose(pose: FloatArray, change: FloatArray, metres: float, radians: float) -> FloatArray:
+    """Move a pose (7,) by a change (6,) of its position and orientation, in these units."""
+    turned = from_rotation_vector(radians * change[3:])
+    return np.concatenate([pose[:3] + metres * change[:3], multiply(turned, pose[3:])])
 
 
 def _split(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy.typing as npt
 
 from besman.imitation.movement import sample_plan
 from besman.records import AnyPlan, RefinedMotion
+from besman.refinement.checkpoint import Generation
 from besman.refinement.plan_space import Space
 from besman.refinement.search import Search
 from besman.robot.kinematics import forward_kinematics
@@ -47,27 +49,57 @@ class Quest:
         self._task, self._episodes = task, episodes
         self._points: FloatArray = np.empty((0, space.dimension))
         self._plans: list[AnyPlan] = []
-        self._tried: list[AnyPlan] = []
+        self._tried: list[FloatArray] = []
         self._trials: list[Trial] = []
+        self._n_generations = 0
 
     def propose(self) -> list[AnyPlan]:
         """Return the motion plans to try next: first the imitation, then one generation."""
-        if not self._trials:
-            self._points = np.zeros((1, self._space.dimension))
-        else:
-            self._points = self._search.ask()
+        self._points = self._next_points()
         left = self._episodes - len(self._trials)
         self._plans = [self._space.plan_at(point) for point in self._points[:left]]
         return self._plans
 
-    def learn(self, trials: list[Trial]) -> None:
-        """Take what came of the plans that were proposed last."""
-        trials = [self._verify(*pair) for pair in zip(self._plans, trials, strict=True)]
+    def learn(self, trials: list[Trial]) -> Generation:
+        """Take what came of the plans that were proposed last; return that generation."""
+        verified = tuple(self._verify(*pair) for pair in zip(self._plans, trials, strict=True))
+        return self._take(Generation(self._points, verified))
+
+    def repeat(self, generations: Sequence[Generation]) -> bool:
+        """Take what a search before this one, of the same config and seed, has tried.
+
+        Parameters
+        ----------
+        generations : sequence of Generation
+            From the first on.
+
+        Returns
+        -------
+        bool
+            False if this search would have asked for other points; it is then of no use.
+        """
+        for generation in generations:
+            points = self._next_points()
+            n = min(len(points), self._episodes - len(self._trials))
+            if not np.array_equal(points, generation.points) or n != len(generation.trials):
+                return False
+            self._take(generation)
+        return True
+
+    def _next_points(self) -> FloatArray:
+        """Return the points of the next generation, shape (P, D)."""
+        return self._search.ask() if self._trials else np.zeros((1, self._space.dimension))
+
+    def _take(self, generation: Generation) -> Generation:
+        """Add a generation to what was tried."""
+        points, trials = generation.points, generation.trials
         # A generation cut short by the budget is the last one: there is nothing to learn for.
-        if self._trials and len(trials) == len(self._points):
-            self._search.tell(self._points, np.array([trial.reward for trial in trials]))
-        self._tried += self._plans
+        if self._trials and len(trials) == len(points):
+            self._search.tell(points, np.array([trial.reward for trial in trials]))
+        self._tried += list(points[: len(trials)])
         self._trials += trials
+        self._n_generations += 1
+        return generation
 
     @property
     def n_episodes(self) -> int:
@@ -75,11 +107,21 @@ class Quest:
         return len(self._trials)
 
     @property
+    def n_generations(self) -> int:
+        """Generations tried so far, the imitation's own among them."""
+        return self._n_generations
+
+    @property
+    def won(self) -> bool:
+        """Whether a trial has succeeded with a margin."""
+        return bool(self._trials) and succeeds(self.best_trial, self._task, _MARGIN)
+
+    @property
     def done(self) -> bool:
         """Whether the search is over: success with a margin, no budget, or no progress."""
-        if len(self._trials) >= self._episodes or self._search.exhausted:
-            return True
-        return succeeds(self._trials[self._best], self._task, _MARGIN)
+        if not self._trials:
+            return False
+        return len(self._trials) >= self._episodes or self._search.exhausted or self.won
 
     @property
     def _best(self) -> int:
@@ -88,9 +130,19 @@ class Quest:
         return max(range(len(trials)), key=lambda at: (trials[at].success, trials[at].reward))
 
     @property
+    def best_trial(self) -> Trial:
+        """The best trial."""
+        return self._trials[self._best]
+
+    @property
     def best_plan(self) -> AnyPlan:
         """The plan of the best trial."""
-        return self._tried[self._best]
+        return self._space.plan_at(self._tried[self._best])
+
+    @property
+    def rewards(self) -> FloatArray:
+        """Reward of every episode, shape (E,)."""
+        return np.array([trial.reward for trial in self._trials])
 
     def _verify(self, plan: AnyPlan, trial: Trial) -> Trial:
         """Check the limits of a success sample by sample at 1 kHz: nothing less is exported."""

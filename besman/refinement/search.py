@@ -5,10 +5,13 @@ Returns that are not finite count as the worst: they pull no search anywhere.
 
 from __future__ import annotations
 
-from typing import Literal, Protocol
+from typing import TYPE_CHECKING, Literal, Protocol
 
 import numpy as np
 import numpy.typing as npt
+
+if TYPE_CHECKING:
+    from besman.refinement.upper_level import UpperLevelPolicy
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -43,9 +46,11 @@ class ContextualSearch(Protocol):
 
     Attributes
     ----------
-    policy : besman.refinement.upper_level.UpperLevelPolicy
+    policy : UpperLevelPolicy
         The best so far.
     """
+
+    policy: UpperLevelPolicy
 
     def ask(self, contexts: npt.ArrayLike) -> FloatArray:
         """Return a point to try for each of the contexts (P, S), shape (P, D)."""

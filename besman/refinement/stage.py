@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 import zlib
+from abc import abstractmethod
 from collections.abc import Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
 from besman.exceptions import RefinementError
+from besman.record_files import digest
 from besman.records import AnyPlan, RefinedMotion
-from besman.refinement.search import Part
+from besman.refinement.search import Part, Search
 from besman.robot.model import Robot
 from besman.simulation.task import Task
 from besman.stage import Config, Stage, Work
 
 if TYPE_CHECKING:
+    from besman.refinement.pool import Pursuit
     from besman.refinement.quest import Quest
 
 
@@ -28,44 +32,60 @@ _EPISODES_FOR_PROCESSES = 4000
 class UnitsConfig(Config):
     """What one unit of the search changes; see `besman.refinement.plan_space.Units`."""
 
+    start_rad: Annotated[float, Field(gt=0)] = 0.1
     goal_rad: Annotated[float, Field(gt=0)] = 0.1
     log_duration: Annotated[float, Field(gt=0)] = 0.1
     shape_rad: Annotated[float, Field(gt=0)] = 0.1
+    start_m: Annotated[float, Field(gt=0)] = 0.03
     goal_m: Annotated[float, Field(gt=0)] = 0.03
     shape_m: Annotated[float, Field(gt=0)] = 0.03
 
 
-class RefineConfig(Stage):
-    """Refine every motion plan by CMA-ES.
+class RefinementConfig(Stage):
+    """Refine every motion plan by a search; `besman.refinement.methods` has one class for each.
 
     Attributes
     ----------
-    method : "cma_es"
+    method : str
     episodes : int
         Greatest number of episodes per motion, the imitation's own among them.
-    population : int or None
-        Episodes per generation; null for 4 + 3 ln(dimension). Fewer learn faster here, because
-        nothing is random in an episode.
     sigma : float
         Initial standard deviation, in units of the search.
     seed : int
         Of the search.
-    search : list of "goal", "duration", "weights"
+    search : list of "start", "goal", "duration", "weights"
         What may change.
     n_shapes : int
         How many changes of the weights per joint, the smoothest first.
     units : UnitsConfig
         What one unit of the search changes.
+    bound : float or None
+        Greatest change of every coordinate, in units of the search; null for any.
+    pool : bool
+        All motions search side by side for the same target, that of the demonstration in the
+        middle; the first that succeeds ends it, and the best alone is the result.
     """
 
-    method: Literal["cma_es"] = "cma_es"
+    method: str
     episodes: Annotated[int, Field(ge=1)] = 300
-    population: Annotated[int, Field(ge=4)] | None = 8
     sigma: Annotated[float, Field(gt=0)] = 0.5
     seed: Annotated[int, Field(ge=0)] = 0
     search: Annotated[tuple[Part, ...], Field(min_length=1)] = ("goal", "duration", "weights")
     n_shapes: Annotated[int, Field(ge=1)] = 4
     units: UnitsConfig = UnitsConfig()
+    bound: Annotated[float, Field(gt=0)] | None = None
+    pool: bool = False
+
+    keeps_checkpoints: ClassVar[bool] = True
+
+    @abstractmethod
+    def make_search(self, dimension: int, seed: tuple[int, ...]) -> Search:
+        """Set up the search over a space of so many coordinates, around zero."""
+
+    @property
+    def bounds(self) -> tuple[float, float] | None:
+        """Least and greatest value of every coordinate."""
+        return None if self.bound is None else (-self.bound, self.bound)
 
     def run(
         self,
@@ -85,12 +105,13 @@ class RefineConfig(Stage):
         task : Task
             What is to be done.
         work : Work
-            Threads, processes and progress.
+            Threads, processes, progress, and where checkpoints are kept.
 
         Returns
         -------
         tuple of RefinedMotion
-            In the order of the plans. Each is what it would be if it were refined alone.
+            In the order of the plans. Each is what it would be if it were refined alone. Of a
+            pool the best alone.
 
         Raises
         ------
@@ -98,27 +119,45 @@ class RefineConfig(Stage):
             If a plan and the task or the robot do not belong together.
         """
         _check(robot, task)
-        refine = partial(self._refine, robot=robot, task=task)
+        if self.pool:
+            return (self._refine_pool(plans, robot, task, work),)
+        refine = partial(self._refine, robot=robot, task=task, folder=work.checkpoints)
         processes = max(2, _EPISODES_FOR_PROCESSES // self.episodes)
         return tuple(work.map(refine, plans, processes=processes))
 
-    def _refine(self, plan: AnyPlan, robot: Robot, task: Task) -> RefinedMotion:
+    def _refine(
+        self, plan: AnyPlan, robot: Robot, task: Task, folder: Path | None
+    ) -> RefinedMotion:
         """Refine one motion plan."""
-        from besman.simulation.trial import try_plans
+        pursuit = self._pursuit(_place(plan, robot, task), robot, task, folder)
+        while not pursuit.quest.done:
+            pursuit.advance()
+        return pursuit.result()
 
-        plan = _place(plan, robot, task)
+    def _refine_pool(
+        self, plans: tuple[AnyPlan, ...], robot: Robot, task: Task, work: Work
+    ) -> RefinedMotion:
+        """Refine motion plans side by side, for one target."""
+        from besman.refinement.pool import best_of_pool, share_target
+
+        placed = share_target([_place(plan, robot, task) for plan in plans], task)
+        pool = [self._pursuit(plan, robot, task, work.checkpoints) for plan in placed]
+        return best_of_pool(pool, self.episodes, work).result()
+
+    def _pursuit(self, plan: AnyPlan, robot: Robot, task: Task, folder: Path | None) -> Pursuit:
+        """Set up the search for one plan, where it was if it was ended before its end."""
+        from besman.refinement.checkpoint import Checkpoint
+        from besman.refinement.pool import Pursuit
+
+        # By content, because two plans may have one name.
+        checkpoint = Checkpoint(folder, digest(plan)[:16])
         quest = self._quest(plan, robot, task)
-        done = False
-        while not done:
-            quest.learn(try_plans(robot, task, quest.propose()))
-            done = quest.done
-        # Once more, because paths of all episodes would be too much to keep.
-        (best,) = try_plans(robot, task, [quest.best_plan], paths=True)
-        return quest.result(best)
+        if not quest.repeat(checkpoint.load()):
+            quest = self._quest(plan, robot, task)
+        return Pursuit(quest, robot, task, checkpoint)
 
     def _quest(self, plan: AnyPlan, robot: Robot, task: Task) -> Quest:
         """Set up the search for one plan."""
-        from besman.refinement.cma_es import CmaEs
         from besman.refinement.plan_space import Units, plan_space
         from besman.refinement.quest import Quest
 
@@ -126,8 +165,33 @@ class RefineConfig(Stage):
         space = plan_space(plan, robot, self.search, self.n_shapes, units)
         # By name, so that a motion's search does not depend on which others are there.
         seed = (self.seed, zlib.crc32(plan.name.encode()))
-        search = CmaEs(np.zeros(space.dimension), self.sigma, self.population, seed)
-        return Quest(space, search, robot, task, self.episodes)
+        return Quest(space, self.make_search(space.dimension, seed), robot, task, self.episodes)
+
+
+class RefineConfig(RefinementConfig):
+    """Refine every motion plan by CMA-ES.
+
+    Attributes
+    ----------
+    method : "cma_es"
+    population : int or None
+        Episodes per generation; null for 4 + 3 ln(dimension). Fewer learn faster here, because
+        nothing is random in an episode.
+    restarts : "none", "ipop" or "bipop"
+        What follows when the search has converged without success; see
+        `besman.refinement.cma_es.CmaEs`.
+    """
+
+    method: Literal["cma_es"] = "cma_es"
+    population: Annotated[int, Field(ge=4)] | None = 8
+    restarts: Literal["none", "ipop", "bipop"] = "none"
+
+    def make_search(self, dimension: int, seed: tuple[int, ...]) -> Search:
+        """Set up CMA-ES."""
+        from besman.refinement.cma_es import CmaEs
+
+        start = np.zeros(dimension)
+        return CmaEs(start, self.sigma, self.population, seed, self.bounds, self.restarts)
 
 
 def _check(robot: Robot, task: Task) -> None:
