@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from besman.simulation.perturbation import Perturbation
+
 FloatArray = npt.NDArray[np.float64]
 
 
@@ -22,6 +24,8 @@ class Movements:
         Seconds that the motion plans take.
     ends : array, shape (B,), optional
         Seconds until the task's own part after them is over; NaN where the arm cannot do it.
+    perturbations : tuple of Perturbation, length B
+        How the world differs from its model in each; empty if it does not.
     """
 
     positions: FloatArray
@@ -29,6 +33,7 @@ class Movements:
     accelerations: FloatArray
     durations: FloatArray
     ends: FloatArray | None = None
+    perturbations: tuple[Perturbation, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +57,8 @@ class Episodes:
         Paths of what is thrown or carried, metres; empty unless asked for.
     measures : dict of arrays, shape (B,)
         What else an episode is judged by, the unit at the end of each name.
+    releases : array, shape (B, 6), optional
+        Position (m) and velocity (m/s) with which what is thrown is clear; NaN if it never is.
     """
 
     outcomes: FloatArray
@@ -61,6 +68,7 @@ class Episodes:
     failures: tuple[str, ...]
     object_paths: tuple[FloatArray, ...] = field(default=())
     measures: dict[str, FloatArray] = field(default_factory=dict)
+    releases: FloatArray | None = None
 
 
 def tracking_errors(

@@ -443,7 +443,8 @@ def simulate_grasps(
         lost = (gripped < span.stop) & ~_is_held(touching)
         return np.asarray((last < span.stop) | lost)
 
-    run = run_physics(model, initial, np.concatenate([arm, fingers], axis=2), finished)
+    controls = np.concatenate([arm, fingers], axis=2)
+    run = run_physics(model, initial, controls, finished, movements.perturbations)
     return _judge(
         run, task, movements, (before, gripped, np.minimum(last, run.steps - 1)), n, paths
     )

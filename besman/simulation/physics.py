@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import mujoco
 import mujoco.rollout
 import numpy as np
 import numpy.typing as npt
+
+from besman.simulation.perturbation import Perturbation, perturb_controls, perturb_model
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -44,6 +46,7 @@ def run_physics(
     initial_qpos: FloatArray,
     controls: FloatArray,
     finished: Callable[[Run, slice], BoolArray],
+    perturbations: Sequence[Perturbation] = (),
 ) -> Run:
     """Simulate a batch from rest.
 
@@ -61,6 +64,8 @@ def run_physics(
     finished : callable
         Given the run so far, in which NaN stands for what was not simulated, and the steps that
         are new, tells which simulations (B,) need not go on.
+    perturbations : sequence of Perturbation
+        One for each simulation; none: the world is as the model says.
 
     Returns
     -------
@@ -77,6 +82,11 @@ def run_physics(
         steps=np.zeros(batch, dtype=np.int64),
     )
     data = [mujoco.MjData(model)]
+    models = [perturb_model(model, one) for one in perturbations]
+    if perturbations:
+        step = model.opt.timestep
+        pairs = zip(controls, perturbations, strict=True)
+        controls = np.stack([perturb_controls(*pair, step) for pair in pairs])
     active = np.arange(batch)
     with mujoco.rollout.Rollout(nthread=0) as rollout:
         for first in range(0, steps, _CHUNK_STEPS):
@@ -85,7 +95,8 @@ def run_physics(
             # states, gives those of the last state.
             chunk = controls[active, span]
             chunk = np.concatenate([chunk, chunk[:, -1:]], axis=1)
-            states, sensors = rollout.rollout(model, data, state[active], chunk)
+            worlds = [models[row] for row in active] if models else model
+            states, sensors = rollout.rollout(worlds, data, state[active], chunk)
             run.qpos[active, span] = states[:, :-1, 1 : 1 + model.nq]
             run.qvel[active, span] = states[:, :-1, 1 + model.nq : 1 + model.nq + model.nv]
             run.sensors[active, span] = sensors[:, 1:]

@@ -399,7 +399,7 @@ def simulate_pulling(
     def finished(_: Run, span: slice) -> npt.NDArray[np.bool_]:
         return np.asarray(last < span.stop)
 
-    run = run_physics(model, initial, controls, finished)
+    run = run_physics(model, initial, controls, finished, movements.perturbations)
     rows = np.arange(len(last))
     tracking = tracking_errors(run.qpos[:, :, :-1], movements, last)
     poses, handle = run.sensors[rows, last, :7], run.sensors[rows, last, _HANDLE]

@@ -150,7 +150,8 @@ def simulate_reaching(robot: Robot, task: ReachConfig, movements: Movements) -> 
     def finished(_: Run, span: slice) -> npt.NDArray[np.bool_]:
         return np.asarray(last < span.stop)
 
-    run = run_physics(reach_model(robot, task), movements.positions[:, 0], controls, finished)
+    starts, worlds = movements.positions[:, 0], movements.perturbations
+    run = run_physics(reach_model(robot, task), starts, controls, finished, worlds)
     tracking = tracking_errors(run.qpos, movements, last)
     poses = run.sensors[np.arange(len(last)), last]
     greatest = task.failure.greatest_tracking_error_rad

@@ -148,7 +148,7 @@ def throw(
         clear = thing.is_clear(run.sensors[:, span, THING])
         return np.asarray(clear.any(axis=1) | (last < span.stop))
 
-    run = run_physics(model, initial, controls, finished)
+    run = run_physics(model, initial, controls, finished, movements.perturbations)
     return _judge(run, task, thing, movements, last, paths)
 
 
@@ -192,6 +192,7 @@ def _judge(
         )
         if paths
         else (),
+        releases=np.where(thrown, np.concatenate([position, velocity], axis=1), np.nan),
     )
 
 

@@ -50,6 +50,8 @@ class Trial:
         What else it was judged by, see `besman.simulation.task.Task.measure`.
     costs : dict of float
         Terms of the reward by the names of their weights.
+    release : array, shape (6,)
+        Position (m) and velocity (m/s) with which what is thrown is clear; NaN without a throw.
     """
 
     reward: float
@@ -61,6 +63,7 @@ class Trial:
     object_path: FloatArray
     measures: dict[str, float] = field(default_factory=dict)
     costs: dict[str, float] = field(default_factory=dict)
+    release: FloatArray = field(default_factory=lambda: np.full(6, np.nan))
 
 
 def try_plans(
@@ -93,9 +96,7 @@ def try_plans(
     blocks = list(_blocks(robot, task, plans))
 
     def try_block(block: Sequence[AnyPlan]) -> list[Trial]:
-        movements = move(block, task, robot)
-        episodes = task.simulate(robot, block, movements, paths)
-        return _score(robot, task, block, movements, episodes)
+        return try_movements(robot, task, block, move(block, task, robot), paths)
 
     if jobs > 1 and len(blocks) > 1:
         with ThreadPoolExecutor(jobs) as pool:
@@ -115,6 +116,14 @@ def _blocks(robot: Robot, task: Task, plans: Sequence[AnyPlan]) -> Iterator[list
 def move(plans: Sequence[AnyPlan], task: Task, robot: Robot | None = None) -> Movements:
     """Return what an arm does in a task; see `besman.simulation.task.Task.move`."""
     return task.move(plans, robot)
+
+
+def try_movements(
+    robot: Robot, task: Task, plans: Sequence[AnyPlan], movements: Movements, paths: bool = False
+) -> list[Trial]:
+    """Try the movements of motion plans, all of one scene; see `try_plans`."""
+    episodes = task.simulate(robot, plans, movements, paths)
+    return _score(robot, task, plans, movements, episodes)
 
 
 def _score(
@@ -172,4 +181,5 @@ def _score_one(
         object_path=episodes.object_paths[index] if episodes.object_paths else np.empty((0, 3)),
         measures=measures,
         costs=costs,
+        release=np.full(6, np.nan) if episodes.releases is None else episodes.releases[index],
     )
