@@ -27,7 +27,7 @@ from besman.mapping.placement import (
 )
 from besman.mapping.search import Optimizer
 from besman.mapping.terms import TermWeights
-from besman.mapping.time_scaling import ScaledPath, scale_path
+from besman.mapping.time_scaling import ChangeTolerance, ScaledPath, scale_path
 from besman.records import Failure, HandTrajectory, JointTrajectory
 from besman.robot.inverse_kinematics import IkWeights, solve_path
 from besman.robot.kinematics import forward_kinematics
@@ -65,6 +65,9 @@ class MappingSettings:
         Of the joint splines, seconds.
     least_duration_s : float
         Shorter movements are stretched to this duration, seconds.
+    greatest_change_m, greatest_change_rad : float
+        How far the tool may leave its path so that time is stretched less; see
+        `besman.mapping.time_scaling.scale_path`.
     greatest_error_m : float
         Beyond this position error a demonstration is not transferred, metres.
     """
@@ -81,6 +84,8 @@ class MappingSettings:
     seed: int = 0
     knot_spacing_s: float = 0.05
     least_duration_s: float = 0.0
+    greatest_change_m: float = 0.005
+    greatest_change_rad: float = float(np.radians(5.0))
     greatest_error_m: float = 0.05
 
     @property
@@ -448,9 +453,12 @@ def _map_one(
         seed=settings.seed,
     )
     scaled = scale_path(
+        robot,
         demonstration.time,
         path.positions,
-        robot.limits,
+        tolerance=ChangeTolerance(
+            settings.greatest_change_m, settings.greatest_change_rad, settings.free_spin
+        ),
         knot_spacing_s=settings.knot_spacing_s,
         least_duration_s=settings.least_duration_s,
     )
@@ -524,6 +532,11 @@ def _reason(trajectory: JointTrajectory, report: LimitReport, settings: MappingS
         return f"the arm touches itself, its pedestal or the floor ({report.self_collisions} ms)"
     if report.position:
         return f"a joint exceeds its position limit by {report.position_excess:.3f} rad"
+    if report.torque:
+        return (
+            "the weight of arm and tool alone asks for more torque than a joint has "
+            f"({report.torque_ratio:.2f} of its limit)"
+        )
     if report.violations:
         return f"limits of speed or acceleration are exceeded in {report.violations} samples"
     return ""

@@ -188,6 +188,9 @@ class MapConfig(Stage):
         Of the joint splines: shorter follows closer, longer is smoother.
     minimum_duration_s : float
         Shorter movements are slowed down to this duration.
+    greatest_change_m, greatest_change_deg : float
+        How far the tool may leave its path, by the smallest change that is enough, so that the
+        arm's limits slow the movement down less; 0 for the path alone.
     greatest_error_m : float
         Beyond this position error a demonstration is not transferred.
     """
@@ -205,6 +208,8 @@ class MapConfig(Stage):
     seed: Annotated[int, Field(ge=0)] = 0
     knot_spacing_s: Positive = 0.05
     minimum_duration_s: NotNegative = 0.0
+    greatest_change_m: NotNegative = 0.005
+    greatest_change_deg: NotNegative = 5.0
     greatest_error_m: Positive = 0.05
 
     @field_validator("scale")
@@ -254,6 +259,8 @@ class MapConfig(Stage):
             seed=self.seed,
             knot_spacing_s=self.knot_spacing_s,
             least_duration_s=self.minimum_duration_s,
+            greatest_change_m=self.greatest_change_m,
+            greatest_change_rad=float(np.radians(self.greatest_change_deg)),
             greatest_error_m=self.greatest_error_m,
         )
 

@@ -9,6 +9,7 @@ import numpy.typing as npt
 from scipy.interpolate import BPoly
 
 from besman.robot.collision import distances
+from besman.robot.dynamics import inverse_dynamics
 from besman.robot.model import Robot
 from besman.robot.parts import JointLimits
 
@@ -34,6 +35,10 @@ class LimitReport:
         Greatest excess beyond a position limit (rad), greatest share of the other two.
     least_distance : float
         Metres to itself, its pedestal or the floor.
+    torque : int
+        Samples at which some joint's torque, by inverse dynamics, exceeds the limit.
+    torque_ratio : float
+        Greatest share of the torque limits.
     """
 
     samples: int
@@ -45,11 +50,13 @@ class LimitReport:
     velocity_ratio: float
     acceleration_ratio: float
     least_distance: float
+    torque: int = 0
+    torque_ratio: float = 0.0
 
     @property
     def violations(self) -> int:
-        """Samples beyond a limit of position, velocity or acceleration, each counted."""
-        return self.position + self.velocity + self.acceleration
+        """Samples beyond a limit of position, velocity, acceleration or torque, each counted."""
+        return self.position + self.velocity + self.acceleration + self.torque
 
 
 def check_limits(
@@ -71,6 +78,7 @@ def check_limits(
     excess = np.maximum(limits.position_min - positions, positions - limits.position_max)
     speed = np.abs(velocities) / limits.velocity
     pull = np.abs(accelerations) / limits.acceleration
+    load = np.abs(inverse_dynamics(robot, positions, velocities, accelerations)) / limits.torque
     distance = distances(robot.chain, positions).min(axis=1)
     return LimitReport(
         samples=len(positions),
@@ -83,6 +91,8 @@ def check_limits(
         velocity_ratio=float(np.max(speed)),
         acceleration_ratio=float(np.max(pull)),
         least_distance=float(np.min(distance)),
+        torque=int(np.sum(~np.all(load <= 1.0 + _TOLERANCE, axis=1))),
+        torque_ratio=float(np.max(load)),
     )
 
 

@@ -1,5 +1,6 @@
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -82,6 +83,22 @@ def test_what_cannot_be_reached_is_listed_with_its_reason():
     assert mapping.failed[0].name == "a.tsv:3"
     assert mapping.failed[0].reason.startswith("position error ")
     assert "at most greatest_error_m 0.05" in mapping.failed[0].reason
+
+
+def test_an_arm_too_weak_for_its_own_weight():
+    weak = replace(ROBOT, limits=replace(ROBOT.limits, torque=0.05 * ROBOT.limits.torque))
+    message = "the weight of arm and tool alone asks for more torque than a joint has "
+    with pytest.raises(MappingError, match=message):
+        QUICK.run((throw(0),), weak)
+
+
+def test_without_a_change_of_path_time_is_stretched_more(mapping):
+    config = QUICK.model_copy(update={"greatest_change_m": 0.0})
+    plain = config.run(tuple(throw(i) for i in range(3)), ROBOT)
+    for one, other in zip(mapping.trajectories, plain.trajectories, strict=True):
+        assert one.time_stretch < other.time_stretch
+        assert other.position_error.max() < 0.001
+        assert one.position_error.max() < 0.0055
 
 
 def test_a_throw_without_a_target_is_listed():

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from besman.robot.dynamics import inverse_dynamics
 from besman.robot.limits import check_limits, resample, time_stretch
 from besman.robot.model import load_robot
 
@@ -64,6 +65,7 @@ def test_nan_is_a_violation():
     broken = np.full((2, 6), np.nan)
     report = check_limits(ROBOT, broken, broken, broken)
     assert (report.position, report.velocity, report.acceleration) == (2, 2, 2)
+    assert report.torque == 2
     assert report.self_collisions == 2
 
 
@@ -73,3 +75,17 @@ def test_time_stretch_brings_a_movement_to_its_limit():
     stretch = time_stretch(ROBOT.limits, velocities, accelerations)
     slow = velocities / stretch, accelerations / stretch**2
     assert time_stretch(ROBOT.limits, *slow) == pytest.approx(1.0)
+
+
+def test_torques_beyond_the_limit_are_counted():
+    positions = np.tile(ROBOT.home, (4, 1))
+    still, pulled = np.zeros((4, 6)), np.zeros((4, 6))
+    at_rest = check_limits(ROBOT, positions, still, still)
+    assert 0 < at_rest.torque_ratio < 1
+    assert at_rest.torque == 0
+    pulled[2, 1] = 500.0
+    report = check_limits(ROBOT, positions, still, pulled)
+    torques = inverse_dynamics(ROBOT, positions, still, pulled)
+    assert report.torque_ratio == pytest.approx(np.max(np.abs(torques) / ROBOT.limits.torque))
+    assert report.torque == 1
+    assert report.violations == report.torque + report.acceleration == 2

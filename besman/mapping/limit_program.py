@@ -1,0 +1,223 @@
+"""The convex program: the smallest change of a joint trajectory that keeps the arm's limits."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import csc_array
+
+from besman.exceptions import MappingError
+from besman.mapping.joint_spline import DEGREE, JointSpline
+from besman.robot.kinematics import compiled
+from besman.robot.parts import JointLimits
+
+FloatArray = npt.NDArray[np.float64]
+
+# Problems are compiled for these numbers of control points; a spline is padded to the next one.
+SIZES = (16, 24, 32, 48, 64, 96, 128, 192, 256)
+
+# Bounds of what is padded, rad: never met.
+_FREE = 100.0
+# One thread a solve: the arithmetic does not depend on the machine's number of cores.
+_OPTIONS = {"direct_solve_method": "qdldl"}
+_threads = threading.local()
+
+
+@dataclass(frozen=True, eq=False)
+class ChangeMetric:
+    """A quadratic measure of the change of control points, x' H x / 2 + g' x.
+
+    Attributes
+    ----------
+    bands : array, shape (6, C, n, n)
+        Blocks of H: ``bands[d, c]`` couples control point c with c + d; no others are coupled.
+    gradient : array, shape (C, n)
+        g.
+    """
+
+    bands: FloatArray
+    gradient: FloatArray
+
+
+class LimitProgram:
+    """One compiled program for a number of control points and joints; solved again and again.
+
+    ::
+
+        minimize    |R x + r|^2
+        subject to  the control points of position, velocity and acceleration within bounds
+
+    over the change x of the control points. R is the Cholesky factor of the metric; all data are
+    parameters, so that cvxpy compiles the program once (disciplined parametrized programming [1]_).
+
+    Parameters
+    ----------
+    size : int
+        Number of control points.
+    n : int
+        Number of joints.
+
+    References
+    ----------
+    .. [1] A. Agrawal, B. Amos, S. Barratt, S. Boyd, S. Diamond, J. Z. Kolter: Differentiable convex
+       optimization layers, 2019, section 4.1. doi:10.48550/arXiv.1910.12430
+    """
+
+    def __init__(self, size: int, n: int) -> None:
+        import cvxpy
+
+        self._size, self._n = size, n
+        total, width = size * n, (DEGREE + 1) * n
+        rows = np.arange(total)[:, None] + 0 * np.arange(width)
+        columns = rows + np.arange(width)
+        self._filled = columns < total
+        places = rows[self._filled] + total * columns[self._filled]
+        ones = np.ones(len(places)), (places, np.arange(len(places)))
+        spread = csc_array(ones, shape=(total**2, len(places)))
+        self._factor = cvxpy.Parameter(len(places))
+        factor = cvxpy.reshape(spread @ self._factor, (total, total), order="F")
+        self._offset = cvxpy.Parameter(total)
+        self._weights = cvxpy.Parameter((size - 1, n))
+        self._low = [cvxpy.Parameter((size - order, n)) for order in range(3)]
+        self._high = [cvxpy.Parameter((size - order, n)) for order in range(3)]
+        self._change = cvxpy.Variable(total)
+        points = cvxpy.reshape(self._change, (size, n), order="C")
+        steps = points[1:] - points[:-1]
+        weighted = cvxpy.multiply(self._weights, steps)
+        terms = points, steps, weighted[1:] - weighted[:-1]
+        self._problem = cvxpy.Problem(
+            cvxpy.Minimize(cvxpy.sum_squares(factor @ self._change + self._offset)),
+            [term >= low for term, low in zip(terms, self._low, strict=True)]
+            + [term <= high for term, high in zip(terms, self._high, strict=True)],
+        )
+
+    def solve(
+        self, spline: JointSpline, metric: ChangeMetric, limits: JointLimits, stretch: float
+    ) -> FloatArray:
+        """Find the smallest change that keeps the limits if time is stretched.
+
+        Parameters
+        ----------
+        spline : JointSpline
+            With at most as many control points as the program.
+        metric : ChangeMetric
+            Of the change.
+        limits : JointLimits
+        stretch : float
+            Duration over the spline's own.
+
+        Returns
+        -------
+        array, shape (C, n)
+            Change of the control points, rad.
+
+        Raises
+        ------
+        MappingError
+            If the metric is not positive definite or the solver finds no solution.
+        """
+        import cvxpy
+
+        self._set_metric(metric)
+        self._set_bounds(spline, limits, stretch)
+        data, chain, inverse = self._problem.get_problem_data(cvxpy.CLARABEL, solver_opts=_OPTIONS)
+        solution = chain.invert(chain.solve_via_data(self._problem, data), inverse)
+        value = solution.primal_vars.get(self._change.id)
+        # A solution that may be inaccurate will do: what comes of it is checked.
+        if value is None or not np.isfinite(value).all():
+            raise MappingError(f"the smallest change within limits: solver says {solution.status}")
+        change: FloatArray = value.reshape(self._size, self._n)[: len(spline.points)]
+        return change
+
+    def _set_metric(self, metric: ChangeMetric) -> None:
+        """Factorise the metric; what is padded is held at zero."""
+        n, count = self._n, len(metric.gradient)
+        padded = np.zeros((DEGREE + 1, self._size, n, n))
+        padded[:, :count] = metric.bands
+        padded[0, count:] = np.eye(n)
+        rows = np.zeros((self._size, n, (DEGREE + 1) * n))
+        for shift in range(DEGREE + 1):
+            for row in range(n):
+                # The upper triangle alone, each row from its diagonal on.
+                start = shift * n - row
+                rows[:, row, max(start, 0) : start + n] = padded[shift, :, row, max(-start, 0) :]
+        factor = rows.reshape(-1, rows.shape[2])
+        offset = np.zeros(self._size * n)
+        offset[: count * n] = metric.gradient.ravel()
+        if not _factorise(factor, offset):
+            raise MappingError("the smallest change within limits: no positive definite metric")
+        self._factor.value = factor[self._filled]
+        self._offset.value = offset
+
+    def _set_bounds(self, spline: JointSpline, limits: JointLimits, stretch: float) -> None:
+        """Set what is left up to the limits, all in rad."""
+        first, second = spline.first_factors, spline.second_factors
+        mean = float(np.mean(first))
+        weights = np.ones((self._size - 1, self._n))
+        weights[: len(first)] = first[:, None] / mean
+        self._weights.value = weights
+        steps = np.diff(spline.points, axis=0)
+        bends = np.diff(weights[: len(first)] * steps, axis=0)
+        reach = np.outer(stretch / first, limits.velocity)
+        pull = np.outer(stretch**2 / (mean * second), limits.acceleration)
+        bounds = (
+            (limits.position_min - spline.points, limits.position_max - spline.points),
+            (-reach - steps, reach - steps),
+            (-pull - bends, pull - bends),
+        )
+        for low, high, values in zip(self._low, self._high, bounds, strict=True):
+            full = np.full(low.shape, -_FREE), np.full(low.shape, _FREE)
+            for whole, part in zip(full, values, strict=True):
+                whole[: len(part)] = part
+            low.value, high.value = full
+
+
+def get_program(spline: JointSpline) -> LimitProgram:
+    """Return this thread's compiled program for a spline.
+
+    Programs are kept: compiling one takes many times as long as solving it. cvxpy's problems are
+    not safe between threads, so every thread has its own.
+
+    Raises
+    ------
+    MappingError
+        If the spline has more control points than the largest program.
+    """
+    count, n = spline.points.shape
+    size = next((size for size in SIZES if size >= count), None)
+    if size is None:
+        raise MappingError(
+            f"the smallest change within limits: got {count} control points, "
+            f"expected at most {SIZES[-1]}"
+        )
+    programs = _threads.__dict__.setdefault("programs", {})
+    if (size, n) not in programs:
+        programs[size, n] = LimitProgram(size, n)
+    program: LimitProgram = programs[size, n]
+    return program
+
+
+# Small matrices: LAPACK would start threads, which cost more than they save.
+@compiled
+def _factorise(rows: FloatArray, vector: FloatArray) -> bool:
+    """Replace a banded matrix H by R with H = R' R, and a vector g by r with R' r = g.
+
+    Rows start at their diagonal elements. False if H is not positive definite.
+    """
+    count, width = rows.shape
+    for row in range(count):
+        if not rows[row, 0] > 0.0:
+            return False
+        pivot = np.sqrt(rows[row, 0])
+        reach = min(width, count - row)
+        for one in range(reach):
+            rows[row, one] /= pivot
+        vector[row] /= pivot
+        for one in range(1, reach):
+            vector[row + one] -= rows[row, one] * vector[row]
+            for other in range(one, reach):
+                rows[row + one, other - one] -= rows[row, one] * rows[row, other]
+    return True

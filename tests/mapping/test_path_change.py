@@ -1,0 +1,101 @@
+import numpy as np
+import pytest
+
+from besman.mapping.joint_spline import fit_spline
+from besman.mapping.path_change import PathChange, shorten, smallest_change
+from besman.mapping.time_scaling import ChangeTolerance, needed_stretch
+from besman.robot.model import load_robot
+
+ROBOT = load_robot("iiwa7", "stick_holder")
+TIME = np.linspace(0, 0.5, 51)
+
+
+def path(seed=0, speed=9.0):
+    rng = np.random.default_rng(seed)
+    return ROBOT.home + 0.4 * np.sin(speed * TIME[:, None] + rng.uniform(0, 6, ROBOT.n))
+
+
+def full(metric):
+    """The blocks as one symmetric matrix."""
+    count, n = metric.gradient.shape
+    matrix = np.zeros((count, n, count, n))
+    for shift in range(len(metric.bands)):
+        for row in range(count - shift):
+            matrix[row, :, row + shift] = metric.bands[shift, row]
+            matrix[row + shift, :, row] = metric.bands[shift, row].T
+    return matrix.reshape(count * n, count * n)
+
+
+@pytest.mark.parametrize("free_spin", [True, False])
+def test_the_metric_is_the_mean_square_of_the_change(free_spin):
+    tolerance = ChangeTolerance(free_spin=free_spin)
+    change = PathChange(ROBOT, path(), tolerance)
+    rng = np.random.default_rng(1)
+    near = fit_spline(TIME, path() + 0.01 * np.sin(9 * TIME)[:, None], 0.05)
+    metric = change.metric(near)
+
+    def cost(points):
+        positions = near.basis @ points
+        errors = change.errors(positions) / [[tolerance.position], [tolerance.orientation]]
+        joints = positions - path()
+        return 0.5 * (np.sum(errors**2) + np.sum(joints**2)) / len(TIME)
+
+    step = rng.normal(size=near.points.shape)
+    slope = (cost(near.points + 1e-6 * step) - cost(near.points - 1e-6 * step)) / 2e-6
+    assert np.sum(metric.gradient * step) == pytest.approx(slope, rel=0.02)
+    # Where there is no change yet, Gauss-Newton's is the second derivative.
+    at = fit_spline(TIME, path(), 0.02)
+    at_change = PathChange(ROBOT, at.samples()[0], tolerance)
+    metric, step = at_change.metric(at), rng.normal(size=at.points.shape)
+    np.testing.assert_allclose(metric.gradient, 0.0, atol=1e-9)
+
+    def size_of(points):
+        positions = at.basis @ points
+        errors = at_change.errors(positions) / [[tolerance.position], [tolerance.orientation]]
+        return (np.sum(errors**2) + np.sum((positions - at.samples()[0]) ** 2)) / len(TIME)
+
+    expected = size_of(at.points + 1e-5 * step) / 1e-10
+    assert step.ravel() @ full(metric) @ step.ravel() == pytest.approx(expected, rel=1e-3)
+
+
+def test_errors_of_a_turn_about_the_tools_axis():
+    turned = path().copy()
+    turned[:, -1] += 0.3
+    spin = PathChange(load_robot("iiwa7", "gripper"), path(), ChangeTolerance(free_spin=True))
+    whole = PathChange(load_robot("iiwa7", "gripper"), path(), ChangeTolerance())
+    np.testing.assert_allclose(spin.errors(turned)[:, 1], 0.0, atol=1e-7)
+    np.testing.assert_allclose(np.linalg.norm(whole.errors(turned)[:, 1], axis=1), 0.3, atol=1e-9)
+    assert whole.size(turned) == pytest.approx(0.3 / np.radians(5.0))
+    assert spin.size(turned) < 1e-3
+
+
+def test_the_smallest_change_keeps_the_limits_in_the_given_time():
+    spline = fit_spline(TIME, path(), 0.05)
+    change = PathChange(ROBOT, path(), ChangeTolerance(free_spin=True))
+    stretch = 0.9 * needed_stretch(ROBOT, spline)
+    sizes = []
+    for rounds in (1, 3):
+        changed, size = smallest_change(ROBOT, spline, change, stretch, rounds)
+        sizes.append(size)
+        speed = np.abs(changed.velocity_points()) / stretch
+        pull = np.abs(changed.acceleration_points()) / stretch**2
+        assert np.all(speed <= ROBOT.limits.velocity * (1 + 1e-6))
+        assert np.all(pull <= ROBOT.limits.acceleration * (1 + 1e-6))
+        assert changed.inside(ROBOT.limits)
+        assert change.size(changed.basis @ changed.points) == size
+    assert sizes[1] <= sizes[0]
+
+
+def test_shorter_within_the_tolerance_and_no_shorter_than_asked():
+    spline = fit_spline(TIME, path(), 0.05)
+    plain = needed_stretch(ROBOT, spline)
+    tolerance = ChangeTolerance(free_spin=True)
+    change = PathChange(ROBOT, path(), tolerance)
+    for least in (0.5, 0.95 * plain):
+        found = shorten(ROBOT, spline, path(), tolerance, least)
+        assert change.size(found.basis @ found.points) <= 1.0
+        assert needed_stretch(ROBOT, found) < plain
+        assert needed_stretch(ROBOT, found) > 0.9 * least
+    again = shorten(ROBOT, spline, path(), tolerance, 0.5)
+    once = shorten(ROBOT, spline, path(), tolerance, 0.5)
+    assert again.points.tobytes() == once.points.tobytes()
