@@ -15,6 +15,7 @@ import typer
 from typer.core import TyperGroup
 
 from besman.exceptions import BesmanError, RecordingWarning
+from besman.templates import commands as templates
 
 app = typer.Typer(
     name="besman",
@@ -201,6 +202,7 @@ evaluate_app = typer.Typer(
     help="Measure a table of the thesis on given data.", no_args_is_help=True
 )
 app.add_typer(evaluate_app, name="evaluate")
+app.add_typer(templates.app, name="template")
 
 
 @evaluate_app.command("segmentation")

@@ -1,0 +1,1 @@
+"""Behaviour templates: a motion for every target, learnt once."""

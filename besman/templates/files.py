@@ -1,0 +1,275 @@
+"""Templates in a run folder, and the motions that they give as files for the arm."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from besman.config_file import load_config, parse_config
+from besman.exceptions import ConfigError, RefinementError, RunError
+from besman.io.exports import ros_joint_trajectory, write_joint_csv, write_ros_joint_trajectory
+from besman.io.urscript import UR_JOINTS, write_urscript
+from besman.pipeline import PipelineConfig
+from besman.record_files import digest, load_record, save_record
+from besman.records import RefinedMotion
+from besman.robot.model import Robot, load_robot
+from besman.run import write_json
+from besman.simulation.task import Task
+from besman.simulation.tasks import load_task
+from besman.stage import Work
+from besman.templates.applying import Application
+from besman.templates.learning import TemplateConfig, Tries
+from besman.templates.teaching import Region, prepare_lesson, teach
+from besman.templates.template import Template
+from besman.versions import code_version
+
+ENDINGS = (".csv", ".json", ".yaml", ".script")
+
+
+@dataclass(frozen=True, eq=False)
+class FinishedRun:
+    """What templates need of a run.
+
+    Attributes
+    ----------
+    labels : three str
+        Robot, tool and task as in its pipeline.
+    robot : Robot
+    task : Task
+    motions : tuple of RefinedMotion
+    """
+
+    labels: tuple[str, str, str]
+    robot: Robot
+    task: Task
+    motions: tuple[RefinedMotion, ...]
+
+
+def read_run(folder: Path) -> FinishedRun:
+    """Read robot, task and refined motions of a run.
+
+    Raises
+    ------
+    RunError
+        If the folder is not a run, or holds no refined motions.
+    """
+    if not (folder / "pipeline.yaml").is_file():
+        raise RunError(f"{folder}: not a run: pipeline.yaml is missing")
+    config = load_config(folder / "pipeline.yaml", PipelineConfig)
+    places = sorted(folder.glob("[0-9][0-9]_refine/record.npz"))
+    if not places:
+        raise RunError(f"{folder}: no refined motions here: expected a finished run, NN_refine")
+    robot, task = load_robot(config.robot, config.tool), load_task(config.task)
+    labels = (config.robot, config.tool, config.task)
+    return FinishedRun(labels, robot, task, load_record(places[-1]))
+
+
+def parse_settings(given: dict[str, Any], settings: tuple[str, ...] = ()) -> TemplateConfig:
+    """Make the config of a template.
+
+    Parameters
+    ----------
+    given : dict
+        Its fields.
+    settings : tuple of str
+        ``KEY=VALUE`` of further ones, values in YAML.
+
+    Raises
+    ------
+    ConfigError
+        If a field is unknown or its value not allowed.
+    """
+    content = dict(given)
+    for setting in settings:
+        key, equals, text = setting.partition("=")
+        if not equals:
+            raise ConfigError(f"--set: got {setting!r}, expected KEY=VALUE, e.g. population=25")
+        try:
+            content[key] = yaml.safe_load(text)
+        except yaml.YAMLError:
+            raise ConfigError(f"--set {key}: got {text!r}, which is not a YAML value") from None
+    return parse_config(content, TemplateConfig, "template")
+
+
+def learn_in_run(
+    folder: Path,
+    names: tuple[str, ...],
+    region: Region,
+    config: TemplateConfig,
+    work: Work = Work(),
+) -> tuple[Template, Path]:
+    """Learn a template and store it in the run; the same one is loaded, a stopped one goes on.
+
+    Parameters
+    ----------
+    folder : Path
+        The run.
+    names, region
+        As in `besman.templates.teaching.prepare_lesson`.
+    config : TemplateConfig
+    work : Work
+        Threads and progress.
+
+    Returns
+    -------
+    template : Template
+    path : Path
+        ``RUN/templates/METHOD.npz``; beside it is a JSON file with its figures.
+    """
+    run = read_run(folder)
+    lesson = prepare_lesson(run.motions, run.robot, run.task, names, region, config)
+    parts = (config, lesson.family, lesson.region, run.robot.content, run.task, code_version())
+    key = digest(parts)
+    path = folder / "templates" / f"{config.method}.npz"
+    path.parent.mkdir(exist_ok=True)
+    if _key(path) == key:
+        return load_record(path), path
+    part = path.with_name(f".{config.method}.part.npz")
+    known = _episodes(part, key)
+    template = teach(lesson, config, run.labels, work, known, partial(_keep, part, key))
+    # The figures name the key and come last: with them the template is whole.
+    path.with_suffix(".json").unlink(missing_ok=True)
+    _replace(path, template)
+    content = {"key": key, "config": config.model_dump(mode="json"), **figures(template)}
+    write_json(path.with_suffix(".json"), content)
+    part.unlink(missing_ok=True)
+    return template, path
+
+
+def figures(template: Template) -> dict[str, Any]:
+    """Return the figures of a template: context, region, and what its last episodes gave."""
+    checks = template.checks
+    landed = checks.misses[np.isfinite(checks.misses)]
+    return {
+        "robot": template.robot,
+        "tool": template.tool,
+        "task": template.task,
+        "base": template.family.base.name,
+        "region": {
+            name: ends.tolist()
+            for name, ends in zip(template.family.names, template.region.T, strict=True)
+        },
+        "episodes": len(template.tries.rewards),
+        "checks": len(checks.rewards),
+        "success_share": float(checks.successes.mean()),
+        "failed_share": 1.0 - len(landed) / len(checks.misses),
+        "reward": float(checks.rewards.mean()),
+        "miss_m": {
+            "median": float(np.median(landed)) if len(landed) else None,
+            "max": float(landed.max()) if len(landed) else None,
+        },
+    }
+
+
+def load_template(folder: Path, method: str | None = None) -> Template:
+    """Load a template of a run.
+
+    Parameters
+    ----------
+    folder : Path
+        The run.
+    method : str, optional
+        By which it was learnt; needed if there are several.
+
+    Raises
+    ------
+    RunError
+        If there is none, or it is not clear which.
+    """
+    places = {path.stem: path for path in sorted((folder / "templates").glob("[!.]*.npz"))}
+    places = {name: path for name, path in places.items() if path.with_suffix(".json").is_file()}
+    there = ", ".join(places) or "none"
+    if method is None and len(places) > 1:
+        raise RunError(f"{folder}: several templates: {there}; say which with --method")
+    if not places or (method is not None and method not in places):
+        raise RunError(
+            f"{folder}: no template{f' {method}' if method else ''} here (there: {there}); "
+            f"expected one from besman template learn {folder}"
+        )
+    return load_record(places[method] if method else next(iter(places.values())))
+
+
+def write_application(applied: Application, paths: list[Path]) -> None:
+    """Write a motion in the formats that the endings of paths say.
+
+    ``.csv`` is a table, ``.json`` and ``.yaml`` are ROS 2 JointTrajectory messages, ``.script`` is
+    URScript.
+
+    Raises
+    ------
+    RefinementError
+        If an ending is none of these, or URScript is asked for of another arm.
+    RunError
+        If a file exists, or its folder does not.
+    """
+    names = applied.plan.joint_names
+    for path in paths:
+        allowed = ENDINGS if names == UR_JOINTS else ENDINGS[:-1]
+        if path.suffix not in allowed:
+            raise RefinementError(
+                f"--out: got {path}, expected a file that ends in {', '.join(allowed)}"
+            )
+        if path.exists():
+            raise RunError(f"--out: {path} exists; give a new name")
+        if not path.parent.is_dir():
+            raise RunError(f"--out: {path}: there is no folder {path.parent}")
+    movement = applied.positions, applied.velocities, applied.accelerations
+    for path in paths:
+        if path.suffix == ".csv":
+            write_joint_csv(path, applied.time, *movement, names)
+        elif path.suffix == ".script":
+            write_urscript(path, applied.plan.name, applied.time, applied.positions)
+        else:
+            message = ros_joint_trajectory(applied.time, *movement, names)
+            write_ros_joint_trajectory(path, message)
+
+
+def describe(applied: Application) -> dict[str, Any]:
+    """Return what is known about an application, for JSON."""
+    return {
+        "name": applied.plan.name,
+        "duration_s": float(applied.time[-1]),
+        "forecast": asdict(applied.forecast),
+        "limits": asdict(applied.limits),
+        "warnings": list(applied.warnings),
+        "wall_s": applied.wall_s,
+    }
+
+
+def _key(path: Path) -> str | None:
+    """Return the key of a whole template."""
+    try:
+        content = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return str(content["key"]) if path.is_file() else None
+
+
+def _episodes(part: Path, key: str) -> Tries | None:
+    """Return the episodes of a search that was stopped, if it was the same."""
+    try:
+        of, tries = load_record(part)
+    except (RunError, TypeError, ValueError):
+        return None
+    return tries if of == key and isinstance(tries, Tries) else None
+
+
+def _keep(part: Path, key: str, tries: Tries) -> None:
+    """Store the episodes so far."""
+    _replace(part, (key, tries))
+
+
+def _replace(path: Path, record: Any) -> None:
+    """Write a record under another name, then rename it."""
+    temporary = path.with_name(f".{path.name}.tmp{os.getpid()}")
+    save_record(record, temporary)
+    with temporary.open("rb") as file:
+        os.fsync(file.fileno())
+    temporary.replace(path)
