@@ -68,6 +68,17 @@ class JointSpline:
         matrix = BSpline.design_matrix(self.time, self.knots, self.degree)
         return np.asarray(matrix.toarray(), dtype=np.float64)
 
+    @cached_property
+    def centres(self) -> FloatArray:
+        """Where each control point counts most (Greville abscissae), shape (C,), seconds."""
+        degree = self.degree
+        inner = np.lib.stride_tricks.sliding_window_view(self.knots[1:-1], degree)
+        return np.asarray(inner.mean(axis=1), dtype=np.float64)
+
+    def bases_at_centres(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the basis functions and their two derivatives at `centres`, each (C, C)."""
+        return self.moved(np.eye(len(self.points))).at(self.centres)
+
     def velocity_points(self) -> FloatArray:
         """Return the control points of the velocity, shape (C - 1, n), rad/s."""
         points: FloatArray = self.first_factors[:, None] * np.diff(self.points, axis=0)

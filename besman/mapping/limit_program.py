@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +16,7 @@ from besman.robot.kinematics import compiled
 from besman.robot.parts import JointLimits
 
 FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
 
 # Problems are compiled for these numbers of control points; a spline is padded to the next one.
 SIZES = (16, 24, 32, 48, 64, 96, 128, 192, 256)
@@ -42,13 +44,31 @@ class ChangeMetric:
     gradient: FloatArray
 
 
+@dataclass(frozen=True, eq=False)
+class TorqueRows:
+    """Joint torques as shares of their limits, linear in the change x of the control points.
+
+    Attributes
+    ----------
+    slopes : array, shape (C, n, 11, n)
+        ``slopes[k, j, d, m]``: share of joint j at the k-th time, per rad of joint m's control
+        point k + d - 5, the ones that count there; 0 if there is no such point.
+    shares : array, shape (C, n)
+        Now.
+    """
+
+    slopes: FloatArray
+    shares: FloatArray
+
+
 class LimitProgram:
     """One compiled program for a number of control points and joints; solved again and again.
 
     ::
 
         minimize    |R x + r|^2
-        subject to  the control points of position, velocity and acceleration within bounds
+        subject to  the control points of position, velocity and acceleration within bounds,
+                    and, if asked for, linearised torques at as many times as control points
 
     over the change x of the control points. R is the Cholesky factor of the metric; all data are
     parameters, so that cvxpy compiles the program once (disciplined parametrized programming [1]_).
@@ -59,6 +79,8 @@ class LimitProgram:
         Number of control points.
     n : int
         Number of joints.
+    torques : bool
+        Whether torques are constrained.
 
     References
     ----------
@@ -66,36 +88,68 @@ class LimitProgram:
        optimization layers, 2019, section 4.1. doi:10.48550/arXiv.1910.12430
     """
 
-    def __init__(self, size: int, n: int) -> None:
+    def __init__(self, size: int, n: int, torques: bool = False) -> None:
         import cvxpy
 
         self._size, self._n = size, n
+        self._change = cvxpy.Variable(size * n)
+        self._problem = cvxpy.Problem(
+            cvxpy.Minimize(self._state_metric()),
+            self._state_limits() + (self._state_torques() if torques else []),
+        )
+
+    def _state_metric(self) -> Any:
+        """Return the objective; its parameters are the factor's bands and the offset."""
+        import cvxpy
+
+        size, n = self._size, self._n
         total, width = size * n, (DEGREE + 1) * n
         rows = np.arange(total)[:, None] + 0 * np.arange(width)
         columns = rows + np.arange(width)
         self._filled = columns < total
-        places = rows[self._filled] + total * columns[self._filled]
-        ones = np.ones(len(places)), (places, np.arange(len(places)))
-        spread = csc_array(ones, shape=(total**2, len(places)))
-        self._factor = cvxpy.Parameter(len(places))
-        factor = cvxpy.reshape(spread @ self._factor, (total, total), order="F")
+        self._factor = cvxpy.Parameter(int(self._filled.sum()))
         self._offset = cvxpy.Parameter(total)
+        factor = _fill(self._factor, rows[self._filled], columns[self._filled], total)
+        return cvxpy.sum_squares(factor @ self._change + self._offset)
+
+    def _state_limits(self) -> list[Any]:
+        """Return the bounds of the control points and of their first and second differences."""
+        import cvxpy
+
+        size, n = self._size, self._n
         self._weights = cvxpy.Parameter((size - 1, n))
         self._low = [cvxpy.Parameter((size - order, n)) for order in range(3)]
         self._high = [cvxpy.Parameter((size - order, n)) for order in range(3)]
-        self._change = cvxpy.Variable(total)
         points = cvxpy.reshape(self._change, (size, n), order="C")
         steps = points[1:] - points[:-1]
         weighted = cvxpy.multiply(self._weights, steps)
         terms = points, steps, weighted[1:] - weighted[:-1]
-        self._problem = cvxpy.Problem(
-            cvxpy.Minimize(cvxpy.sum_squares(factor @ self._change + self._offset)),
-            [term >= low for term, low in zip(terms, self._low, strict=True)]
-            + [term <= high for term, high in zip(terms, self._high, strict=True)],
-        )
+        return [term >= low for term, low in zip(terms, self._low, strict=True)] + [
+            term <= high for term, high in zip(terms, self._high, strict=True)
+        ]
+
+    def _state_torques(self) -> list[Any]:
+        """Return the bounds of the torques; their parameters are those of `TorqueRows`."""
+        import cvxpy
+
+        size, n = self._size, self._n
+        time, joint, near, other = np.indices((size, n, 2 * DEGREE + 1, n))
+        point = time + near - DEGREE
+        self._torque_filled = (point >= 0) & (point < size)
+        self._slopes = cvxpy.Parameter(int(self._torque_filled.sum()))
+        self._shares = cvxpy.Parameter(size * n)
+        rows, columns = time * n + joint, point * n + other
+        chosen = rows[self._torque_filled], columns[self._torque_filled]
+        shares = _fill(self._slopes, *chosen, size * n) @ self._change + self._shares
+        return [shares >= -1.0, shares <= 1.0]
 
     def solve(
-        self, spline: JointSpline, metric: ChangeMetric, limits: JointLimits, stretch: float
+        self,
+        spline: JointSpline,
+        metric: ChangeMetric,
+        limits: JointLimits,
+        stretch: float,
+        torques: TorqueRows | None = None,
     ) -> FloatArray:
         """Find the smallest change that keeps the limits if time is stretched.
 
@@ -108,6 +162,8 @@ class LimitProgram:
         limits : JointLimits
         stretch : float
             Duration over the spline's own.
+        torques : TorqueRows, optional
+            At that stretch; for a program that constrains torques.
 
         Returns
         -------
@@ -123,6 +179,8 @@ class LimitProgram:
 
         self._set_metric(metric)
         self._set_bounds(spline, limits, stretch)
+        if torques is not None:
+            self._set_torques(torques)
         data, chain, inverse = self._problem.get_problem_data(cvxpy.CLARABEL, solver_opts=_OPTIONS)
         solution = chain.invert(chain.solve_via_data(self._problem, data), inverse)
         value = solution.primal_vars.get(self._change.id)
@@ -174,8 +232,29 @@ class LimitProgram:
                 whole[: len(part)] = part
             low.value, high.value = full
 
+    def _set_torques(self, torques: TorqueRows) -> None:
+        """Set the torques' slopes and shares; what is padded has none."""
+        count = len(torques.shares)
+        slopes = np.zeros((self._size, *torques.slopes.shape[1:]))
+        slopes[:count] = torques.slopes
+        shares = np.zeros((self._size, self._n))
+        shares[:count] = torques.shares
+        self._slopes.value = slopes[self._torque_filled]
+        self._shares.value = shares.ravel()
 
-def get_program(spline: JointSpline) -> LimitProgram:
+
+def _fill(values: Any, rows: IntArray, columns: IntArray, total: int) -> Any:
+    """Return a square expression with a parameter's values at some places, 0 elsewhere."""
+    import cvxpy
+
+    count = len(rows)
+    spread = csc_array(
+        (np.ones(count), (rows + total * columns, np.arange(count))), shape=(total**2, count)
+    )
+    return cvxpy.reshape(spread @ values, (total, total), order="F")
+
+
+def get_program(spline: JointSpline, torques: bool = False) -> LimitProgram:
     """Return this thread's compiled program for a spline.
 
     Programs are kept: compiling one takes many times as long as solving it. cvxpy's problems are
@@ -194,9 +273,9 @@ def get_program(spline: JointSpline) -> LimitProgram:
             f"expected at most {SIZES[-1]}"
         )
     programs = _threads.__dict__.setdefault("programs", {})
-    if (size, n) not in programs:
-        programs[size, n] = LimitProgram(size, n)
-    program: LimitProgram = programs[size, n]
+    if (size, n, torques) not in programs:
+        programs[size, n, torques] = LimitProgram(size, n, torques)
+    program: LimitProgram = programs[size, n, torques]
     return program
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.mapping.joint_spline import DEGREE, JointSpline
-from besman.mapping.limit_program import ChangeMetric, get_program
-from besman.mapping.time_scaling import ChangeTolerance, needed_stretch
+from besman.mapping.limit_program import ChangeMetric, TorqueRows, get_program
+from besman.mapping.time_scaling import ChangeTolerance, needed_stretch, torque_stretch
 from besman.robot.kinematics import forward_kinematics, jacobian
 from besman.robot.model import Robot
 
@@ -105,13 +105,60 @@ def _turn(before: FloatArray, after: FloatArray) -> FloatArray:
     return turn
 
 
+def torque_rows(robot: Robot, spline: JointSpline, stretch: float) -> TorqueRows:
+    """Linearise the joint torques of a stretched movement at the spline's centres.
+
+    Parameters
+    ----------
+    robot : Robot
+    spline : JointSpline
+    stretch : float
+        Duration over the spline's own.
+
+    Returns
+    -------
+    TorqueRows
+
+    References
+    ----------
+    J. Carpentier, N. Mansard: Analytical derivatives of rigid body dynamics algorithms, 2018.
+    doi:10.15607/RSS.2018.XIV.038
+    """
+    import pinocchio
+
+    data = robot.model.createData()
+    count, n = spline.points.shape
+    scales = 1.0, 1.0 / stretch, 1.0 / stretch**2
+    bases = [basis * by for basis, by in zip(spline.bases_at_centres(), scales, strict=True)]
+    movement = [values * by for values, by in zip(spline.at(spline.centres), scales, strict=True)]
+    slopes = np.zeros((count, n, 2 * DEGREE + 1, n))
+    shares = np.empty((count, n))
+    for row in range(count):
+        state = [values[row] for values in movement]
+        pinocchio.computeRNEADerivatives(robot.model, data, *state)
+        shares[row] = data.tau
+        inertia = np.triu(data.M) + np.triu(data.M, 1).T
+        first, last = max(row - DEGREE, 0), min(row + DEGREE + 1, count)
+        for basis, slope in zip(bases, (data.dtau_dq, data.dtau_dv, inertia), strict=True):
+            part = slope[:, None, :] * basis[row, first:last, None]
+            slopes[row, :, first - row + DEGREE : last - row + DEGREE] += part
+    torque = robot.limits.torque
+    return TorqueRows(slopes / torque[:, None, None], shares / torque)
+
+
 def smallest_change(
-    robot: Robot, spline: JointSpline, change: PathChange, stretch: float, rounds: int
+    robot: Robot,
+    spline: JointSpline,
+    change: PathChange,
+    stretch: float,
+    rounds: int,
+    *,
+    torques: bool = False,
 ) -> tuple[JointSpline, float]:
     """Change a path as little as possible so that it keeps the limits in a given time.
 
-    Sequential convex programming: the change of the tool's path is linearised anew around every
-    solution.
+    Sequential convex programming: the change of the tool's path and, if asked for, the torques are
+    linearised anew around every solution.
 
     Parameters
     ----------
@@ -124,6 +171,8 @@ def smallest_change(
         Duration over the spline's own.
     rounds : int
         At most so many; fewer if the change is within its tolerance or gets no smaller.
+    torques : bool
+        Keep torque limits, too: between the times looked at they may be exceeded a little.
 
     Returns
     -------
@@ -137,10 +186,11 @@ def smallest_change(
     MappingError
         If the spline is too long for the program or the solver fails.
     """
-    program, limits = get_program(spline), robot.limits
+    program, limits = get_program(spline, torques), robot.limits
     best, least = spline, np.inf
     for _ in range(rounds):
-        step = program.solve(spline, change.metric(spline), limits, stretch)
+        rows = torque_rows(robot, spline, stretch) if torques else None
+        step = program.solve(spline, change.metric(spline), limits, stretch, rows)
         points = np.clip(spline.points + step, limits.position_min, limits.position_max)
         spline = spline.moved(points)
         size, before = change.size(spline.basis @ points), least
@@ -186,9 +236,13 @@ def shorten(
         If the spline is too long for the program or the solver fails.
     """
     change = PathChange(robot, positions, tolerance)
+    # The times between do not matter here: what is found is looked at closely.
+    torques = torque_stretch(robot, *spline.samples()) > least_stretch
     high = max(needed_stretch(robot, spline), least_stretch)
     if not spline.inside(robot.limits):
-        spline, size = smallest_change(robot, spline, change, high, _GREATEST_ROUNDS)
+        spline, size = smallest_change(
+            robot, spline, change, high, _GREATEST_ROUNDS, torques=torques
+        )
         high = max(needed_stretch(robot, spline), least_stretch)
         if size > 1.0:
             return spline
@@ -197,12 +251,14 @@ def shorten(
     for _ in range(_GREATEST_TRIALS):
         if high <= (1.0 + _RESOLUTION) * low:
             break
-        found, size = smallest_change(robot, spline, change, trial, _GREATEST_ROUNDS)
+        found, size = smallest_change(
+            robot, spline, change, trial, _GREATEST_ROUNDS, torques=torques
+        )
         needed = max(needed_stretch(robot, found), least_stretch)
         if size <= 1.0 and needed < high:
             spline, high, best = found, needed, (trial, size)
         else:
             low = trial
         trial = float(np.sqrt(low * high))
-    polished, size = smallest_change(robot, spline, change, best[0], 1)
+    polished, size = smallest_change(robot, spline, change, best[0], 1, torques=torques)
     return polished if size < best[1] and needed_stretch(robot, polished) <= high else spline

@@ -1,9 +1,12 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from besman.mapping.joint_spline import fit_spline
-from besman.mapping.path_change import PathChange, shorten, smallest_change
-from besman.mapping.time_scaling import ChangeTolerance, needed_stretch
+from besman.mapping.joint_spline import DEGREE, fit_spline
+from besman.mapping.path_change import PathChange, shorten, smallest_change, torque_rows
+from besman.mapping.time_scaling import ChangeTolerance, needed_stretch, torque_stretch
+from besman.robot.dynamics import inverse_dynamics
 from besman.robot.model import load_robot
 
 ROBOT = load_robot("iiwa7", "stick_holder")
@@ -99,3 +102,51 @@ def test_shorter_within_the_tolerance_and_no_shorter_than_asked():
     again = shorten(ROBOT, spline, path(), tolerance, 0.5)
     once = shorten(ROBOT, spline, path(), tolerance, 0.5)
     assert again.points.tobytes() == once.points.tobytes()
+
+
+def weak(spline, share):
+    """The arm with so little torque that gravity takes a share of it."""
+    still = np.zeros_like(spline.samples()[0])
+    static = np.abs(inverse_dynamics(ROBOT, spline.samples()[0], still, still)).max(axis=0)
+    torque = np.maximum(static / share, 1.0)
+    return replace(ROBOT, limits=replace(ROBOT.limits, torque=torque))
+
+
+def test_torques_are_linearised_as_finite_differences_say():
+    spline, stretch = fit_spline(TIME, path(), 0.05), 1.3
+    rows = torque_rows(ROBOT, spline, stretch)
+
+    def shares(points):
+        q, v, a = spline.moved(points).at(spline.centres)
+        torques = inverse_dynamics(ROBOT, q, v / stretch, a / stretch**2)
+        return torques / ROBOT.limits.torque
+
+    np.testing.assert_allclose(rows.shares, shares(spline.points), atol=1e-9)
+    step = np.random.default_rng(0).normal(size=spline.points.shape)
+    expected = (shares(spline.points + 1e-6 * step) - shares(spline.points - 1e-6 * step)) / 2e-6
+    padded = np.pad(step, ((DEGREE, DEGREE), (0, 0)))
+    near = np.stack([padded[row : row + 2 * DEGREE + 1] for row in range(len(step))])
+    np.testing.assert_allclose(
+        np.einsum("kjdm,kdm->kj", rows.slopes, near), expected, atol=1e-6 * np.abs(expected).max()
+    )
+
+
+def test_the_smallest_change_keeps_torques_in_the_given_time():
+    spline = fit_spline(TIME, path(speed=5.0), 0.05)
+    robot = weak(spline, 0.8)
+    change = PathChange(robot, path(speed=5.0), ChangeTolerance(free_spin=True))
+    stretch = 0.9 * torque_stretch(robot, *spline.samples())
+    assert stretch > 1.0
+    changed, _ = smallest_change(robot, spline, change, stretch, 3, torques=True)
+    ignored, _ = smallest_change(robot, spline, change, stretch, 3)
+    assert torque_stretch(robot, *ignored.samples()) > 1.05 * stretch
+    assert torque_stretch(robot, *changed.samples()) < 1.03 * stretch
+
+
+def test_where_torque_is_short_a_change_of_path_saves_time_too():
+    spline = fit_spline(TIME, path(speed=5.0), 0.05)
+    robot = weak(spline, 0.8)
+    tolerance = ChangeTolerance(free_spin=True)
+    found = shorten(robot, spline, path(speed=5.0), tolerance, 1.0)
+    assert needed_stretch(robot, found) < 0.97 * needed_stretch(robot, spline)
+    assert PathChange(robot, path(speed=5.0), tolerance).size(found.samples()[0]) <= 1.0 + 1e-9
