@@ -23,7 +23,7 @@ from besman.robot.limits import check_limits
 from besman.simulation.tasks import load_task
 from besman.simulation.trial import try_plans
 
-ALL = ("goal", "duration", "weights")
+ALL = ("start", "goal", "duration", "weights")
 KINDS = ("joint_dmp_velocity", "cartesian_dmp")
 THROW = load_task("stick_throw")
 
@@ -69,8 +69,8 @@ def plans(robot, make_plan):
 def test_the_origin_is_the_plan_slowed_down_to_the_limits(robot, plans, kind):
     plan = replace(plans[kind], duration=5.0)
     space = plan_space(plan, robot, ALL, 3)
-    assert space.dimension == 6 + 1 + 18
-    same = space.plan_at(np.zeros(25))
+    assert space.dimension == 6 + 6 + 1 + 18
+    same = space.plan_at(np.zeros(31))
     for name in ("weights", "start", "goal"):
         np.testing.assert_allclose(getattr(same, name), getattr(plan, name), atol=1e-12)
     assert same.duration == 5.0

@@ -10,14 +10,14 @@ from besman.imitation.movement import least_duration
 from besman.refinement.plan_space import PlanSpace, Units
 from besman.robot.limits import check_limits
 
-ALL = ("goal", "duration", "weights")
+ALL = ("start", "goal", "duration", "weights")
 
 
 def test_the_origin_is_the_imitation(robot, make_plan):
     plan = make_plan(0.9)
     space = PlanSpace(plan, robot.limits, ALL, 3)
-    assert space.dimension == 6 + 1 + 18
-    same = space.plan_at(np.zeros(25))
+    assert space.dimension == 6 + 6 + 1 + 18
+    same = space.plan_at(np.zeros(31))
     np.testing.assert_array_equal(same.weights, plan.weights)
     np.testing.assert_array_equal(same.goal, plan.goal)
     assert same.duration == plan.duration
@@ -47,10 +47,21 @@ def test_every_plan_starts_and_ends_at_rest(robot, make_plan, seed):
     space = PlanSpace(make_plan(0.6), robot.limits, ALL, 4)
     plan = space.plan_at(3 * np.random.default_rng(seed).normal(size=space.dimension))
     ends = np.array([0, plan.duration])
+    assert np.abs(plan.start - make_plan(0.6).start).min() > 0
     q, v, a = roll_out(plan.weights, plan.start, plan.goal, plan.duration, ends)
     np.testing.assert_allclose(q, [plan.start, plan.goal], atol=1e-8)
     np.testing.assert_allclose(v, 0, atol=1e-7)
     np.testing.assert_allclose(a, 0, atol=1e-4)
+
+
+def test_start_and_goal_moved_alike_move_all_of_the_movement(robot, make_plan):
+    plan = make_plan(0.9)
+    space = PlanSpace(plan, robot.limits, ("start", "goal"), 1, Units(start_rad=0.2, goal_rad=0.2))
+    change = np.arange(6.0) / 10
+    moved = space.plan_at(np.concatenate([change, change]))
+    time = np.linspace(0, 0.9, 101)
+    paths = [roll_out(x.weights, x.start, x.goal, 0.9, time)[0] for x in (plan, moved)]
+    np.testing.assert_allclose(paths[1] - paths[0], np.tile(0.2 * change, (101, 1)), atol=1e-10)
 
 
 def test_units(robot, make_plan):
