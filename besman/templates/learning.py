@@ -38,9 +38,15 @@ class TemplateConfig(Config):
         Further episodes of the policy that was learnt, without exploration: they say what may be
         expected of it.
     population : int or None
-        Episodes per generation; null for 50, of contextual CMA-ES (4 + 3 ln(D + S)) (1 + 2 S).
-    sigma : float
-        Initial standard deviation, in units of the search.
+        Episodes per generation; null for 50, of contextual CMA-ES for twice
+        (4 + 3 ln(D + S)) (1 + 2 S): its paper's size is for affine features.
+    sigma : float or None
+        Initial standard deviation, in units of the search; null for 0.7, of contextual CMA-ES,
+        which can widen it, 0.3.
+    ridge : float or None
+        Weight of the policy as it was against each generation's points, see
+        `besman.refinement.upper_level.UpperLevelPolicy.fitted`; null for 1e-4, of contextual
+        CMA-ES, which sees one generation at a time, 1e-2.
     features : "affine" or "quadratic"
         Of the context, for the policy's mean.
     seed : int
@@ -57,7 +63,8 @@ class TemplateConfig(Config):
     episodes: Annotated[int, Field(ge=1)] = 3000
     checks: Annotated[int, Field(ge=10)] = 100
     population: Annotated[int, Field(ge=4)] | None = None
-    sigma: Annotated[float, Field(gt=0)] = 0.7
+    sigma: Annotated[float, Field(gt=0)] | None = None
+    ridge: Annotated[float, Field(gt=0)] | None = None
     features: Features = "quadratic"
     seed: Annotated[int, Field(ge=0)] = 0
     search: Annotated[tuple[Part, ...], Field(min_length=1)] = ("goal", "duration")
@@ -66,7 +73,7 @@ class TemplateConfig(Config):
 
     def generation(self, dimension: int, n_contexts: int) -> int:
         """Return the episodes of a generation, never more than there are."""
-        usual = 50 if self.method == "creps" else usual_population(dimension, n_contexts)
+        usual = 50 if self.method == "creps" else 2 * usual_population(dimension, n_contexts)
         return min(self.population or usual, self.episodes)
 
 
@@ -197,5 +204,7 @@ def make_search(config: TemplateConfig, dimension: int, region: FloatArray) -> C
     seed, ends = (config.seed, _SEARCH), (region[0], region[1])
     start = np.zeros(dimension)
     if config.method == "creps":
-        return ContextualReps(start, config.sigma, ends, seed, config.features)
-    return ContextualCmaEs(start, config.sigma, ends, seed, config.features)
+        sigma, ridge = config.sigma or 0.7, config.ridge or 1e-4
+        return ContextualReps(start, sigma, ends, seed, config.features, ridge=ridge)
+    sigma, ridge = config.sigma or 0.3, config.ridge or 1e-2
+    return ContextualCmaEs(start, sigma, ends, seed, config.features, ridge)
