@@ -4,23 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 import numpy.typing as npt
 
+from besman.mapping.placement_cost import (
+    ArmCost,
+    Cost,
+    find_starts,
+    pose_of,
+    scale_about,
+    thin_out,
+)
 from besman.mapping.search import Optimizer, Search, make_search
-from besman.mapping.terms import HEIGHT_SCALE_M, SCALE_SCALE, TermWeights, path_terms
-from besman.robot.inverse_kinematics import IkWeights, draw_starts, find_branches, follow_all
-from besman.robot.kinematics import forward_kinematics
+from besman.mapping.terms import TermWeights
+from besman.robot.inverse_kinematics import IkWeights
 from besman.robot.model import Robot
 
 FloatArray = npt.NDArray[np.float64]
 
-_POSES = 12
-_GREATEST_BRANCHES = 8
-_SEARCHED_BRANCHES = 3
-_GRID_DEMONSTRATIONS = 4
 # A unit of the search: metres along x, y, z, radians of yaw, natural logarithm of the scale.
 _UNITS = np.array([0.1, 0.1, 0.1, 0.3, 0.1])
 # Shares of the arm's length: in front of the base, to its left, above its shoulder.
@@ -158,18 +161,18 @@ def find_placement(
     -------
     Placement
     """
-    thinned = [_thin_out(_choose(arm.paths, search.demonstrations)) for arm in arms]
+    thinned = [thin_out(_choose(arm.paths, search.demonstrations)) for arm in arms]
     centre = np.concatenate([paths[:, :, :3, 3].reshape(-1, 3) for paths, _ in thinned]).mean(0)
     costs = tuple(
-        _ArmCost(
+        ArmCost(
             arm.robot, paths, steps_s, centre, search.weights, search.ik, search.free_spin,
-            _find_starts(arm.robot, paths, search), back_height,
+            find_starts(arm.robot, paths, search.ik, search.free_spin, search.seed), back_height,
         )
         for arm, (paths, steps_s) in zip(arms, thinned, strict=True)
     )  # fmt: skip
     space = _Space.around(arms[0].robot, search)
     with ThreadPoolExecutor(max_workers=jobs) as threads:
-        grid, cost = _search_grid(_Cost(costs), space, threads)
+        grid, cost = _search_grid(Cost(costs), space, threads)
         progress(0.3)
         point, tried = _race(
             grid, cost, space, search, threads, lambda done: progress(0.3 + 0.7 * done)
@@ -196,10 +199,10 @@ def correct_placement(
     -------
     Placement
     """
-    paths, steps_s = _thin_out(arm.paths)
-    cost = _ArmCost(
+    paths, steps_s = thin_out(arm.paths)
+    cost = ArmCost(
         arm.robot, paths, steps_s, common.centre, search.weights, search.ik, search.free_spin,
-        _find_starts(arm.robot, paths, search), back_height,
+        find_starts(arm.robot, paths, search.ik, search.free_spin, search.seed), back_height,
     )  # fmt: skip
     space = _Space.around(arm.robot, search)
     middle = common.pose[:3, :3] @ common.centre + common.pose[:3, 3]
@@ -219,11 +222,11 @@ def correct_placement(
         if values.min() < least:
             best, least = points[int(np.argmin(values))], float(values.min())
     strategy.close()
-    return _placement(_Cost((cost,)), space.parameters(best), common.centre, tried)
+    return _placement(Cost((cost,)), space.parameters(best), common.centre, tried)
 
 
 def _placement(
-    cost: _Cost, parameters: FloatArray, centre: FloatArray, evaluations: int
+    cost: Cost, parameters: FloatArray, centre: FloatArray, evaluations: int
 ) -> Placement:
     """Sum up."""
     terms = cost.terms(parameters)
@@ -284,24 +287,6 @@ class _Space:
         return inside
 
 
-def pose_of(parameters: FloatArray, centre: FloatArray) -> FloatArray:
-    """Return the placement that brings `centre` to (x, y, z) and turns about it by yaw, (4, 4)."""
-    x, y, z, yaw = parameters[:4]
-    pose = np.eye(4)
-    pose[:2, :2] = [[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]]
-    pose[:3, 3] = np.array([x, y, z]) - pose[:3, :3] @ centre
-    return pose
-
-
-def scale_about(poses: FloatArray, centre: FloatArray, scale: float) -> FloatArray:
-    """Make a movement (..., 4, 4) smaller or larger about a point (3,); nothing is turned."""
-    if scale == 1.0:
-        return poses
-    scaled: FloatArray = poses.copy()
-    scaled[..., :3, 3] = centre + scale * (poses[..., :3, 3] - centre)
-    return scaled
-
-
 def _choose(
     paths: Sequence[tuple[FloatArray, FloatArray]], number: int
 ) -> Sequence[tuple[FloatArray, FloatArray]]:
@@ -311,18 +296,6 @@ def _choose(
     return [paths[index] for index in np.rint(np.linspace(0, len(paths) - 1, number)).astype(int)]
 
 
-def _thin_out(
-    demonstrations: Sequence[tuple[FloatArray, FloatArray]],
-) -> tuple[FloatArray, FloatArray]:
-    """Keep twelve poses of every demonstration: (D, P, 4, 4) and seconds between them (D,)."""
-    paths, steps_s = [], []
-    for time, poses in demonstrations:
-        rows = np.rint(np.linspace(0, len(time) - 1, _POSES)).astype(int)
-        paths.append(poses[rows])
-        steps_s.append(float(time[-1] - time[0]) / (_POSES - 1))
-    return np.array(paths), np.array(steps_s)
-
-
 def _reach(robot: Robot) -> float:
     """Length of the arm from its second joint on, metres."""
     links = np.linalg.norm(robot.chain.placements[2:, :3, 3], axis=1).sum()
@@ -330,8 +303,8 @@ def _reach(robot: Robot) -> float:
 
 
 def _search_grid(
-    cost: _Cost, space: _Space, threads: ThreadPoolExecutor
-) -> tuple[list[FloatArray], _Cost]:
+    cost: Cost, space: _Space, threads: ThreadPoolExecutor
+) -> tuple[list[FloatArray], Cost]:
     """Find good starts on a coarse grid, and the few branches of the arm that matter there."""
     grid = [
         space.point(
@@ -350,7 +323,7 @@ def _search_grid(
         for up in _GRID_UP
         for yaw in (_GRID_YAW_RAD if space.free[3] else (0.0,))
     ]
-    sample = _Cost(tuple(arm.sample(_GRID_DEMONSTRATIONS) for arm in cost.arms))
+    sample = Cost(tuple(arm.sample() for arm in cost.arms))
     costs = list(threads.map(lambda point: sample(space.parameters(point)), grid))
     starts: list[FloatArray] = []
     for index in np.argsort(costs, kind="stable"):
@@ -359,12 +332,12 @@ def _search_grid(
         if len(starts) == _RACERS:
             break
     places = [space.parameters(point) for point in starts]
-    return starts, _Cost(tuple(arm.keep_branches(places) for arm in cost.arms))
+    return starts, Cost(tuple(arm.keep_branches(places) for arm in cost.arms))
 
 
 def _race(
     starts: list[FloatArray],
-    cost: _Cost,
+    cost: Cost,
     space: _Space,
     search: PlacementSearch,
     threads: ThreadPoolExecutor,
@@ -401,90 +374,10 @@ def _race(
 
 
 def _step(
-    racer: Search, cost: _Cost, space: _Space, threads: ThreadPoolExecutor
+    racer: Search, cost: Cost, space: _Space, threads: ThreadPoolExecutor
 ) -> tuple[FloatArray, FloatArray]:
     """Try one generation; return its points and their costs."""
     points = racer.ask()
     values = np.array(list(threads.map(lambda point: cost(space.parameters(point)), points)))
     racer.tell(points, values)
     return points, values
-
-
-@dataclass(frozen=True, eq=False)
-class _Cost:
-    """The weighted sum of terms over all arms as a function of x, y, z, yaw and scale."""
-
-    arms: tuple[_ArmCost, ...]
-
-    def terms(self, parameters: FloatArray) -> FloatArray:
-        """Return the mean of every term over arms and demonstrations, shape (8,)."""
-        found: FloatArray = np.mean(
-            [arm.terms(parameters)[0].mean(axis=0) for arm in self.arms], axis=0
-        )
-        return found
-
-    def __call__(self, parameters: FloatArray) -> float:
-        """Return the mean cost over arms and demonstrations."""
-        return float(np.mean([arm(parameters) for arm in self.arms]))
-
-
-@dataclass(frozen=True, eq=False)
-class _ArmCost:
-    """The same for one arm."""
-
-    robot: Robot
-    paths: FloatArray
-    steps_s: FloatArray
-    centre: FloatArray
-    weights: TermWeights
-    ik_weights: IkWeights
-    free_spin: bool
-    starts: FloatArray
-    back_height: float | None
-
-    def sample(self, number: int) -> _ArmCost:
-        """Return the cost of some of the demonstrations, evenly spaced in their order."""
-        number = min(number, len(self.paths))
-        chosen = np.rint(np.linspace(0, len(self.paths) - 1, number)).astype(int)
-        return replace(self, paths=self.paths[chosen], steps_s=self.steps_s[chosen])
-
-    def keep_branches(self, places: list[FloatArray]) -> _ArmCost:
-        """Return the cost over the branches that are best most often at some places."""
-        sample = self.sample(_GRID_DEMONSTRATIONS)
-        used = np.concatenate([sample.terms(place)[1] for place in places])
-        branches, counts = np.unique(used, return_counts=True)
-        most = np.argsort(-counts, kind="stable")[:_SEARCHED_BRANCHES]
-        return replace(self, starts=self.starts[np.sort(branches[most])])
-
-    def terms(self, parameters: FloatArray) -> tuple[FloatArray, npt.NDArray[np.int64]]:
-        """Return terms (D, 8) and cheapest branch (D,) of every demonstration."""
-        placement = pose_of(parameters, self.centre)
-        targets = placement @ scale_about(self.paths, self.centre, float(parameters[4]))
-        positions, errors = follow_all(
-            self.robot, targets, self.starts, _POSES // 2, self.ik_weights, self.free_spin,
-            rounds=25, tolerance=1e-5,
-        )  # fmt: skip
-        terms = path_terms(
-            self.robot, positions, errors, targets[:, None], self.steps_s[:, None, None, None]
-        )
-        height = placement[2, 3] if self.back_height is None else self.back_height
-        off = np.full((*terms.shape[:-1], 1), abs(placement[2, 3] - height) / HEIGHT_SCALE_M)
-        shrunk = np.full_like(off, abs(np.log(parameters[4])) / SCALE_SCALE)
-        terms = np.concatenate([terms, off, shrunk], axis=-1)
-        branches = np.argmin(terms @ self.weights.as_array(), axis=1)
-        return terms[np.arange(len(branches)), branches], branches
-
-    def __call__(self, parameters: FloatArray) -> float:
-        """Return the mean cost over the demonstrations."""
-        return float(np.mean(self.terms(parameters)[0] @ self.weights.as_array()))
-
-
-def _find_starts(robot: Robot, paths: FloatArray, search: PlacementSearch) -> FloatArray:
-    """Find the branches to try: those of the typical pose, put where home has its tool."""
-    middle = paths[:, _POSES // 2].mean(axis=0)
-    left, _, right = np.linalg.svd(middle[:3, :3])
-    pose = np.eye(4)
-    pose[:3, :3] = left @ right
-    pose[:3, 3] = forward_kinematics(robot.chain, robot.home)[:3, 3]
-    starts = draw_starts(robot, search.seed)
-    return find_branches(robot, pose, starts, search.ik, search.free_spin)[:_GREATEST_BRANCHES]

@@ -242,7 +242,7 @@ class MapConfig(Stage):
         return map_two_arms((demonstrations, others), robots, self._settings(), work)
 
     def _settings(self) -> Any:
-        from besman.mapping.embodiment import MappingSettings
+        from besman.mapping.demonstration import MappingSettings
         from besman.mapping.terms import TermWeights
         from besman.robot.inverse_kinematics import IkWeights
 
@@ -277,9 +277,9 @@ def map_results(mapping: Any) -> dict[str, Any]:
     -------
     dict
         n_demonstrations, n_transferred, failed, corrected (placements of their own), scale,
-        position_error_m and orientation_error_deg (mean,
-        p95 and max over all samples), time_stretch (median, max), limit_violations and
-        self_collisions (samples at 1 kHz).
+        position_error_m and orientation_error_deg (mean, p95 and max over all samples), time_stretch
+        (median, max), limit_violations and self_collisions (samples at 1 kHz), torque_ratio (the
+        greatest share of a joint's torque limit).
     """
     trajectories = mapping.trajectories
     position = np.concatenate([one.position_error for one in trajectories])
@@ -296,6 +296,7 @@ def map_results(mapping: Any) -> dict[str, Any]:
         "time_stretch": {"median": float(np.median(stretch)), "max": float(stretch.max())},
         "limit_violations": mapping.limit_violations,
         "self_collisions": mapping.self_collisions,
+        "torque_ratio": mapping.torque_ratio,
     }
 
 

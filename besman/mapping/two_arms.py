@@ -10,10 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.exceptions import MappingError
+from besman.mapping.demonstration import MappingSettings
 from besman.mapping.embodiment import (
     Mapped,
     Mapping,
-    MappingSettings,
     arm_paths,
     back_height,
     map_placed,

@@ -10,8 +10,9 @@ from scipy.spatial.transform import Rotation
 from besman.config_file import parse_config
 from besman.exceptions import ConfigError, MappingError
 from besman.frames import rotation_to_quaternion
-from besman.mapping.embodiment import place_target, pose_errors, tool_poses
-from besman.mapping.placement import ArmPaths, PlacementSearch, find_placement, pose_of
+from besman.mapping.demonstration import place_target, pose_errors, tool_poses
+from besman.mapping.placement import ArmPaths, PlacementSearch, find_placement
+from besman.mapping.placement_cost import pose_of
 from besman.mapping.stage import MapConfig, SelectConfig, map_results
 from besman.mapping.terms import TermWeights, path_terms
 from besman.records import Failure, HandTrajectory, LabelledSegments

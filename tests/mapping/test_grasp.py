@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from besman.config_file import parse_config
 from besman.exceptions import ConfigError
 from besman.frames import hand_frame, rotation_to_quaternion
-from besman.mapping.embodiment import tool_poses
+from besman.mapping.demonstration import tool_poses
 from besman.mapping.record import map_record
 from besman.mapping.stage import SelectConfig
 from besman.records import HandTrajectory, LabelledRecording

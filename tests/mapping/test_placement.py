@@ -3,14 +3,14 @@ import pytest
 
 from besman.config_file import parse_config
 from besman.exceptions import ConfigError
-from besman.mapping.embodiment import tool_poses
+from besman.mapping.demonstration import tool_poses
 from besman.mapping.placement import (
     ArmPaths,
     PlacementSearch,
     correct_placement,
     find_placement,
-    scale_about,
 )
+from besman.mapping.placement_cost import scale_about
 from besman.mapping.stage import MapConfig, map_results
 from besman.records import HandTrajectory
 from besman.robot.model import load_robot

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from besman.exceptions import MappingError, RobotError
-from besman.mapping.embodiment import MappingSettings
+from besman.mapping.demonstration import MappingSettings
 from besman.mapping.two_arms import arms_distance, map_two_arms
 from besman.records import HandTrajectory
 from besman.robot.collision import distances_between, place_capsules
