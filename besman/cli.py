@@ -60,6 +60,7 @@ def run(
     fresh: Annotated[str | None, typer.Option(help="Stage to compute anew.")] = None,
     jobs: Jobs = ALL_CORES,
     cluster: Cluster = None,
+    video: Annotated[bool, typer.Option("--video", help="Make the video of a motion too.")] = False,
 ) -> None:
     """Run a pipeline; stages whose config and input did not change are loaded."""
     from besman.pipeline import load_pipeline, run_pipeline
@@ -68,9 +69,50 @@ def run(
 
     config = load_pipeline(find_resource("pipelines", pipeline), tuple(settings or ()))
     folder = out or Path("runs") / config.name
+    if video:
+        from besman.report.video import check_video
+
+        check_video()
     with stage_display() as display:
         run_pipeline(config, folder, jobs=jobs, cluster=cluster, fresh=fresh, display=display)
+    if video:
+        _make_video(folder)
     _finish(folder)
+
+
+def _make_video(
+    folder: Path, motion: str | None = None, out: Path | None = None, second_arm: bool = False
+) -> Path:
+    """Make the video of a motion of a run, with its progress shown."""
+    from besman.report.video import write_video
+    from besman.terminal import stage_display
+
+    with stage_display() as display:
+        progress, end = display("video")
+        path = write_video(folder, motion, out, second_arm=second_arm, progress=progress)
+        end(True)
+    return path
+
+
+@app.command()
+def video(
+    run: Annotated[Path, typer.Argument(help="A run folder.")],
+    motion: Annotated[
+        str | None, typer.Option(help="Name of a motion; one that shows much if not given.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="MP4 to write; default in the run.")] = None,
+    second_arm: Annotated[
+        bool, typer.Option("--second-arm", help="Of the other of two arms.")
+    ] = False,
+) -> None:
+    """Make a video of a motion: imitated, on the way, and refined, side by side."""
+    from rich.console import Console
+
+    from besman.report.page import write_page
+
+    path = _make_video(run, motion, out, second_arm)
+    write_page(run)
+    Console().print(f"wrote {path}", highlight=False, soft_wrap=True)
 
 
 @app.command()

@@ -48,8 +48,16 @@ class RefinementError(BesmanError):
     """A task or search that cannot be run."""
 
 
+class TransferError(BesmanError):
+    """A try on the real arm that cannot be suggested or recorded."""
+
+
 class RunError(BesmanError):
     """A run folder that cannot be written or read."""
+
+
+class RenderingError(BesmanError):
+    """A picture or video that cannot be made on this machine."""
 
 
 def nearest(name: str, allowed: Iterable[str]) -> str:

@@ -573,6 +573,13 @@ class RefinedMotion(Record):
         Radians to the demonstrated end orientation; NaN where the task does not ask for it.
     failure : str
         What ended the imitation's episode before its end ("" if nothing did).
+    outcomes : array, shape (E, 3)
+        Touchdown or end position of every episode, metres (NaN: none).
+    generations : int array, shape (E,)
+        Generation of every episode; 0 is the imitation alone.
+    milestones : tuple of (int, MotionPlan or CartesianPlan)
+        Episodes that were the best so far, each with its plan: the imitation, one about halfway
+        to the best, the best. Fewer where the search went another way.
     """
 
     plan: AnyPlan
@@ -591,8 +598,17 @@ class RefinedMotion(Record):
     miss: float
     orientation_error: float = float("nan")
     failure: str = ""
+    outcomes: FloatArray = field(default_factory=lambda: np.empty((0, 3)))
+    generations: npt.NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
+    milestones: tuple[tuple[int, AnyPlan], ...] = ()
 
     def __post_init__(self) -> None:
+        # What an older record does not have is not known of any episode.
+        n = len(self.returns)
+        if n and not len(self.outcomes):
+            object.__setattr__(self, "outcomes", np.full((n, 3), np.nan))
+        if n and not len(self.generations):
+            object.__setattr__(self, "generations", np.zeros(n))
         _freeze(
             self,
             {
@@ -606,5 +622,8 @@ class RefinedMotion(Record):
                 "outcome_before": (3,),
                 "object_path": ("F", 3),
                 "tool_path": ("T", 3),
+                "outcomes": ("E", 3),
+                "generations": ("E",),
             },
+            generations=np.int64,
         )

@@ -51,6 +51,7 @@ class Quest:
         self._plans: list[AnyPlan] = []
         self._tried: list[FloatArray] = []
         self._trials: list[Trial] = []
+        self._generations: list[int] = []
         self._n_generations = 0
 
     def propose(self) -> list[AnyPlan]:
@@ -98,6 +99,7 @@ class Quest:
             self._search.tell(points, np.array([trial.reward for trial in trials]))
         self._tried += list(points[: len(trials)])
         self._trials += trials
+        self._generations += [self._n_generations] * len(trials)
         self._n_generations += 1
         return generation
 
@@ -188,7 +190,18 @@ class Quest:
             miss=best.miss,
             orientation_error=best.orientation_error,
             failure=before.failure,
+            outcomes=np.array([tried.outcome for tried in self._trials]),
+            generations=np.array(self._generations),
+            milestones=tuple(
+                (at, self._space.plan_at(self._tried[at])) for at in self._milestones()
+            ),
         )
+
+    def _milestones(self) -> list[int]:
+        """Return the first, the middle and the last of the episodes that were the best so far."""
+        ranks = [(trial.success, trial.reward) for trial in self._trials]
+        best = [at for at in range(len(ranks)) if not at or ranks[at] > max(ranks[:at])]
+        return sorted({best[0], best[len(best) // 2], best[-1]})
 
 
 def succeeds(trial: Trial, task: Task, share: float) -> bool:

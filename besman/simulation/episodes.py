@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+import mujoco
 import numpy as np
 import numpy.typing as npt
 
@@ -37,6 +38,23 @@ class Movements:
 
 
 @dataclass(frozen=True, eq=False)
+class Playback:
+    """One episode as it can be looked at.
+
+    Attributes
+    ----------
+    model : mujoco.MjModel
+        The scene; the arm's joints come first.
+    states : array, shape (F, nq)
+        Positions of all its joints after each of the task's time steps, rad or metres and
+        quaternions wxyz, until nothing happens any more.
+    """
+
+    model: mujoco.MjModel
+    states: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
 class Episodes:
     """What came of B movements.
 
@@ -59,6 +77,8 @@ class Episodes:
         What else an episode is judged by, the unit at the end of each name.
     releases : array, shape (B, 6), optional
         Position (m) and velocity (m/s) with which what is thrown is clear; NaN if it never is.
+    playbacks : tuple of Playback
+        What is seen of each; empty unless paths are asked for.
     """
 
     outcomes: FloatArray
@@ -69,6 +89,7 @@ class Episodes:
     object_paths: tuple[FloatArray, ...] = field(default=())
     measures: dict[str, FloatArray] = field(default_factory=dict)
     releases: FloatArray | None = None
+    playbacks: tuple[Playback, ...] = ()
 
 
 def tracking_errors(

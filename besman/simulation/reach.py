@@ -13,7 +13,7 @@ import numpy.typing as npt
 from besman.records import AnyPlan
 from besman.robot.model import Robot
 from besman.robot.mujoco_model import arm_spec, servo_controls
-from besman.simulation.episodes import Episodes, Movements, arm_failure, tracking_errors
+from besman.simulation.episodes import Episodes, Movements, Playback, arm_failure, tracking_errors
 from besman.simulation.physics import Run, run_physics
 from besman.simulation.scenes import add_tool_sensors
 from besman.simulation.task import (
@@ -99,7 +99,7 @@ class ReachConfig(Task):
         self, robot: Robot, plans: Sequence[AnyPlan], movements: Movements, paths: bool
     ) -> Episodes:
         """Reach; nothing has a path of its own."""
-        return simulate_reaching(robot, self, movements)
+        return simulate_reaching(robot, self, movements, paths)
 
     def measure(self, plan: AnyPlan, episodes: Episodes, index: int) -> dict[str, float]:
         """Return the angle between reached and demonstrated end orientation."""
@@ -124,7 +124,9 @@ def reach_model(robot: Robot, task: ReachConfig) -> mujoco.MjModel:
     return spec.compile()
 
 
-def simulate_reaching(robot: Robot, task: ReachConfig, movements: Movements) -> Episodes:
+def simulate_reaching(
+    robot: Robot, task: ReachConfig, movements: Movements, paths: bool = False
+) -> Episodes:
     """Reach.
 
     Parameters
@@ -135,6 +137,8 @@ def simulate_reaching(robot: Robot, task: ReachConfig, movements: Movements) -> 
         Scene and criteria.
     movements : Movements
         Sampled at the task's time step, for at least `settling_s` after they end.
+    paths : bool
+        Whether to give the playbacks.
 
     Returns
     -------
@@ -151,7 +155,8 @@ def simulate_reaching(robot: Robot, task: ReachConfig, movements: Movements) -> 
         return np.asarray(last < span.stop)
 
     starts, worlds = movements.positions[:, 0], movements.perturbations
-    run = run_physics(reach_model(robot, task), starts, controls, finished, worlds)
+    model = reach_model(robot, task)
+    run = run_physics(model, starts, controls, finished, worlds)
     tracking = tracking_errors(run.qpos, movements, last)
     poses = run.sensors[np.arange(len(last)), last]
     greatest = task.failure.greatest_tracking_error_rad
@@ -162,6 +167,11 @@ def simulate_reaching(robot: Robot, task: ReachConfig, movements: Movements) -> 
         tracking_errors=tracking,
         shortfalls=np.array([float(failure != "") for failure in failures]),
         failures=failures,
+        playbacks=tuple(
+            Playback(model, states[: end + 1]) for states, end in zip(run.qpos, last, strict=True)
+        )
+        if paths
+        else (),
     )
 
 

@@ -16,7 +16,7 @@ from pydantic import Field, model_validator
 
 from besman.records import AnyPlan
 from besman.robot.model import Robot
-from besman.simulation.episodes import Episodes, Movements
+from besman.simulation.episodes import Episodes, Movements, Playback
 from besman.stage import Config
 
 FloatArray = npt.NDArray[np.float64]
@@ -158,13 +158,18 @@ class Task(Config):
         movements : Movements
             What `move` gave.
         paths : bool
-            Whether to give the paths of what is thrown or carried.
+            Whether to give the paths of what is thrown or carried, and the playbacks.
 
         Returns
         -------
         Episodes
             Each is what it would be alone.
         """
+
+    def play(self, robot: Robot, plan: AnyPlan) -> Playback:
+        """Perform one motion plan to be looked at."""
+        movement = self.move([plan], robot)
+        return self.simulate(robot, [plan], movement, paths=True).playbacks[0]
 
     def place(self, plan: AnyPlan, robot: Robot) -> AnyPlan:
         """Return an imitation with the task's own target, if it has one.

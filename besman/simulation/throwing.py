@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
@@ -12,7 +12,7 @@ import numpy.typing as npt
 from besman.robot.dynamics import GRAVITY
 from besman.robot.model import Robot
 from besman.robot.mujoco_model import servo_controls
-from besman.simulation.episodes import Episodes, Movements, arm_failure, tracking_errors
+from besman.simulation.episodes import Episodes, Movements, Playback, arm_failure, tracking_errors
 from besman.simulation.physics import Run, run_physics
 from besman.simulation.task import (
     ContactSimulationConfig,
@@ -131,7 +131,7 @@ def throw(
     movements : Movements
         Sampled at the task's time step, for at least `longest_wait_s` after they end.
     paths : bool
-        Whether to give the thing's path.
+        Whether to give the thing's path and the playbacks.
 
     Returns
     -------
@@ -149,7 +149,44 @@ def throw(
         return np.asarray(clear.any(axis=1) | (last < span.stop))
 
     run = run_physics(model, initial, controls, finished, movements.perturbations)
-    return _judge(run, task, thing, movements, last, paths)
+    episodes = _judge(run, task, thing, movements, last, paths)
+    if not paths:
+        return episodes
+    clear = thing.is_clear(run.sensors[:, :, THING]) & (
+        np.arange(controls.shape[1]) <= last[:, None]
+    )
+    played = tuple(
+        Playback(model, _states(run, movements, row, int(at), task.simulation.time_step_s))
+        for row, at in enumerate(np.where(clear.any(axis=1), clear.argmax(axis=1), -1))
+    )
+    return replace(episodes, playbacks=played)
+
+
+def _states(run: Run, movements: Movements, row: int, at: int, step_s: float) -> FloatArray:
+    """Return what is seen of a throw that is clear after step `at` (-1: never), shape (F, nq).
+
+    The arm, which is simulated no longer than needed, goes on as it was told to.
+    """
+    n = movements.positions.shape[2]
+    states = run.qpos[row, : run.steps[row]]
+    if at < 0 or not np.isfinite(states).all():
+        return states[np.isfinite(states).all(axis=1)]
+    states = states[: at + 1]
+    position, velocity = states[-1, n : n + 3], run.qvel[row, at, n : n + 6]
+    path = flight(position, velocity[:3], step_s)
+    rest = np.tile(states[-1], (max(len(path), movements.positions.shape[1] - at - 1), 1))
+    asked = movements.positions[row, at + 1 :]
+    rest[: len(asked), :n] = asked
+    rest[len(asked) :, :n] = asked[-1] if len(asked) else states[-1, :n]
+    if len(path):
+        rest[: len(path), n : n + 3] = path
+        rest[len(path) :, n : n + 3] = path[-1]
+    turn = states[-1, n + 3 : n + 7].copy()
+    for index in range(len(path)):
+        mujoco.mju_quatIntegrate(turn, velocity[3:], step_s)
+        rest[index, n + 3 : n + 7] = turn
+    rest[len(path) :, n + 3 : n + 7] = turn
+    return np.concatenate([states, rest])
 
 
 def _judge(
@@ -232,14 +269,16 @@ def ballistic_touchdown(position: npt.ArrayLike, velocity: npt.ArrayLike) -> Flo
     return np.where((height >= 0.0)[..., None], landed, np.nan)
 
 
-def flight(position: FloatArray, velocity: FloatArray) -> FloatArray:
+def flight(
+    position: FloatArray, velocity: FloatArray, step_s: float = _FLIGHT_STEP_S
+) -> FloatArray:
     """Sample a free flight (F, 3) from a state (3,) to the floor, metres."""
     landed = ballistic_touchdown(position, velocity)
     if not np.isfinite(landed).all():
         return np.empty((0, 3))
     up = velocity[2]
     duration = (up + np.sqrt(up**2 + 2.0 * GRAVITY * position[2])) / GRAVITY
-    time = np.append(np.arange(_FLIGHT_STEP_S, duration, _FLIGHT_STEP_S), duration)[:, None]
+    time = np.append(np.arange(step_s, duration, step_s), duration)[:, None]
     path = position + velocity * time
     path[:, 2] -= 0.5 * GRAVITY * time[:, 0] ** 2
     path[-1] = landed

@@ -1,0 +1,285 @@
+"""A video of one motion of a run: imitated, on the way, and refined, side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from besman.config_file import read_yaml
+from besman.exceptions import RenderingError, RunError, nearest
+from besman.record_files import load_record
+from besman.records import FloatArray, RefinedMotion
+from besman.report.panels import BAND, Picture, join_panels, text_band
+from besman.robot.model import Robot, load_robot
+from besman.simulation.camera import View, frame_points
+from besman.simulation.episodes import Playback
+from besman.simulation.rendering import Renderer
+from besman.simulation.scene_geoms import SceneGeoms, follow, scene_geoms
+from besman.simulation.task import Task
+from besman.simulation.tasks import load_task
+
+_RATE_HZ = 25
+_SPEED = 0.5
+_HOLD_S = 1.2
+_HEIGHT = 448
+# Of one, two and three panels; multiples of 16, as the encoder likes them.
+_WIDTHS = {1: 640, 2: 640, 3: 432}
+_TRAIL_PARTS = 80
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """One episode of the video.
+
+    Attributes
+    ----------
+    caption : str
+    playback : Playback
+    geoms : SceneGeoms
+        Of its scene.
+    trail : array, shape (F, 3)
+        Path of what moves by itself, else of the tool centre point, metres.
+    """
+
+    caption: str
+    playback: Playback
+    geoms: SceneGeoms
+    trail: FloatArray
+
+
+def check_video() -> None:
+    """Say beforehand if there can be no video.
+
+    Raises
+    ------
+    RenderingError
+        If the encoder is not installed, or nothing can be drawn without a screen.
+    """
+    _encoder()
+    nothing = View(np.zeros(3), 1.0, 0.0, 0.0)
+    with Renderer(load_robot("ur5"), nothing, 16, 16):
+        pass
+
+
+def write_video(
+    folder: Path,
+    name: str | None = None,
+    out: Path | None = None,
+    *,
+    second_arm: bool = False,
+    progress: Callable[[float], None] = lambda done: None,
+) -> Path:
+    """Write the video of a motion: MP4 (H.264), 25 frames a second, at half speed.
+
+    Parameters
+    ----------
+    folder : Path
+        A run folder.
+    name : str, optional
+        Of the motion; without it the first that was the best so far at three episodes.
+    out : Path, optional
+        File to write; without it ``video.mp4`` in the run folder, of a named motion
+        ``video_NAME.mp4``.
+    second_arm : bool
+        Of the run's second arm.
+    progress : callable
+        Told the share that is done.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    RunError
+        If the folder is not a run with refined motions, or has no such motion.
+    RenderingError
+        If there can be no video on this machine, or the file cannot be written.
+    """
+    if out is not None and out.suffix != ".mp4":
+        raise RenderingError(f"--out: got {out}, expected a name that ends in .mp4")
+    config, motions = _load(folder, second_arm)
+    motion = _choose(motions, name)
+    if out is None:
+        part = "" if name is None else "_" + motion.plan.name.replace("/", "_").replace(":", "_")
+        out = folder / f"video{'_second' if second_arm else ''}{part}.mp4"
+    _encoder()
+    arm = config["second_arm"] if second_arm else config
+    robot, task = load_robot(arm["robot"], arm["tool"]), load_task(config["task"])
+    panels = [_panel(motion, index, robot, task) for index in range(len(_shown(motion)))]
+    title = f"{robot.name}, {task.kind}: {motion.plan.name}"
+    frames = _frames(panels, robot, task, motion, title, progress)
+    _write(frames, _size(len(panels)), out)
+    return out
+
+
+def _load(folder: Path, second_arm: bool) -> tuple[dict[str, Any], tuple[RefinedMotion, ...]]:
+    """Read a run's config and its refined motions."""
+    stage = "refine_second" if second_arm else "refine"
+    found = sorted(folder.glob(f"[0-9][0-9]_{stage}/record.npz"))
+    if not (folder / "pipeline.yaml").is_file():
+        raise RunError(f"{folder}: not a run: pipeline.yaml is missing")
+    if not found:
+        raise RunError(f"{folder}: no refined motions ({stage}) to show; finish the run first")
+    return read_yaml(folder / "pipeline.yaml")[0], load_record(found[0])
+
+
+def _choose(motions: tuple[RefinedMotion, ...], name: str | None) -> RefinedMotion:
+    """Return the motion of a name, or the first that shows most."""
+    if not motions:
+        raise RunError("no motion was refined: there is nothing to show")
+    if name is None:
+        return max(motions, key=lambda motion: len(motion.milestones))
+    by_name = {motion.plan.name: motion for motion in motions}
+    if name not in by_name:
+        raise RunError(f"--motion: no motion {name!r}; {nearest(name, by_name)}")
+    return by_name[name]
+
+
+def _shown(motion: RefinedMotion) -> tuple[tuple[int, Any], ...]:
+    """Return the episodes to show with their plans; of an older record the best alone."""
+    return motion.milestones or ((-1, motion.plan),)
+
+
+def _panel(motion: RefinedMotion, index: int, robot: Robot, task: Task) -> Panel:
+    """Perform one of the episodes again."""
+    shown = _shown(motion)
+    episode, plan = shown[index]
+    playback = task.play(robot, plan)
+    if not len(playback.states):
+        raise RunError(f"{plan.name}: episode {episode}: the simulation diverged at its start")
+    geoms = scene_geoms(robot, playback.model)
+    trail = follow(playback.model, playback.states, geoms)
+    if not len(trail):
+        trail = _tool_path(playback, 1)
+    return Panel(_caption(motion, index), playback, geoms, trail)
+
+
+def _caption(motion: RefinedMotion, index: int) -> str:
+    """Say which episode it is and what came of it."""
+    shown = _shown(motion)
+    episode = shown[index][0]
+    last = index == len(shown) - 1
+    what = "imitated" if episode == 0 else "refined" if last else "on the way"
+    miss = motion.misses[episode] if episode >= 0 else motion.miss
+    failure = motion.failure if episode == 0 else ""
+    came = f"miss {100 * miss:.1f} cm" if np.isfinite(miss) else f"failed {failure}".strip()
+    return f"{what} · {came}" if episode < 0 else f"{what} · episode {episode} · {came}"
+
+
+def _tool_path(playback: Playback, stride: int) -> FloatArray:
+    """Return the way of the tool centre point, every so many states, shape (F, 3), metres."""
+    data, states = mujoco.MjData(playback.model), playback.states[::stride]
+    path = np.empty((len(states), 3))
+    for row, state in enumerate(states):
+        data.qpos[:] = state
+        mujoco.mj_kinematics(playback.model, data)
+        path[row] = data.site("tcp").xpos
+    return path
+
+
+def _view(panels: list[Panel], robot: Robot, target: FloatArray, aspect: float) -> View:
+    """Choose one view for all panels."""
+    base = robot.chain.placements[0, :3, 3]
+    foot = base * [1.0, 1.0, 0.0]
+    # Around the base there is the arm.
+    around = base + 0.25 * np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1]])
+    points = [foot[None], around]
+    for panel in panels:
+        points += [panel.trail[::10], panel.trail[-1:], _tool_path(panel.playback, 10)]
+    if np.isfinite(target).all():
+        points.append(target[None])
+    everything = np.concatenate(points)
+    aim = target if np.isfinite(target).all() else panels[-1].trail[-1]
+    heading = float(np.arctan2(*(aim - foot)[[1, 0]]))
+    return frame_points(everything, heading, aspect)
+
+
+def _frames(
+    panels: list[Panel],
+    robot: Robot,
+    task: Task,
+    motion: RefinedMotion,
+    title: str,
+    progress: Callable[[float], None],
+) -> Iterator[Picture]:
+    """Draw all pictures of the video, one after the other."""
+    width = _WIDTHS[len(panels)]
+    target = np.asarray(task.target(motion.plan))
+    view = _view(panels, robot, target, width / _HEIGHT)
+    step = task.simulation.time_step_s
+    times = np.arange(0, max(len(one.playback.states) for one in panels) * step, _SPEED / _RATE_HZ)
+    captions = [text_band(width, panel.caption) for panel in panels]
+    data = [mujoco.MjData(panel.playback.model) for panel in panels]
+    picture: Picture = np.empty(0, dtype=np.uint8)
+    with Renderer(robot, view, width, _HEIGHT) as renderer:
+        for done, time in enumerate(times):
+            drawn = []
+            for panel, scene in zip(panels, data, strict=True):
+                at = min(round(time / step), len(panel.playback.states) - 1)
+                scene.qpos[:] = panel.playback.states[at]
+                mujoco.mj_kinematics(panel.playback.model, scene)
+                trail = panel.trail[: at + 1 : max(1, len(panel.trail) // _TRAIL_PARTS)]
+                trail = np.concatenate([trail, panel.trail[at : at + 1]])
+                goal = (target, task.success_radius_m)
+                drawn.append(renderer.draw(scene, panel.geoms, trail, goal))
+            line = f"{title}    half speed    {time:.2f} s"
+            picture = join_panels(
+                drawn, captions, text_band(width * len(panels), line, 14, soft=True)
+            )
+            progress((done + 1) / len(times))
+            yield picture
+    for _ in range(round(_HOLD_S * _RATE_HZ)):
+        yield picture
+
+
+def _size(n_panels: int) -> tuple[int, int]:
+    """Return width and height of the video, pixels."""
+    return _WIDTHS[n_panels] * n_panels, _HEIGHT + 2 * BAND
+
+
+def _encoder() -> Any:
+    """Return the module that encodes."""
+    try:
+        import imageio_ffmpeg
+
+        imageio_ffmpeg.get_ffmpeg_exe()
+    except ImportError:
+        raise RenderingError(
+            "video: imageio-ffmpeg is not installed; pip install 'besman[video]'"
+        ) from None
+    except RuntimeError as error:
+        raise RenderingError(f"video: no ffmpeg: {str(error).splitlines()[0]}") from None
+    return imageio_ffmpeg
+
+
+def _write(frames: Iterator[Picture], size: tuple[int, int], out: Path) -> None:
+    """Encode pictures; a reader sees the whole file or none."""
+    temporary = out.with_name(f".{out.name}.tmp.mp4")
+    try:
+        first = next(frames)
+        out.parent.mkdir(parents=True, exist_ok=True)
+        writer = _encoder().write_frames(
+            str(temporary),
+            size,
+            fps=_RATE_HZ,
+            codec="libx264",
+            output_params=["-crf", "24", "-movflags", "+faststart"],
+            ffmpeg_log_level="error",
+        )
+        writer.send(None)
+        writer.send(np.ascontiguousarray(first))
+        for frame in frames:
+            writer.send(np.ascontiguousarray(frame))
+        writer.close()
+        temporary.replace(out)
+    except OSError as error:
+        raise RenderingError(f"{out}: cannot be written: {error}") from None
+    finally:
+        temporary.unlink(missing_ok=True)
