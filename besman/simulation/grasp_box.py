@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Hashable, Sequence
 from dataclasses import replace
 from functools import lru_cache
-from typing import Annotated, ClassVar, Literal
+from itertools import product
+from typing import Annotated, Any, ClassVar, Literal
 
 import mujoco
 import numpy as np
@@ -19,7 +20,7 @@ from pydantic import Field
 from besman.records import AnyPlan
 from besman.robot.model import Robot
 from besman.robot.mujoco_model import ARM_BIT, arm_spec, servo_controls
-from besman.simulation.episodes import Episodes, Movements, arm_failure, tracking_errors
+from besman.simulation.episodes import Episodes, Movements, Playback, arm_failure, tracking_errors
 from besman.simulation.gripper import FINGERS, GripperConfig, add_gripper, finger_controls
 from besman.simulation.lift import move_along, plan_lift
 from besman.simulation.physics import Run, run_physics
@@ -46,6 +47,8 @@ IntArray = npt.NDArray[np.int64]
 
 _BOX_BIT = 4 * ARM_BIT
 _FOOT_M = 0.004
+# Where else on the shelf the box is tried, in shares of `spread_m`: ahead, to the left.
+_SPREAD = np.array([[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
 # Columns of the sensors, see `grasp_model`.
 _TOUCHES, _COLLISION = slice(7, 10), 10
 
@@ -65,6 +68,9 @@ class BoxConfig(Config):
         Where it is put on the shelf off that place: ahead and to the left, metres.
     turn_deg : float
         How far it is turned there about the vertical, to the left.
+    spread_m : float
+        Every motion plan is tried with the box there and this far ahead, behind, to the left and to
+        the right of it, and is as good as it is on average; 0: there alone.
     """
 
     size_m: tuple[Positive, Positive, Positive] = (0.08, 0.10, 0.18)
@@ -72,6 +78,7 @@ class BoxConfig(Config):
     place_m: Triple | None = None
     shift_m: tuple[float, float] = (0.0, 0.0)
     turn_deg: Annotated[float, Field(ge=-90, le=90)] = 0.0
+    spread_m: Annotated[float, Field(ge=0, le=0.1)] = 0.02
 
 
 class ShelfConfig(Config):
@@ -188,7 +195,7 @@ class GraspBoxConfig(Task):
 
     def place(self, plan: AnyPlan, robot: Robot) -> AnyPlan:
         """Return the plan with the place of the lifted box as its target."""
-        target = self._box_pose(plan)[:3] + np.array([0.0, 0.0, self.lift.height_m])
+        target = self._box_poses(plan)[0, :3] + np.array([0.0, 0.0, self.lift.height_m])
         return replace(plan, target=target)
 
     def scene(self, plan: AnyPlan, robot: Robot) -> Hashable:
@@ -202,22 +209,18 @@ class GraspBoxConfig(Task):
         place = plan.goal_pose[:3] if self.box.place_m is None else self.box.place_m
         return (float(place[0]), float(place[1]), float(place[2]), float(np.arctan2(*ahead[::-1])))
 
-    def _box_pose(self, plan: AnyPlan) -> FloatArray:
-        """Return where the box stands: position (m) and quaternion wxyz."""
+    def _box_poses(self, plan: AnyPlan) -> FloatArray:
+        """Return where the box is tried: positions (m) and quaternions wxyz, shape (K, 7)."""
         x, y, z, ahead = self._shelf_place(plan)
-        forward, left = self.box.shift_m
-        turned = ahead + np.radians(self.box.turn_deg)
-        return np.array(
-            [
-                x + forward * np.cos(ahead) - left * np.sin(ahead),
-                y + forward * np.sin(ahead) + left * np.cos(ahead),
-                z,
-                np.cos(turned / 2),
-                0.0,
-                0.0,
-                np.sin(turned / 2),
-            ]
-        )
+        cos, sin = np.cos(ahead), np.sin(ahead)
+        shifts = self.box.shift_m + self.box.spread_m * _SPREAD
+        if self.box.spread_m == 0:
+            shifts = shifts[:1]
+        turned = (ahead + np.radians(self.box.turn_deg)) / 2
+        poses = np.zeros((len(shifts), 7))
+        poses[:, :2] = [x, y] + shifts @ [[cos, sin], [-sin, cos]]
+        poses[:, 2:] = [z, np.cos(turned), 0.0, 0.0, np.sin(turned)]
+        return poses
 
     def miss(self, plan: AnyPlan, outcome: FloatArray) -> float:
         """Return how much lower than wanted the box is, metres."""
@@ -237,10 +240,11 @@ class GraspBoxConfig(Task):
     def simulate(
         self, robot: Robot, plans: Sequence[AnyPlan], movements: Movements, paths: bool
     ) -> Episodes:
-        """Approach, close, lift; the paths are those of the box."""
+        """Approach, close, lift; the paths are those of the box at its place."""
         model = grasp_model(robot, self, self._shelf_place(plans[0]))
-        box = self._box_pose(plans[0])
-        return simulate_grasps(robot, self, model, box, movements, paths)
+        boxes = self._box_poses(plans[0])
+        episodes = simulate_grasps(robot, self, model, boxes, movements, paths)
+        return summarize_poses(episodes, len(boxes))
 
 
 def add_lifts(robot: Robot, task: GraspBoxConfig, approach: Movements) -> Movements:
@@ -360,19 +364,19 @@ def _add_box(
         conaffinity=ARM_BIT,
         **touch,
     )
-    # Those that stand on the board however far the box reaches out over it.
+    # Four stand on the board however far the box reaches out over it; four are for when it falls.
     inner = half[0] - task.shelf.overhang_m - _FOOT_M
-    for x in (max(-inner, -half[0] + _FOOT_M), half[0] - _FOOT_M):
-        for y in (-half[1] + _FOOT_M, half[1] - _FOOT_M):
-            box.add_geom(
-                type=mujoco.mjtGeom.mjGEOM_SPHERE,
-                pos=[x, y, -half[2] + _FOOT_M],
-                size=[_FOOT_M, 0.0, 0.0],
-                mass=0.0,
-                contype=_BOX_BIT,
-                conaffinity=0,
-                **on_board,
-            )
+    front = min(inner, half[0] - _FOOT_M)
+    for x, y, z in product((-front, half[0] - _FOOT_M), (-1.0, 1.0), (-1.0, 1.0)):
+        box.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_SPHERE,
+            pos=[x, y * (half[1] - _FOOT_M), z * (half[2] - _FOOT_M)],
+            size=[_FOOT_M, 0.0, 0.0],
+            mass=0.0,
+            contype=_BOX_BIT,
+            conaffinity=0,
+            **on_board,
+        )
 
 
 def _add_touch(
@@ -395,11 +399,11 @@ def simulate_grasps(
     robot: Robot,
     task: GraspBoxConfig,
     model: mujoco.MjModel,
-    box: FloatArray,
+    boxes: FloatArray,
     movements: Movements,
     paths: bool = False,
 ) -> Episodes:
-    """Approach, close, lift, hold.
+    """Approach, close, lift, hold; every movement with every box, which vary fastest.
 
     Parameters
     ----------
@@ -409,27 +413,35 @@ def simulate_grasps(
         Criteria.
     model : mujoco.MjModel
         See `grasp_model`.
-    box : array, shape (7,)
-        Pose of the box at the start: position (m) and quaternion wxyz.
+    boxes : array, shape (K, 7)
+        Poses of the box at the start: position (m) and quaternion wxyz.
     movements : Movements
         What `add_lifts` gave.
     paths : bool
-        Whether to give the box's path.
+        Whether to give the box's path and the playbacks.
 
     Returns
     -------
     Episodes
-        Outcomes are the box's places at the end.
+        B times K; outcomes are the box's places at the end.
     """
-    assert movements.ends is not None
     step, lift = task.simulation.time_step_s, task.lift
     arm = servo_controls(robot, movements.positions, movements.velocities, movements.accelerations)
-    closing = movements.durations + lift.pause_s
     time = step * np.arange(arm.shape[1])
+    closing = movements.durations + lift.pause_s
     fingers = finger_controls(task.gripper, time - closing[:, None])
-    batch, n = movements.positions.shape[0], robot.n
+    controls = np.concatenate([arm, fingers], axis=2).repeat(len(boxes), axis=0)
+    n_movements, n = len(arm), robot.n
+    movements = repeat_movements(movements, len(boxes))
+    assert movements.ends is not None
+    closing = movements.durations + lift.pause_s
+    batch = len(closing)
     initial = np.concatenate(
-        [movements.positions[:, 0], np.zeros((batch, len(FINGERS))), np.tile(box, (batch, 1))],
+        [
+            movements.positions[:, 0],
+            np.zeros((batch, len(FINGERS))),
+            np.tile(boxes, (n_movements, 1)),
+        ],
         axis=1,
     )
     before = np.ceil(movements.durations / step).astype(np.int64) - 1
@@ -443,10 +455,51 @@ def simulate_grasps(
         lost = (gripped < span.stop) & ~_is_held(touching)
         return np.asarray((last < span.stop) | lost)
 
-    controls = np.concatenate([arm, fingers], axis=2)
     run = run_physics(model, initial, controls, finished, movements.perturbations)
-    return _judge(
-        run, task, movements, (before, gripped, np.minimum(last, run.steps - 1)), n, paths
+    ended = np.minimum(last, run.steps - 1)
+    episodes = _judge(run, task, movements, (before, gripped, ended), n, paths)
+    if not paths:
+        return episodes
+    played = tuple(Playback(model, run.qpos[i, : ended[i] + 1]) for i in range(batch))
+    return replace(episodes, playbacks=played)
+
+
+def repeat_movements(movements: Movements, times: int) -> Movements:
+    """Repeat every movement of a batch so many times, one after the other."""
+    arrays = ("positions", "velocities", "accelerations", "durations", "ends")
+    repeated: dict[str, Any] = {
+        name: np.repeat(getattr(movements, name), times, axis=0) for name in arrays
+    }
+    worlds = tuple(one for one in movements.perturbations for _ in range(times))
+    return replace(movements, **repeated, perturbations=worlds)
+
+
+def summarize_poses(episodes: Episodes, times: int) -> Episodes:
+    """Make one episode of those of one movement with the box in several places.
+
+    The outcome is the worst; what is measured is the mean; it has failed if one of them has, and
+    its shortfall is the mean, in which every failure counts half at least.
+    """
+    if times == 1:
+        return episodes
+    failed = np.array([bool(failure) for failure in episodes.failures]).reshape(-1, times)
+    shortfalls = episodes.shortfalls.reshape(-1, times)
+    low = -np.nan_to_num(episodes.outcomes[:, 2], nan=-np.inf).reshape(-1, times)
+    order = np.lexsort((low, shortfalls, failed), axis=1)[:, -1]
+    rows = np.arange(len(failed)) * times + order
+    graded = np.where(failed, 0.5 * (1.0 + shortfalls), 0.0)
+    return Episodes(
+        outcomes=episodes.outcomes[rows],
+        end_poses=episodes.end_poses[rows],
+        tracking_errors=episodes.tracking_errors[rows],
+        shortfalls=graded.mean(axis=1),
+        failures=tuple(episodes.failures[row] for row in rows),
+        object_paths=episodes.object_paths[::times],
+        playbacks=episodes.playbacks[::times],
+        measures={
+            name: values.reshape(-1, times).mean(axis=1)
+            for name, values in episodes.measures.items()
+        },
     )
 
 

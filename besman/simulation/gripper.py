@@ -90,7 +90,7 @@ def add_gripper(
             range=[-0.002, half + 0.01],
         )
         joint.limited = mujoco.mjtLimited.mjLIMITED_TRUE
-        joint.armature, joint.frictionloss = _ROTOR_KG, [share * gripper.drag_n]
+        joint.armature, joint.frictionloss = _ROTOR_KG, share * gripper.drag_n
         y = 0.0 if side > 0 else gripper.spacing_m * (0.5 if name == FINGERS[0] else -0.5)
         x = side * (half + radius)
         finger.add_geom(

@@ -21,7 +21,7 @@ from besman.exceptions import RefinementError
 from besman.records import AnyPlan
 from besman.robot.model import Robot
 from besman.robot.mujoco_model import ARM_BIT, arm_spec, matrix_to_quaternion, servo_controls
-from besman.simulation.episodes import Episodes, Movements, arm_failure, tracking_errors
+from besman.simulation.episodes import Episodes, Movements, Playback, arm_failure, tracking_errors
 from besman.simulation.physics import Run, run_physics
 from besman.simulation.scenes import (
     add_tool_body,
@@ -58,6 +58,8 @@ class LeverConfig(Config):
         From the hinge's axis to the handle's.
     handle_length_m, handle_radius_m : float
         Of the handle.
+    bar_side : "left" or "right"
+        End of the handle that the bar is at, seen by who pulls; the other leaves room for the arm.
     mass_kg : float
         Spread evenly along the bar.
     friction_nm : float
@@ -75,6 +77,7 @@ class LeverConfig(Config):
     length_m: Positive = 0.28
     handle_length_m: Positive = 0.14
     handle_radius_m: Positive = 0.012
+    bar_side: Literal["left", "right"] = "left"
     mass_kg: Positive = 1.0
     friction_nm: NotNegative = 8.0
     damping_nms: NotNegative = 0.5
@@ -343,8 +346,10 @@ def _add_lever(
         range=[0.0, np.radians(conf.stop_deg)],
     )
     joint.limited = mujoco.mjtLimited.mjLIMITED_TRUE
-    joint.frictionloss, joint.damping = [conf.friction_nm], [conf.damping_nms, 0.0, 0.0]
-    side, radius = -conf.handle_length_m / 2, conf.handle_radius_m
+    joint.frictionloss, joint.damping = conf.friction_nm, [conf.damping_nms, 0.0, 0.0]
+    left = np.cross([0.0, 0.0, 1.0], axes[:, 0]) @ axes[:, 2]
+    sign = np.sign(left) * (1.0 if conf.bar_side == "left" else -1.0)
+    side, radius = sign * conf.handle_length_m / 2, conf.handle_radius_m
     rods = [
         ([0.0, 0.0, side], [conf.length_m, 0.0, side], conf.mass_kg),
         ([conf.length_m, 0.0, side], [conf.length_m, 0.0, -side], 0.0),
@@ -382,7 +387,7 @@ def simulate_pulling(
     movements : Movements
         Sampled at the task's time step, for at least `settling_s` after they end.
     paths : bool
-        Whether to give the handle's path.
+        Whether to give the handle's path and the playbacks.
 
     Returns
     -------
@@ -415,6 +420,7 @@ def simulate_pulling(
         failures=failures,
         object_paths=tuple(run.sensors[i, : last[i] + 1, _HANDLE] for i in rows) if paths else (),
         measures={"slip_m": slips},
+        playbacks=tuple(Playback(model, run.qpos[i, : last[i] + 1]) for i in rows) if paths else (),
     )
 
 
