@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from besman.mapping.joint_spline import DEGREE, JointSpline
 from besman.mapping.limit_program import ChangeMetric, TorqueRows, get_program
-from besman.mapping.time_scaling import ChangeTolerance, needed_stretch, torque_stretch
+from besman.mapping.time_scaling import ChangeTolerance, needed_stretch
 from besman.robot.kinematics import forward_kinematics, jacobian
 from besman.robot.model import Robot
 
@@ -235,19 +235,15 @@ def shorten(
     MappingError
         If the spline is too long for the program or the solver fails.
     """
-    change = PathChange(robot, positions, tolerance)
-    # The times between do not matter here: what is found is looked at closely.
-    torques = torque_stretch(robot, *spline.samples()) > least_stretch
+    change, torques = PathChange(robot, positions, tolerance), False
     high = max(needed_stretch(robot, spline), least_stretch)
     if not spline.inside(robot.limits):
-        spline, size = smallest_change(
-            robot, spline, change, high, _GREATEST_ROUNDS, torques=torques
-        )
+        spline, size = smallest_change(robot, spline, change, high, _GREATEST_ROUNDS)
         high = max(needed_stretch(robot, spline), least_stretch)
         if size > 1.0:
             return spline
     low = trial = least_stretch
-    best = (high, 0.0)
+    best = None
     for _ in range(_GREATEST_TRIALS):
         if high <= (1.0 + _RESOLUTION) * low:
             break
@@ -255,10 +251,16 @@ def shorten(
             robot, spline, change, trial, _GREATEST_ROUNDS, torques=torques
         )
         needed = max(needed_stretch(robot, found), least_stretch)
+        if size <= 1.0 and needed > (1.0 + _RESOLUTION) * trial and not torques:
+            # Nothing but torques can be left: they rarely matter, and cost as much as the rest.
+            torques = True
+            continue
         if size <= 1.0 and needed < high:
             spline, high, best = found, needed, (trial, size)
         else:
             low = trial
         trial = float(np.sqrt(low * high))
+    if best is None:
+        return spline
     polished, size = smallest_change(robot, spline, change, best[0], 1, torques=torques)
     return polished if size < best[1] and needed_stretch(robot, polished) <= high else spline
