@@ -177,109 +177,41 @@ def time_line(
     return svg(figure)
 
 
-def paths(trajectories: Sequence[JointTrajectory], motions: Sequence[RefinedMotion]) -> str:
-    """Draw demonstrated and executed paths of the tool from the side and from above.
+def paths(
+    trajectories: Sequence[JointTrajectory], motions: Sequence[RefinedMotion], up: int = 2
+) -> str:
+    """Draw demonstrated and executed paths of the tool.
+
+    Parameters
+    ----------
+    trajectories : sequence of JointTrajectory
+        What was mapped.
+    motions : sequence of RefinedMotion
+        What became of it.
+    up : int
+        Which coordinate to draw over x: 2 from the side, 1 from above.
 
     Returns
     -------
     str
         SVG; robot's world frame, metres.
     """
-    figure = new_figure(10, 4.2)
-    for place, (across, up, title) in enumerate(((0, 2, "from the side"), (0, 1, "from above"))):
-        axes = figure.add_subplot(1, 2, place + 1)
-        for trajectory in trajectories:
-            axes.plot(
-                trajectory.poses[:, across], trajectory.poses[:, up], color=COLOURS[1], linewidth=1
-            )
-        for motion in motions:
-            step = max(1, len(motion.tool_path) // 200)
-            path = motion.tool_path[::step]
-            axes.plot(path[:, across], path[:, up], color=COLOURS[0], linewidth=0.8, alpha=0.8)
-        axes.plot(0, 0, marker="s", color=INK, markersize=6)
-        axes.annotate(
-            "robot's base", (0, 0), fontsize=7, color=INK, xytext=(6, 4), textcoords="offset points"
-        )
-        axes.set_aspect("equal", adjustable="datalim")
-        axes.set_xlabel("x forward [m]")
-        axes.set_ylabel("z up [m]" if up == 2 else "y left [m]")
-        axes.set_title(title, loc="left")
-        style(axes)
-        if place == 0:
-            axes.plot([], [], color=COLOURS[1], label="demonstrated, placed")
-            axes.plot([], [], color=COLOURS[0], label="robot, refined")
-            axes.legend(fontsize=7, frameon=False, labelcolor=INK)
-    return svg(figure)
-
-
-def learning_curve(motions: Sequence[RefinedMotion], radius_m: float) -> str:
-    """Draw the best miss so far over the episodes of every search, and their median.
-
-    Returns
-    -------
-    str
-        SVG; logarithmic centimetres.
-    """
-    figure = new_figure(5, 3.4)
+    figure = new_figure(5, 4)
     axes = figure.add_subplot()
-    longest = max((len(motion.misses) for motion in motions), default=1)
-    best = np.full((len(motions), longest), np.nan)
-    for row, motion in enumerate(motions):
-        misses = np.where(np.isfinite(motion.misses), motion.misses, np.inf)
-        curve = np.minimum.accumulate(misses)
-        best[row, : len(curve)] = curve
-        best[row, len(curve) :] = curve[-1] if len(curve) else np.nan
-        axes.plot(np.arange(len(curve)), 100 * curve, color=COLOURS[0], linewidth=0.7, alpha=0.5)
-    if len(motions):
-        axes.plot(100 * np.median(best, axis=0), color=COLOURS[5], linewidth=2, label="median")
-    axes.axhline(100 * radius_m, color=INK, linestyle="--", linewidth=0.8, label="success")
-    axes.set_yscale("log")
-    axes.set_xlabel("episode")
-    axes.set_ylabel("best miss so far [cm]")
-    axes.legend(fontsize=7, frameon=False, labelcolor=INK)
-    style(axes)
-    return svg(figure)
-
-
-def outcome_scatter(motions: Sequence[RefinedMotion], targets: FloatArray, radius_m: float) -> str:
-    """Draw where each motion ended, relative to its own target, before and after the search.
-
-    Parameters
-    ----------
-    motions : sequence of RefinedMotion
-        The searches' results.
-    targets : array, shape (N, 3)
-        Target of each motion, robot's world frame, metres.
-    radius_m : float
-        Radius of success.
-
-    Returns
-    -------
-    str
-        SVG; centimetres.
-    """
-    from matplotlib.patches import Circle
-
-    figure = new_figure(5, 3.4)
-    axes = figure.add_subplot()
-    before = 100 * (np.array([m.outcome_before for m in motions]).reshape(-1, 3) - targets)
-    after = 100 * (np.array([m.outcome for m in motions]).reshape(-1, 3) - targets)
-    axes.scatter(
-        before[:, 0],
-        before[:, 1],
-        facecolors="none",
-        edgecolors=COLOURS[5],
-        s=22,
-        linewidths=1,
-        label="imitated only",
+    for trajectory in trajectories:
+        axes.plot(*trajectory.poses[:, [0, up]].T, color=COLOURS[1], linewidth=1)
+    for motion in motions:
+        step = max(1, len(motion.tool_path) // 200)
+        axes.plot(*motion.tool_path[::step, [0, up]].T, color=COLOURS[0], linewidth=0.8, alpha=0.8)
+    axes.plot(0, 0, marker="s", color=INK, markersize=6)
+    axes.annotate(
+        "robot's base", (0, 0), fontsize=7, color=INK, xytext=(6, 4), textcoords="offset points"
     )
-    axes.scatter(after[:, 0], after[:, 1], color=COLOURS[0], s=14, label="refined")
-    axes.add_patch(Circle((0, 0), 100 * radius_m, fill=False, color=INK, linestyle="--"))
-    axes.axhline(0, color=INK, linewidth=0.4)
-    axes.axvline(0, color=INK, linewidth=0.4)
-    axes.set_aspect("equal", adjustable="datalim")
-    axes.set_xlabel("forward of the target [cm]")
-    axes.set_ylabel("left of the target [cm]")
+    axes.plot([], [], color=COLOURS[1], label="demonstrated, placed")
+    axes.plot([], [], color=COLOURS[0], label="robot, refined")
     axes.legend(fontsize=7, frameon=False, labelcolor=INK)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_xlabel("x forward [m]")
+    axes.set_ylabel("z up [m]" if up == 2 else "y left [m]")
     style(axes)
     return svg(figure)

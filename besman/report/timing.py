@@ -12,6 +12,15 @@ from besman.exceptions import RunError
 # demonstrations, their mapping and the motion plans; it stands in the row of the mapping.
 THESIS_SECONDS = {"label": 298.0, "segment": 44.0, "recognize": 2.0, "map": 260.0, "refine": 600.0}
 THESIS_THROWS = 8
+# What a person did there, per experiment; labelled movements of 40 throws.
+THESIS_HUMAN_SECONDS = {
+    "attaching markers": 55.0,
+    "motion capture": 68.0,
+    "naming markers by hand": 559.0,
+    "labelling movements by hand": 3000.0,
+}
+# The transferability approach: the real arm, helped by a person.
+THESIS_TRANSFER_SECONDS = 4500.0
 
 
 def read_json(path: Path) -> Any:
@@ -55,7 +64,7 @@ def stage_rows(timing: dict[str, Any], n_demonstrations: int) -> list[dict[str, 
 
 
 def seconds(value: float | None) -> str:
-    """Write a duration for people: ``12 ms``, ``3.4 s``, ``5:20 min``."""
+    """Write a duration for people: ``12 ms``, ``3.4 s``, ``5:20 min``, ``2:30 h``."""
     if value is None:
         return "-"
     if value < 0.1:
@@ -63,4 +72,6 @@ def seconds(value: float | None) -> str:
     if value < 60:
         return f"{value:.2f} s" if value < 10 else f"{value:.1f} s"
     minutes, rest = divmod(round(value), 60)
+    if minutes >= 120:
+        return f"{minutes // 60}:{minutes % 60:02d} h"
     return f"{minutes}:{rest:02d} min"
