@@ -122,6 +122,37 @@ def report(run: Annotated[Path, typer.Argument(help="A run folder.")]) -> None:
 
 
 @app.command()
+@app.command()
+def robustness(
+    run: Annotated[Path, typer.Argument(help="A finished run.")],
+    models: Annotated[int, typer.Option(min=0, help="Perturbed models.")] = 100,
+    seed: Annotated[int, typer.Option(min=0, help="Of the perturbations.")] = 0,
+    jobs: Jobs = ALL_CORES,
+    json_file: Json = None,
+) -> None:
+    """Try a run's refined motions in perturbed models and at a quarter of the time step."""
+    from rich.console import Console
+
+    from besman.refinement.robustness import RobustnessConfig
+    from besman.report.robustness import robustness_table
+    from besman.report.terminal import robustness_line
+    from besman.robustness_check import check_robustness
+    from besman.run import write_json
+    from besman.terminal import stage_display
+    from besman.work import Work
+
+    with stage_display() as display:
+        progress, end = display("robustness")
+        config = RobustnessConfig(models=models, seed=seed)
+        found, results = check_robustness(run, config, Work(jobs, progress))
+        end(True)
+    if json_file is not None:
+        write_json(json_file, results)
+    console = Console()
+    console.print(robustness_table(found))
+    console.print(robustness_line(results), highlight=False, soft_wrap=True)
+
+
 def retarget(
     run: Annotated[Path, typer.Argument(help="A finished run, whose trained model is used.")],
     recordings: Recordings,

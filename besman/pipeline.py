@@ -27,6 +27,7 @@ from besman.recognition.stage import RecognizeConfig, RecognizeStage
 from besman.record_files import load_record, save_record
 from besman.records import LabelledRecording, LabelledSegments
 from besman.refinement.methods import RefineStage
+from besman.refinement.robustness import robustness_results
 from besman.refinement.stage import RefineConfig, refine_results
 from besman.results import recognize_results, segment_results
 from besman.run import Display, Run
@@ -283,6 +284,7 @@ STAGES = (
     "map",
     "imitate",
     "refine",
+    "robustness",
 )
 
 
@@ -359,8 +361,17 @@ def _learn_motions(
 
     task = _load_task(config)
     n = len(plans)
-    motions = run.step(f"refine{arm}", config.refine, plans, robot, task, items=n, unit="motions")
-    run.results[f"refine{arm}"] = refine_results(motions, task) | run.left_out(f"refine{arm}")
+    # Without what comes after the search: a change of it does not search again.
+    search = config.refine.model_copy(update={"robustness": None})
+    motions = run.step(f"refine{arm}", search, plans, robot, task, items=n, unit="motions")
+    results = refine_results(motions, task) | run.left_out(f"refine{arm}")
+    if config.refine.robustness is not None:
+        name, n = f"robustness{arm}", len(motions)
+        found = run.step(
+            name, config.refine.robustness, motions, robot, task, items=n, unit="motions"
+        )
+        results |= {"robustness": robustness_results(found) | run.left_out(name)}
+    run.results[f"refine{arm}"] = results
     folder = run.folder / f"exports{arm}"
     if not _exports_are_current(run, folder, f"refine{arm}"):
         run.work(f"export{arm}", write_exports, motions, robot, folder)

@@ -99,6 +99,7 @@ def test_the_files_of_the_design_are_there(finished):
     names = [row["name"] for row in json.loads((finished / "timing.json").read_text())["stages"]]
     assert names == [
         "read", "label", "segment", "train", "recognize", "select", "map", "imitate", "refine",
+        "robustness",
     ]  # fmt: skip
 
 

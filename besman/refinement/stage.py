@@ -15,6 +15,7 @@ from pydantic import Field
 from besman.exceptions import RefinementError
 from besman.record_files import digest
 from besman.records import AnyPlan, RefinedMotion
+from besman.refinement.robustness import RobustnessConfig
 from besman.refinement.search import Part, Search
 from besman.robot.model import Robot
 from besman.simulation.task import Task
@@ -64,6 +65,9 @@ class RefinementConfig(Stage):
     pool : bool
         All motions search side by side for the same target, that of the demonstration in the
         middle; the first that succeeds ends it, and the best alone is the result.
+    robustness : RobustnessConfig or None
+        In which perturbed models the refined motions are tried; null for none. No part of the
+        search.
     """
 
     method: str
@@ -75,6 +79,7 @@ class RefinementConfig(Stage):
     units: UnitsConfig = UnitsConfig()
     bound: Annotated[float, Field(gt=0)] | None = None
     pool: bool = False
+    robustness: RobustnessConfig | None = RobustnessConfig()
 
     keeps_checkpoints: ClassVar[bool] = True
 

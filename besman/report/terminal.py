@@ -127,7 +127,29 @@ def outcome_lines(results: dict[str, Any]) -> list[str]:
             f"{100 * _number(refine['miss_m']['median']):.1f} cm after (medians), "
             f"{refine['episodes']['median']:.0f} episodes"
         )
+    if refine.get("robustness"):
+        lines.append(robustness_line(refine["robustness"]))
     return lines
+
+
+def robustness_line(found: dict[str, Any]) -> str:
+    """Say how refined motions stand perturbed models and a finer time step.
+
+    Parameters
+    ----------
+    found : dict
+        What `besman.refinement.robustness.robustness_results` gave.
+    """
+    share, shift = found["success_share"], found["shift_at_quarter_step_m"]["median"]
+    parts = []
+    if share is not None:
+        parts.append(
+            f"{share:.0%} succeed in {found['models']} perturbed models each, miss "
+            f"{100 * _number(found['miss_m']['median']):.1f} cm (median), "
+            f"{100 * _number(found['miss_m']['p95']):.1f} cm (95 %)"
+        )
+    parts.append(f"{100 * _number(shift):.1f} cm elsewhere at a quarter of the time step (median)")
+    return "robustness: " + "; ".join(parts)
 
 
 def failure_lines(results: dict[str, Any]) -> list[str]:

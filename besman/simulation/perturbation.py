@@ -224,7 +224,7 @@ def perturb_controls(
     array, shape (T, nu)
     """
     n, steps = len(perturbation.delays), len(controls)
-    time = time_step_s * np.arange(steps)
+    time: FloatArray = np.asarray(time_step_s * np.arange(steps), dtype=np.float64)
     ramp = 0.5 - 0.5 * np.cos(np.pi * np.minimum(time / _RAMP_S, 1.0))
     noise = _noise(time, perturbation, n)
     changed = controls.copy()
