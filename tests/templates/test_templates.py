@@ -8,6 +8,7 @@ import pytest
 
 from besman import cli
 from besman.exceptions import PlanError, RefinementError, RunError
+from besman.frames import rotation_to_quaternion
 from besman.imitation.movement import sample_plan
 from besman.io.exports import read_joint_csv, read_ros_joint_trajectory
 from besman.io.urscript import read_urscript
@@ -16,14 +17,17 @@ from besman.record_files import save_record
 from besman.refinement.stage import RefineConfig
 from besman.refinement.upper_level import UpperLevelPolicy
 from besman.robot.dynamics import inverse_dynamics
+from besman.robot.kinematics import forward_kinematics
 from besman.robot.limits import check_limits
+from besman.robot.model import load_robot
 from besman.simulation.tasks import load_task
 from besman.simulation.trial import try_plans
 from besman.stage import Work
+from besman.templates import files
 from besman.templates.applying import apply_template
 from besman.templates.files import learn_in_run, load_template, read_run, write_application
 from besman.templates.learning import TemplateConfig, Tries
-from besman.templates.teaching import prepare_lesson
+from besman.templates.teaching import prepare_lesson, teach
 from besman.templates.template import Template, forecast, slow_to_torque
 
 THROW = load_task("stick_throw")
@@ -86,8 +90,6 @@ def test_threads_and_a_kill_change_nothing(run, template, monkeypatch, tmp_path,
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        from besman.templates import files
-
         keep = files._keep
         patch.setattr(files, "_keep", stop)
         with pytest.raises(KeyboardInterrupt):
@@ -302,8 +304,6 @@ def test_the_commands(run, template, monkeypatch, tmp_path, capsys):
 
 @pytest.mark.slow
 def test_unseen_targets_are_hit_by_a_thrown_stick(robot, motions):
-    from besman.templates.teaching import teach
-
     config = TemplateConfig(episodes=1000, checks=50)
     lesson = prepare_lesson(motions, robot, THROW, (), {}, config)
     template = teach(lesson, config, ("ur5", "stick_holder", "stick_throw"), Work(2))
@@ -311,3 +311,18 @@ def test_unseen_targets_are_hit_by_a_thrown_stick(robot, motions):
     plans = [apply_template(template, robot, THROW, context).plan for context in contexts]
     misses = [trial.miss for trial in try_plans(robot, THROW, plans)]
     assert np.median(misses) < 0.1
+
+
+@pytest.mark.slow
+def test_an_object_is_reached_wherever_it_stands(make_plan):
+    gripper, reach = load_robot("ur5", "gripper"), load_task("reach")
+    plan = make_plan(1.5)
+    pose = forward_kinematics(gripper.chain, plan.goal)
+    end = np.concatenate([pose[:3, 3], rotation_to_quaternion(pose[:3, :3])])
+    plan = replace(plan, goal_pose=end, target=np.full(3, np.nan))
+    motions = RefineConfig(episodes=1).run((plan,), gripper, reach)
+    config = TemplateConfig(episodes=800, checks=20, search=("goal",), sigma=0.5)
+    lesson = prepare_lesson(motions, gripper, reach, ("x", "y"), {}, config)
+    np.testing.assert_allclose(np.ptp(lesson.region, axis=0), 0.1)
+    template = teach(lesson, config, ("ur5", "gripper", "reach"))
+    assert np.nanmedian(template.checks.misses) < 0.01
