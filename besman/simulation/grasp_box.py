@@ -47,6 +47,8 @@ IntArray = npt.NDArray[np.int64]
 
 _BOX_BIT = 4 * ARM_BIT
 _FOOT_M = 0.004
+# The feet stand on the board although the box is put so far to the front.
+_STRAY_M = 0.02
 # Where else on the shelf the box is tried, in shares of `spread_m`: ahead, to the left.
 _SPREAD = np.array([[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
 # Columns of the sensors, see `grasp_model`.
@@ -97,7 +99,7 @@ class ShelfConfig(Config):
     depth_m: Positive = 0.3
     width_m: Positive = 0.5
     thickness_m: Positive = 0.02
-    overhang_m: NotNegative = 0.02
+    overhang_m: NotNegative = 0.0
     friction: NotNegative = 0.4
 
 
@@ -364,9 +366,8 @@ def _add_box(
         conaffinity=ARM_BIT,
         **touch,
     )
-    # Four stand on the board however far the box reaches out over it; four are for when it falls.
-    inner = half[0] - task.shelf.overhang_m - _FOOT_M
-    front = min(inner, half[0] - _FOOT_M)
+    # Four stand on the board although the box reaches out over it; four are for when it falls.
+    front = max(half[0] - task.shelf.overhang_m - _STRAY_M - _FOOT_M, 0.0)
     for x, y, z in product((-front, half[0] - _FOOT_M), (-1.0, 1.0), (-1.0, 1.0)):
         box.add_geom(
             type=mujoco.mjtGeom.mjGEOM_SPHERE,
