@@ -134,7 +134,7 @@ class RefinementConfig(Stage):
         self, plan: AnyPlan, robot: Robot, task: Task, folder: Path | None
     ) -> RefinedMotion:
         """Refine one motion plan."""
-        pursuit = self._pursuit(_place(plan, robot, task), robot, task, folder)
+        pursuit = self._pursuit(plan, robot, task, folder)
         while not pursuit.quest.done:
             pursuit.advance()
         return pursuit.result()
@@ -145,7 +145,7 @@ class RefinementConfig(Stage):
         """Refine motion plans side by side, for one target."""
         from besman.refinement.pool import best_of_pool, share_target
 
-        placed = share_target([_place(plan, robot, task) for plan in plans], task)
+        placed = share_target([place_plan(plan, robot, task) for plan in plans], task)
         pool = [self._pursuit(plan, robot, task, work.checkpoints) for plan in placed]
         return best_of_pool(pool, self.episodes, work).result()
 
@@ -156,16 +156,23 @@ class RefinementConfig(Stage):
 
         # By content, because two plans may have one name.
         checkpoint = Checkpoint(folder, digest(plan)[:16])
-        quest = self._quest(plan, robot, task)
+        quest = self.set_up(plan, robot, task)
         if not quest.repeat(checkpoint.load()):
-            quest = self._quest(plan, robot, task)
+            quest = self.set_up(plan, robot, task)
         return Pursuit(quest, robot, task, checkpoint)
 
-    def _quest(self, plan: AnyPlan, robot: Robot, task: Task) -> Quest:
-        """Set up the search for one plan."""
+    def set_up(self, plan: AnyPlan, robot: Robot, task: Task) -> Quest:
+        """Set up the search for one plan.
+
+        Raises
+        ------
+        RefinementError
+            If the plan and the task or the robot do not belong together.
+        """
         from besman.refinement.plan_space import Units, plan_space
         from besman.refinement.quest import Quest
 
+        plan = place_plan(plan, robot, task)
         units = Units(**self.units.model_dump())
         space = plan_space(plan, robot, self.search, self.n_shapes, units)
         # By name, so that a motion's search does not depend on which others are there.
@@ -208,7 +215,7 @@ def _check(robot: Robot, task: Task) -> None:
         )
 
 
-def _place(plan: AnyPlan, robot: Robot, task: Task) -> AnyPlan:
+def place_plan(plan: AnyPlan, robot: Robot, task: Task) -> AnyPlan:
     """Give a plan the task's target; refuse one that belongs to another robot or task."""
     if plan.joint_names != robot.joint_names:
         raise RefinementError(

@@ -141,7 +141,7 @@ def test_throws_land_on_their_targets_and_what_is_exported_is_the_plans_own_roll
     robot, plans, kind, tmp_path
 ):
     (trial,) = try_plans(
-        robot, THROW, [RefineConfig()._quest(plans[kind], robot, THROW).propose()[0]]
+        robot, THROW, [RefineConfig().set_up(plans[kind], robot, THROW).propose()[0]]
     )
     assert not trial.failure
     plan = replace(plans[kind], target=trial.outcome + np.array([-0.12, 0.08, 0]), name="x:1")

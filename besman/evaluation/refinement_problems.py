@@ -1,0 +1,121 @@
+"""What searches are compared on: the simulated tasks, beside the functions."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from besman.evaluation.refinement_functions import FUNCTIONS, Attempt, Problem, parse_config
+from besman.exceptions import ConfigError, nearest
+from besman.pipeline import load_pipeline, run_pipeline
+from besman.record_files import load_record
+from besman.records import AnyPlan
+from besman.refinement.methods import METHODS
+from besman.refinement.stage import RefinementConfig
+from besman.resources import find_resource
+from besman.robot.model import Robot, load_robot
+from besman.simulation.task import Task
+from besman.simulation.tasks import load_task
+from besman.simulation.trial import try_plans
+
+# A simulated task is a pipeline: its imitations are what is refined.
+TASKS = {
+    "stick_throw": "ur5_stick_throw",
+    "ball_throw": "compi_ball_throw",
+    "grasp_box": "iiwa7_grasp",
+    "pull_lever": "ur10_lever",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class TaskProblem:
+    """The imitations of a pipeline in their simulated task; attempts take turns with them.
+
+    Attributes
+    ----------
+    name, episodes
+        See `Problem`.
+    plans : tuple of MotionPlan or CartesianPlan
+    robot : Robot
+    task : Task
+    config : RefinementConfig
+        The pipeline's; of other searches what they have in common with it.
+    """
+
+    name: str
+    plans: tuple[AnyPlan, ...]
+    robot: Robot
+    task: Task
+    config: RefinementConfig
+    marks: tuple[int, ...] = ()
+    public: dict[str, Any] = field(default_factory=dict)
+    methods: tuple[str, ...] = METHODS
+
+    @property
+    def episodes(self) -> int:
+        """Of one search."""
+        return self.config.episodes
+
+    @property
+    def success(self) -> str:
+        """What counts as success, in words."""
+        return f"{self.task.kind}: within half of {100 * self.task.success_radius_m:g} cm"
+
+    def attempt(self, method: str, seed: int) -> Attempt:
+        """Search as the refine stage does, until success with its margin."""
+        common = self.config.model_dump(include=set(RefinementConfig.model_fields))
+        own = self.config.model_dump() if method == self.config.method else common
+        config = parse_config({**own, "method": method, "seed": seed})
+        plan = self.plans[seed % len(self.plans)]
+        quest = config.set_up(plan, self.robot, self.task)
+        started = time.thread_time()
+        while not quest.done:
+            quest.learn(try_plans(self.robot, self.task, quest.propose()))
+        spent = time.thread_time() - started
+        return Attempt(
+            rewards=quest.rewards,
+            final=float(quest.best_trial.reward),
+            episodes_to_success=quest.n_episodes if quest.won else None,
+            cpu_s=spent,
+            cpu_s_to_success=spent if quest.won else None,
+        )
+
+
+def load_problem(name: str, episodes: int | None = None) -> Problem:
+    """Set up a problem; of a task, run its pipeline up to the imitation.
+
+    Parameters
+    ----------
+    name : str
+        Of `FUNCTIONS` or `TASKS`, or the path of a pipeline.
+    episodes : int, optional
+        Of one search of a task; the pipeline's own if not given.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such problem.
+    """
+    if name in FUNCTIONS:
+        return FUNCTIONS[name]()
+    if name not in TASKS and not name.endswith(".yaml"):
+        raise ConfigError(
+            f"--problem: got {name!r}; {nearest(name, (*FUNCTIONS, *TASKS))} or a pipeline.yaml"
+        )
+    path = find_resource("pipelines", TASKS.get(name, name))
+    config = load_pipeline(path)
+    with tempfile.TemporaryDirectory() as folder:
+        few = config.refine.model_copy(update={"episodes": 1})
+        run_pipeline(config.model_copy(update={"refine": few}), Path(folder) / "run")
+        (place,) = (Path(folder) / "run").glob("[0-9][0-9]_imitate")
+        plans = load_record(place / "record.npz")
+    refine = config.refine if episodes is None else _with_episodes(config.refine, episodes)
+    robot, task = load_robot(config.robot, config.tool), load_task(config.task)
+    return TaskProblem(Path(name).stem, plans, robot, task, refine)
+
+
+def _with_episodes(config: RefinementConfig, episodes: int) -> RefinementConfig:
+    return config.model_copy(update={"episodes": episodes})
