@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ from besman.simulation.rendering import Renderer
 from besman.simulation.scene_geoms import SceneGeoms, follow, scene_geoms
 from besman.simulation.task import Task
 from besman.simulation.tasks import load_task
+from besman.simulation.trial import try_plans
 
 _RATE_HZ = 25
 _SPEED = 0.5
@@ -30,6 +32,8 @@ _HEIGHT = 448
 # Of one, two and three panels; multiples of 16, as the encoder likes them.
 _WIDTHS = {1: 640, 2: 640, 3: 432}
 _TRAIL_PARTS = 80
+# How often the view looks at an episode, and what of a large thing must be in the picture.
+_MOMENTS, _LARGEST_M = 40, 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +85,7 @@ def write_video(
     folder : Path
         A run folder.
     name : str, optional
-        Of the motion; without it the first that was the best so far at three episodes.
+        Of the motion; without it one that succeeds, the first of those with most to show.
     out : Path, optional
         File to write; without it ``video.mp4`` in the run folder, of a named motion
         ``video_NAME.mp4``.
@@ -135,7 +139,7 @@ def _choose(motions: tuple[RefinedMotion, ...], name: str | None) -> RefinedMoti
     if not motions:
         raise RunError("no motion was refined: there is nothing to show")
     if name is None:
-        return max(motions, key=lambda motion: len(motion.milestones))
+        return max(motions, key=lambda motion: (motion.success, len(motion.milestones)))
     by_name = {motion.plan.name: motion for motion in motions}
     if name not in by_name:
         raise RunError(f"--motion: no motion {name!r}; {nearest(name, by_name)}")
@@ -149,35 +153,37 @@ def _shown(motion: RefinedMotion) -> tuple[tuple[int, Any], ...]:
 
 def _panel(motion: RefinedMotion, index: int, robot: Robot, task: Task) -> Panel:
     """Perform one of the episodes again."""
-    shown = _shown(motion)
-    episode, plan = shown[index]
+    episode, plan = _shown(motion)[index]
     playback = task.play(robot, plan)
     if not len(playback.states):
         raise RunError(f"{plan.name}: episode {episode}: the simulation diverged at its start")
     geoms = scene_geoms(robot, playback.model)
     trail = follow(playback.model, playback.states, geoms)
     if not len(trail):
-        trail = _tool_path(playback, 1)
-    return Panel(_caption(motion, index), playback, geoms, trail)
+        trail = _tool_path(playback)
+    return Panel(_caption(motion, index, robot, task), playback, geoms, trail)
 
 
-def _caption(motion: RefinedMotion, index: int) -> str:
+def _caption(motion: RefinedMotion, index: int, robot: Robot, task: Task) -> str:
     """Say which episode it is and what came of it."""
     shown = _shown(motion)
-    episode = shown[index][0]
-    last = index == len(shown) - 1
-    what = "imitated" if episode == 0 else "refined" if last else "on the way"
+    episode, plan = shown[index]
+    last = "refined" if motion.success else "best found"
+    what = "imitated" if episode == 0 else last if index == len(shown) - 1 else "on the way"
     miss = motion.misses[episode] if episode >= 0 else motion.miss
-    failure = motion.failure if episode == 0 else ""
-    came = f"miss {100 * miss:.1f} cm" if np.isfinite(miss) else f"failed {failure}".strip()
+    if np.isfinite(miss):
+        came = f"miss {100 * miss:.1f} cm"
+    else:
+        # What the search checked beyond the simulation are the limits at 1 kHz.
+        came = f"failed: {try_plans(robot, task, [plan])[0].failure or 'limit exceeded'}"
     return f"{what} · {came}" if episode < 0 else f"{what} · episode {episode} · {came}"
 
 
-def _tool_path(playback: Playback, stride: int) -> FloatArray:
-    """Return the way of the tool centre point, every so many states, shape (F, 3), metres."""
-    data, states = mujoco.MjData(playback.model), playback.states[::stride]
-    path = np.empty((len(states), 3))
-    for row, state in enumerate(states):
+def _tool_path(playback: Playback) -> FloatArray:
+    """Return the way of the tool centre point, shape (F, 3), metres."""
+    data = mujoco.MjData(playback.model)
+    path = np.empty((len(playback.states), 3))
+    for row, state in enumerate(playback.states):
         data.qpos[:] = state
         mujoco.mj_kinematics(playback.model, data)
         path[row] = data.site("tcp").xpos
@@ -188,17 +194,26 @@ def _view(panels: list[Panel], robot: Robot, target: FloatArray, aspect: float) 
     """Choose one view for all panels."""
     base = robot.chain.placements[0, :3, 3]
     foot = base * [1.0, 1.0, 0.0]
-    # Around the base there is the arm.
-    around = base + 0.25 * np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1]])
-    points = [foot[None], around]
-    for panel in panels:
-        points += [panel.trail[::10], panel.trail[-1:], _tool_path(panel.playback, 10)]
+    points = [foot[None], *(_extent(panel) for panel in panels)]
     if np.isfinite(target).all():
         points.append(target[None])
-    everything = np.concatenate(points)
     aim = target if np.isfinite(target).all() else panels[-1].trail[-1]
     heading = float(np.arctan2(*(aim - foot)[[1, 0]]))
-    return frame_points(everything, heading, aspect)
+    return frame_points(np.concatenate(points), heading, aspect)
+
+
+def _extent(panel: Panel) -> FloatArray:
+    """Return corners around everything that an episode shows, at some moments, shape (N, 3)."""
+    model, data = panel.playback.model, mujoco.MjData(panel.playback.model)
+    sides = np.array(list(product((-1.0, 1.0), repeat=3)))
+    found = []
+    for row in np.linspace(0, len(panel.playback.states) - 1, _MOMENTS).astype(int):
+        data.qpos[:] = panel.playback.states[row]
+        mujoco.mj_kinematics(model, data)
+        # Half the box that a geom fits into however it is turned.
+        reach = np.minimum(model.geom_rbound, _LARGEST_M)[:, None, None] / np.sqrt(3.0)
+        found.append((data.geom_xpos[:, None] + reach * sides).reshape(-1, 3))
+    return np.concatenate([*found, panel.trail[::10], panel.trail[-1:]])
 
 
 def _frames(

@@ -20,6 +20,8 @@ _EXTENT_M = 2.0
 _ARM = [0.80, 0.83, 0.87, 1.0]
 _PEDESTAL = [0.45, 0.48, 0.52, 1.0]
 _FLOOR_M = 5.0
+# The rod ends before the tool centre point, where things are held.
+_ROD_M, _ROD_SHORT_M = 0.012, 0.04
 # The light comes from above, left of who looks, so that shadows on the floor show heights.
 _LIGHT_LEFT_DEG, _LIGHT_UP_DEG = 40.0, 60.0
 
@@ -58,6 +60,7 @@ def arm_visuals(robot: Robot, view: View, width: int, height: int) -> mujoco.MjM
         )
         body = spec.worldbody if joint < 0 else spec.body(robot.joint_names[joint])
         body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=f"mesh{index}", rgba=_ARM, mass=0.0)
+    _add_mount(spec, robot)
     _add_pedestal(spec, robot)
     _add_room(spec, view)
     return spec.compile()
@@ -89,6 +92,24 @@ def _meshes(robot: Robot) -> list[tuple[str, int, Any, Any]]:
     path = find_robot(robot.source)
     urdf, folder = find_urdf(load_config(path, RobotConfig).urdf, path)
     return link_meshes(robot.model, read_urdf(urdf, folder), urdf)
+
+
+def _add_mount(spec: mujoco.MjSpec, robot: Robot) -> None:
+    """Join the tool, which stands in the task's scene, to the flange by a rod."""
+    tip = robot.chain.tip
+    flange = (tip @ np.linalg.inv(robot.tool.tcp2flange))[:3, 3]
+    way = tip[:3, 3] - flange
+    length = float(np.linalg.norm(way))
+    if length <= 2 * _ROD_SHORT_M:
+        return
+    end = flange + way * (1.0 - _ROD_SHORT_M / length)
+    spec.body(robot.joint_names[-1]).add_geom(
+        type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+        fromto=[*flange, *end],
+        size=[_ROD_M, 0.0, 0.0],
+        rgba=_PEDESTAL,
+        mass=0.0,
+    )
 
 
 def _add_pedestal(spec: mujoco.MjSpec, robot: Robot) -> None:

@@ -19,7 +19,7 @@ FloatArray = npt.NDArray[np.float64]
 Image = npt.NDArray[np.uint8]
 
 _TRAIL, _TARGET = [0.20, 0.52, 0.78, 1.0], [0.0, 0.55, 0.38, 0.9]
-_TRAIL_M = 0.004
+_TRAIL_M = 0.006
 _MAX_GEOMS = 2000
 
 
