@@ -122,7 +122,6 @@ def report(run: Annotated[Path, typer.Argument(help="A run folder.")]) -> None:
 
 
 @app.command()
-@app.command()
 def robustness(
     run: Annotated[Path, typer.Argument(help="A finished run.")],
     models: Annotated[int, typer.Option(min=0, help="Perturbed models.")] = 100,
@@ -154,6 +153,7 @@ def robustness(
 
 
 def retarget(
+@app.command()
     run: Annotated[Path, typer.Argument(help="A finished run, whose trained model is used.")],
     recordings: Recordings,
     robots: Annotated[
