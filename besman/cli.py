@@ -152,8 +152,8 @@ def robustness(
     console.print(robustness_line(results), highlight=False, soft_wrap=True)
 
 
-def retarget(
 @app.command()
+def retarget(
     run: Annotated[Path, typer.Argument(help="A finished run, whose trained model is used.")],
     recordings: Recordings,
     robots: Annotated[
