@@ -524,6 +524,57 @@ def evaluate_mapping(
             console.print(f"wrote {path}", highlight=False, soft_wrap=True)
 
 
+@evaluate_app.command("refinement")
+def evaluate_refinement(
+    problems: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--problem",
+            help="sphere, rosenbrock, contextual_sphere, contextual_rosenbrock, via_points, "
+            "via_points_joint, obstacles, obstacles_joint; stick_throw, ball_throw, grasp_box, "
+            "pull_lever; or a pipeline.yaml, whose imitations are refined.",
+        ),
+    ] = None,
+    methods: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--method", help="cma_es, reps, pi2, pi2_cma, cem; c_reps, c_cma_es; default all."
+        ),
+    ] = None,
+    seeds: Annotated[int, typer.Option(min=1, help="Runs of every search.")] = 5,
+    first_seed: Annotated[int, typer.Option(min=0, help="Seed of the first run.")] = 0,
+    jobs: Jobs = ALL_CORES,
+    figures: Annotated[Path | None, typer.Option(help="Folder for learning curves.")] = None,
+    json_file: Json = None,
+) -> None:
+    """Compare searches on functions with public figures and on simulated tasks."""
+    from rich.console import Console
+
+    from besman.evaluation import refinement
+    from besman.evaluation.refinement_problems import load_problem
+    from besman.evaluation.refinement_tables import refinement_tables, write_curves
+    from besman.run import write_json
+    from besman.terminal import stage_display
+    from besman.work import Work
+    from besman.workers import Workers
+
+    with stage_display() as display, Workers(jobs) as workers:
+        chosen = [load_problem(name) for name in problems or refinement.PROBLEMS]
+        progress, end = display("refinement")
+        work = Work(jobs, progress, workers=workers)
+        runs = range(first_seed, first_seed + seeds)
+        result = refinement.evaluate_refinement(chosen, methods, runs, work)
+        end(True)
+    if json_file is not None:
+        write_json(json_file, result)
+    console = Console()
+    for table in refinement_tables(result["rows"]):
+        console.print(table)
+    if figures is not None:
+        for path in write_curves(result["rows"], figures):
+            console.print(f"wrote {path}", highlight=False, soft_wrap=True)
+
+
 @evaluate_app.command("hierarchy")
 def evaluate_hierarchy(
     datasets: Annotated[

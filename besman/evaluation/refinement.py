@@ -77,6 +77,8 @@ def evaluate_refinement(
     ConfigError
         If no problem knows a method.
     """
+    from threadpoolctl import threadpool_limits
+
     known = dict.fromkeys(method for problem in problems for method in problem.methods)
     for method in methods or ():
         if method not in known:
@@ -88,7 +90,9 @@ def evaluate_refinement(
         if methods is None or method in methods
     ]
     entries = [Entry(at, method, seed) for at, method in pairs for seed in seeds]
-    attempts = work.map(partial(_attempt, problems=tuple(problems)), entries, processes=2)
+    # Many small matrices: threads inside BLAS cost more than they bring.
+    with threadpool_limits(limits=1, user_api="blas"):
+        attempts = work.map(partial(_attempt, problems=tuple(problems)), entries, processes=2)
     rows = []
     for index, (at, method) in enumerate(pairs):
         own = attempts[index * len(seeds) : (index + 1) * len(seeds)]
