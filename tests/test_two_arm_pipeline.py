@@ -34,4 +34,11 @@ def test_what_both_hands_do_becomes_what_both_arms_do(tmp_path):
     assert "right_elbow" in columns[0]
     assert "left_elbow" in columns[1]
     assert np.isfinite(results["refine"]["miss_m"]["median"])
-    assert "rh5_two_arms" in write_page(folder).read_text()
+    page = write_page(folder).read_text()
+    assert "rh5_two_arms" in page
+    for arm in ("rh5_right, right hand", "rh5_left, left hand"):
+        for heading in ("Demonstrated and executed paths", "Every demonstration"):
+            assert f"<h2>{heading} ({arm})</h2>" in page
+    assert page.count('<table class="sortable">') == 2
+    name = sorted((folder / "exports_second").glob("*.csv"))[0].name
+    assert f'href="exports_second/{name}"' in page

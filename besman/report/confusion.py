@@ -35,9 +35,9 @@ def confusion_table(results: dict[str, Any]) -> str:
     return (
         "<h2>Labels found against labels given by hand</h2>"
         f'<div class="scroll"><table><tr><th>true class</th>{head}</tr>{"".join(lines)}</table>'
-        "</div><figcaption>Detected segments that overlap a manual one by half or more; those "
+        '</div><p class="soft">Detected segments that overlap a manual one by half or more; those '
         "learnt from are left out. The last column names the manual segments themselves."
-        "</figcaption>"
+        "</p>"
     )
 
 

@@ -96,7 +96,9 @@ def _draw_quantiles(axes: Any, curves: FloatArray) -> None:
         band = {"color": COLOURS[0], "linewidth": 0}
         axes.fill_between(episodes, low, high, alpha=0.2, label="5 to 95 %", **band)
         axes.fill_between(episodes, lower, upper, alpha=0.35, label="25 to 75 %", **band)
-    axes.plot(episodes, middle, color=COLOURS[5], linewidth=2, label="median")
+    # A line through a single episode would not be seen.
+    dot = "o" if len(episodes) == 1 else ""
+    axes.plot(episodes, middle, color=COLOURS[5], linewidth=2, marker=dot, label="median")
 
 
 def touchdown_map(

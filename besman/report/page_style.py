@@ -31,7 +31,7 @@ th[aria-sort=ascending] button::after { content: " \\2191"; opacity: 1 }
 th[aria-sort=descending] button::after { content: " \\2193"; opacity: 1 }
 figure { margin: 0 0 1rem } figure svg { width: 100%; height: auto; display: block }
 figure svg text { fill: var(--soft) !important }
-figure video { width: 100%; height: auto; border-radius: .5rem; display: block }
+figure video { max-width: 100%; max-height: 32rem; border-radius: .5rem; display: block }
 figcaption { color: var(--soft); font-size: .85rem; max-width: 50rem }
 .pair { display: grid; gap: 1rem;
   grid-template-columns: repeat(auto-fit, minmax(min(26rem, 100%), 1fr)) }

@@ -110,7 +110,15 @@ def outcome_lines(results: dict[str, Any]) -> list[str]:
             f"{recognize['accuracy_manual']:.1%} of the manual segments"
             + left_out(recognize.get("n_left_out", 0))
         )
-    mapped = results.get("map", {})
+    for suffix, arm in (("", ""), ("_second", "second arm, ")):
+        lines += [arm + line for line in _arm_lines(results, suffix)]
+    return lines
+
+
+def _arm_lines(results: dict[str, Any], suffix: str) -> list[str]:
+    """Say what came of mapping and refinement of one arm."""
+    lines = []
+    mapped = results.get(f"map{suffix}", {})
     if mapped:
         error = mapped["position_error_m"]
         lines.append(
@@ -119,7 +127,7 @@ def outcome_lines(results: dict[str, Any]) -> list[str]:
             f"{mapped['limit_violations']} samples outside a limit, "
             f"{mapped['self_collisions']} in self-collision"
         )
-    refine = results.get("refine", {})
+    refine = results.get(f"refine{suffix}", {})
     if refine:
         lines.append(
             f"refinement: {refine['n_success']} of {refine['n_motions']} succeed, miss "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -297,4 +298,5 @@ def _write(frames: Iterator[Picture], size: tuple[int, int], out: Path) -> None:
     except OSError as error:
         raise RenderingError(f"{out}: cannot be written: {error}") from None
     finally:
-        temporary.unlink(missing_ok=True)
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
