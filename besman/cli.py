@@ -16,6 +16,7 @@ from typer.core import TyperGroup
 
 from besman.exceptions import BesmanError, RecordingWarning
 from besman.templates import commands as templates
+from besman.transfer import commands as transfer
 
 app = typer.Typer(
     name="besman",
@@ -276,6 +277,7 @@ evaluate_app = typer.Typer(
 )
 app.add_typer(evaluate_app, name="evaluate")
 app.add_typer(templates.app, name="template")
+app.add_typer(transfer.app, name="transfer")
 
 
 @evaluate_app.command("segmentation")

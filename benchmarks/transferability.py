@@ -1,0 +1,157 @@
+"""Real tries until a throw lands within 10 cm, where a second simulation is the real arm.
+
+    python benchmarks/transferability.py                    # UR5 stick throw, embedded recordings
+    python benchmarks/transferability.py --run RUN          # any finished run of a throw
+
+The second simulation has other friction, masses, servo gains, delays, smoothing, backlash, zeros
+and noise than the one that motions are searched in (`besman.transfer.second_simulation`); 10 seeds.
+Beside the transferability approach, with either surrogate, stand trying one simulated success after
+another, and aiming beside the target by what the last try was off.
+"""
+
+import argparse
+import os
+import tempfile
+import time
+from dataclasses import replace
+from pathlib import Path
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import numpy as np
+
+from besman.pipeline import load_pipeline, run_pipeline
+from besman.refinement.plan_space import plan_space
+from besman.refinement.stage import RefineConfig
+from besman.resources import find_resource
+from besman.templates.files import read_run
+from besman.transfer.approach import RealTry, TransferConfig, suggest
+from besman.transfer.archive import Simulator, no_plans
+from besman.transfer.second_simulation import SecondSimulation
+from besman.transfer.tries import PARTS
+
+RADIUS_M = 0.10
+_EPISODES = 200
+
+
+def approach(surrogate, motion, finished):
+    """Make a method of the transferability approach; its first search is the same for all arms."""
+    config = TransferConfig(surrogate=surrogate)
+    space = plan_space(motion.plan, finished.robot, PARTS, config.n_shapes)
+    simulator = Simulator(space, finished.robot, finished.task)
+    target = motion.plan.target[:2]
+    first = suggest(simulator, no_plans(space.dimension), (), target, config, jobs=os.cpu_count())
+
+    def plans():
+        choice, tries = first, []
+        while True:
+            outcome = yield space.plan_at(choice.archive.points[choice.row])
+            tries.append(RealTry(choice.row, outcome))
+            archive = choice.archive
+            choice = suggest(simulator, archive, tries, target, config, jobs=os.cpu_count())
+
+    return plans, first, space
+
+
+def simulated_one_by_one(motion, first, space):
+    """Try what is best in simulation, then the next best that behaves otherwise."""
+
+    def plans():
+        archive, seen = first.archive, []
+        misses = np.linalg.norm(archive.outcomes - motion.plan.target[:2], axis=1)
+        for row in np.argsort(np.nan_to_num(misses + archive.costs, nan=np.inf), kind="stable"):
+            behaviour = archive.behaviours[row]
+            if all(np.linalg.norm(behaviour - other) > 1.0 for other in seen):
+                seen.append(behaviour)
+                yield space.plan_at(archive.points[row])
+
+    return plans
+
+
+def local_correction(motion, finished):
+    """Aim beside the target by what the last try was off, and refine for that in simulation."""
+
+    def plans():
+        plan, aim = motion.plan, motion.plan.target.copy()
+        while True:
+            outcome = yield plan
+            if np.isfinite(outcome).all():
+                aim[:2] += motion.plan.target[:2] - outcome
+            else:  # Nothing learnt: back half-way to where it was aimed first.
+                aim = 0.5 * (aim + motion.plan.target)
+            config = RefineConfig(episodes=_EPISODES, robustness=None)
+            (found,) = config.run((replace(plan, target=aim),), finished.robot, finished.task)
+            plan = found.plan
+
+    return plans
+
+
+def count_tries(plans, arm, target, most):
+    """Return the miss of every try until one is within the radius, infinite where it failed."""
+    offers, outcome, misses = plans(), None, []
+    while len(misses) < most:
+        try:
+            outcome = arm.execute(offers.send(outcome))
+        except StopIteration:
+            break
+        misses.append(float(np.nan_to_num(np.linalg.norm(outcome - target), nan=np.inf)))
+        if misses[-1] <= RADIUS_M:
+            return misses
+    return misses + [np.inf] * (most + 1 - len(misses))
+
+
+def report(name, runs, seconds, most):
+    tries = np.array([len(run) for run in runs])
+    firsts = np.array([run[0] for run in runs])
+    typical = f"{np.median(tries):g}" if np.median(tries) <= most else f"> {most}"
+    print(
+        f"| {name} | {100 * np.median(firsts):.0f} cm | {typical} | {np.mean(tries <= most):.0%} | "
+        f"{np.mean(tries <= 10):.0%} | {seconds / len(runs):.1f} s |"
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--run", type=Path, help="a finished run of a throw")
+    parser.add_argument("--seeds", type=int, default=10)
+    parser.add_argument("--motion", type=int, default=0)
+    parser.add_argument("--most", type=int, default=20, help="greatest number of real tries")
+    given = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        if given.run is None:
+            config = load_pipeline(
+                find_resource("pipelines", "ur5_stick_throw"), ("refine.robustness=null",)
+            )
+            given.run = run_pipeline(config, Path(folder) / "run", jobs=os.cpu_count() or 1)
+        finished = read_run(given.run)
+        motion = finished.motions[given.motion]
+        start = time.perf_counter()
+        gaussian, first, space = approach("gaussian_process", motion, finished)
+        print(f"first search, the same for all arms: {time.perf_counter() - start:.1f} s")
+        methods = {
+            "transferability approach, Gaussian process": gaussian,
+            "transferability approach, inverse distance [1]": approach(
+                "inverse_distance", motion, finished
+            )[0],
+            "simulated successes one by one": simulated_one_by_one(motion, first, space),
+            "aim beside the target by the last miss": local_correction(motion, finished),
+        }
+        print(f"{finished.labels[0]} {finished.labels[2]}, {motion.plan.name}, {given.seeds} arms")
+        print("| method | first try | tries to 10 cm | ever | within 10 tries | time an arm |")
+        print("|---|---|---|---|---|---|")
+        for name, plans in methods.items():
+            start = time.perf_counter()
+            runs = [
+                count_tries(
+                    plans,
+                    SecondSimulation(finished.robot, finished.task, seed),
+                    motion.plan.target[:2],
+                    given.most,
+                )
+                for seed in range(given.seeds)
+            ]
+            report(name, runs, time.perf_counter() - start, given.most)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,103 @@
+"""What was simulated so far: points of a space of motion plans, and what came of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from besman.records import Record
+from besman.refinement.plan_space import Space
+from besman.robot.model import Robot
+from besman.simulation.task import Task
+from besman.simulation.trial import try_plans
+
+FloatArray = npt.NDArray[np.float64]
+
+# Differences of release position and velocity that matter as much as each other.
+_RELEASE_UNITS = np.array([0.1, 0.1, 0.1, 0.3, 0.3, 0.3])
+
+
+@dataclass(frozen=True, eq=False)
+class Archive(Record):
+    """N simulated motion plans.
+
+    Attributes
+    ----------
+    points : array, shape (N, D)
+        In the space of motion plans.
+    outcomes : array, shape (N, 2)
+        Where what was thrown came down, metres ahead and to the left; NaN if it did not.
+    releases : array, shape (N, 6)
+        Position (m) and velocity (m/s) with which it left.
+    costs : array, shape (N,)
+        Terms of the reward beside the miss: limits, collisions, failures.
+    """
+
+    points: FloatArray
+    outcomes: FloatArray
+    releases: FloatArray
+    costs: FloatArray
+
+    @property
+    def behaviours(self) -> FloatArray:
+        """What tells throws apart, shape (N, 6), in units in which one matters; NaN if failed."""
+        return self.releases / _RELEASE_UNITS
+
+    @property
+    def thrown(self) -> npt.NDArray[np.bool_]:
+        """Which came down somewhere, shape (N,)."""
+        return np.asarray(np.isfinite(self.outcomes).all(axis=1))
+
+    def first(self, n: int) -> Archive:
+        """Return the first n plans."""
+        names = ("points", "outcomes", "releases", "costs")
+        return Archive(*(getattr(self, name)[:n] for name in names))
+
+    def joined(self, other: Archive) -> Archive:
+        """Return these plans and others after them."""
+        return Archive(
+            *(
+                np.concatenate([getattr(self, name), getattr(other, name)])
+                for name in ("points", "outcomes", "releases", "costs")
+            )
+        )
+
+
+def no_plans(dimension: int) -> Archive:
+    """Return an archive without plans."""
+    return Archive(np.empty((0, dimension)), np.empty((0, 2)), np.empty((0, 6)), np.empty(0))
+
+
+@dataclass(frozen=True)
+class Simulator:
+    """Simulates points of a space of motion plans.
+
+    Attributes
+    ----------
+    space : Space
+    robot : Robot
+    task : Task
+        A throw.
+    """
+
+    space: Space
+    robot: Robot
+    task: Task
+
+    def simulate(self, points: FloatArray, jobs: int = 1) -> Archive:
+        """Return what comes of points (P, D); threads change nothing."""
+        plans = [self.space.plan_at(point) for point in points]
+        trials = try_plans(self.robot, self.task, plans, jobs)
+        return Archive(
+            points=np.array(points, dtype=np.float64),
+            outcomes=np.array([trial.outcome[:2] for trial in trials]),
+            releases=np.array([trial.release for trial in trials]),
+            costs=np.array(
+                [
+                    sum(cost for name, cost in trial.costs.items() if name != "miss_per_m")
+                    for trial in trials
+                ]
+            ),
+        )

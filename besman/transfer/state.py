@@ -1,0 +1,143 @@
+"""What is known of one motion's tries, in the run folder."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from besman.exceptions import TransferError
+from besman.record_files import digest, load_record, save_record
+from besman.records import RefinedMotion
+from besman.run import write_json
+from besman.transfer.approach import RealTry, TransferConfig
+from besman.transfer.archive import Archive, no_plans
+
+_VERSION = 1
+
+
+@dataclass(frozen=True)
+class Suggested:
+    """One try.
+
+    Attributes
+    ----------
+    row : int
+        Of the archive.
+    expected_m : pair of float
+        Where the surrogate expected it to come down.
+    outcome_m : pair of float, optional
+        Where it did; None until it is recorded, and if it failed.
+    failed : bool
+    """
+
+    row: int
+    expected_m: tuple[float, float]
+    outcome_m: tuple[float, float] | None = None
+    failed: bool = False
+
+    @property
+    def recorded(self) -> bool:
+        """Whether it is known what came of it."""
+        return self.failed or self.outcome_m is not None
+
+
+@dataclass(frozen=True)
+class TransferState:
+    """All tries of one motion.
+
+    Attributes
+    ----------
+    motion : str
+        Its name.
+    key : str
+        Digest of the refined motion.
+    config : TransferConfig
+        How tries are found.
+    archive : Archive
+        What was simulated.
+    tries : tuple of Suggested
+    """
+
+    motion: str
+    key: str
+    config: TransferConfig
+    archive: Archive
+    tries: tuple[Suggested, ...] = ()
+
+    @property
+    def real_tries(self) -> list[RealTry]:
+        """What was recorded."""
+        none = (np.nan, np.nan)
+        return [
+            RealTry(one.row, np.array(one.outcome_m or none)) for one in self.tries if one.recorded
+        ]
+
+    def record(self, number: int, outcome: tuple[float, float]) -> TransferState:
+        """Return the state with the outcome of try `number`, from 1; NaN if it failed."""
+        failed = not np.isfinite(outcome).all()
+        one = replace(self.tries[number - 1], outcome_m=None if failed else outcome, failed=failed)
+        tries = (*self.tries[: number - 1], one, *self.tries[number:])
+        return replace(self, tries=tries)
+
+
+def new_state(motion: RefinedMotion, dimension: int, config: TransferConfig) -> TransferState:
+    """Return the state of a motion that nobody tried."""
+    return TransferState(motion.plan.name, digest(motion.plan), config, no_plans(dimension))
+
+
+def save_state(folder: Path, state: TransferState) -> None:
+    """Write a state; whoever is stopped meanwhile leaves the old one."""
+    folder.mkdir(parents=True, exist_ok=True)
+    temporary = folder / f".archive.npz.tmp{os.getpid()}"
+    save_record(state.archive, temporary)
+    # Before what says how many rows of it count.
+    temporary.replace(folder / "archive.npz")
+    write_json(
+        folder / "state.json",
+        {
+            "version": _VERSION,
+            "motion": state.motion,
+            "key": state.key,
+            "config": state.config.model_dump(mode="json"),
+            "simulated": len(state.archive.points),
+            "tries": [asdict(one) for one in state.tries],
+        },
+    )
+
+
+def load_state(folder: Path) -> TransferState:
+    """Read what `save_state` wrote.
+
+    Raises
+    ------
+    TransferError
+        If the files are damaged.
+    """
+    path = folder / "state.json"
+    try:
+        content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        archive = load_record(folder / "archive.npz").first(content["simulated"])
+        return TransferState(
+            motion=content["motion"],
+            key=content["key"],
+            config=TransferConfig(**content["config"]),
+            archive=archive,
+            tries=tuple(_suggested(one) for one in content["tries"]),
+        )
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise TransferError(f"{path}: cannot be read: {' '.join(str(error).split())}") from None
+
+
+def _suggested(content: dict[str, Any]) -> Suggested:
+    outcome = content["outcome_m"]
+    return Suggested(
+        row=int(content["row"]),
+        expected_m=(float(content["expected_m"][0]), float(content["expected_m"][1])),
+        outcome_m=None if outcome is None else (float(outcome[0]), float(outcome[1])),
+        failed=bool(content["failed"]),
+    )

@@ -1,0 +1,236 @@
+"""Tries on the real arm: suggested, written as files, and recorded, in a run folder."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from besman.exceptions import TransferError, nearest
+from besman.imitation.movement import sample_plan
+from besman.motion_exports import write_exports
+from besman.record_files import digest
+from besman.records import AnyPlan, RefinedMotion
+from besman.refinement.plan_space import Space, plan_space
+from besman.refinement.search import Part
+from besman.robot.kinematics import forward_kinematics
+from besman.robot.limits import check_limits
+from besman.robot.model import Robot
+from besman.simulation.throwing import ThrowConfig
+from besman.simulation.trial import try_plans
+from besman.templates.files import FinishedRun, read_run
+from besman.transfer.approach import TransferConfig, suggest
+from besman.transfer.archive import Simulator
+from besman.transfer.results_table import add_row, read_results
+from besman.transfer.state import Suggested, TransferState, load_state, new_state, save_state
+
+FloatArray = npt.NDArray[np.float64]
+
+PARTS: tuple[Part, ...] = ("goal", "duration", "weights")
+
+
+@dataclass(frozen=True)
+class Suggestion:
+    """What to try next.
+
+    Attributes
+    ----------
+    state : TransferState
+        With the try as its last.
+    target : array, shape (2,)
+        On the floor, metres.
+    folder : Path
+        Of the files to run.
+    table : Path
+        Where the outcome is to be filled in.
+    """
+
+    state: TransferState
+    target: FloatArray
+    folder: Path
+    table: Path
+
+
+def suggest_try(
+    run: Path,
+    motion: str | None = None,
+    out: Path | None = None,
+    config: TransferConfig | None = None,
+    jobs: int = 1,
+) -> Suggestion:
+    """Suggest the next try of a motion, and write it in every format.
+
+    A try that is not recorded yet is written again.
+
+    Parameters
+    ----------
+    run : Path
+        A finished run of a throw.
+    motion : str, optional
+        Name of a refined motion; default the first.
+    out : Path, optional
+        Folder for files and table; default ``transfer`` in the run folder.
+    config : TransferConfig, optional
+        How to search; what the first try of a motion was found with stays.
+    jobs : int
+        Threads; they change nothing.
+
+    Raises
+    ------
+    RunError, TransferError
+        If the folder is no finished run of a throw, there is no such motion, or none may be tried.
+    """
+    finished = _throws(run)
+    refined = _choose(run, finished, motion)
+    config = config or TransferConfig()
+    space = _space(refined.plan, finished.robot, config)
+    folder = run / "transfer" / file_name(refined.plan.name)
+    state = new_state(refined, space.dimension, config)
+    if (folder / "state.json").exists():
+        state = _same(folder, load_state(folder), refined)
+        space = _space(refined.plan, finished.robot, state.config)
+    target = refined.plan.target[:2]
+    if not state.tries or state.tries[-1].recorded:
+        state = _next(state, Simulator(space, finished.robot, finished.task), target, jobs)
+        save_state(folder, state)
+    number = len(state.tries)
+    place = (out or run / "transfer") / file_name(refined.plan.name) / f"try_{number:02d}"
+    place.mkdir(parents=True, exist_ok=True)
+    plan = space.plan_at(state.archive.points[state.tries[-1].row])
+    write_exports((_as_motion(refined, plan, finished, number),), finished.robot, place)
+    table = (out or run / "transfer") / "results.csv"
+    add_row(table, refined.plan.name, number)
+    return Suggestion(state, target, place, table)
+
+
+def record_tries(run: Path, table: Path) -> list[tuple[TransferState, FloatArray]]:
+    """Take what was measured.
+
+    Parameters
+    ----------
+    run : Path
+        The run whose motions were tried.
+    table : Path
+        See `besman.transfer.results_table`.
+
+    Returns
+    -------
+    list of pairs
+        Of every motion in the table its state and its target (2,), metres.
+
+    Raises
+    ------
+    RunError, TransferError
+        If nothing was suggested for the run, or the table does not fit; then nothing is recorded.
+    """
+    finished = _throws(run)
+    motions = {one.plan.name: one for one in finished.motions}
+    states = {}
+    for path in sorted((run / "transfer").glob("*/state.json")):
+        state = load_state(path.parent)
+        if state.motion in motions:
+            states[state.motion] = _same(path.parent, state, motions[state.motion])
+    if not states:
+        raise TransferError(f"{run}: nothing was suggested yet; first: besman transfer suggest")
+    changed: dict[str, TransferState] = {}
+    for row in read_results(table, {name: len(one.tries) for name, one in states.items()}):
+        before = changed.get(row.motion, states[row.motion])
+        changed[row.motion] = before.record(row.number, row.outcome)
+    for name, state in changed.items():
+        save_state(run / "transfer" / file_name(name), state)
+    return [(state, motions[name].plan.target[:2]) for name, state in changed.items()]
+
+
+def distances(state: TransferState, target: FloatArray) -> list[float | None]:
+    """Return how far from the target every try came down, metres; None if it is not known."""
+    return [
+        None if one.outcome_m is None else float(np.linalg.norm(np.array(one.outcome_m) - target))
+        for one in state.tries
+    ]
+
+
+def file_name(motion: str) -> str:
+    """Return a motion's name for files: ``FILE_SEGMENT``."""
+    source, _, segment = motion.rpartition(":")
+    return f"{Path(source).stem}_{segment}"
+
+
+def _throws(run: Path) -> FinishedRun:
+    """Read a run, if it is one of a throw."""
+    finished = read_run(run)
+    if not isinstance(finished.task, ThrowConfig):
+        raise TransferError(
+            f"{run}: task {finished.task.kind}: transfer is for throws; allowed: ball_throw, "
+            "stick_throw"
+        )
+    return finished
+
+
+def _choose(run: Path, finished: FinishedRun, motion: str | None) -> RefinedMotion:
+    """Return the motion of a name."""
+    motions = {one.plan.name: one for one in finished.motions}
+    if not motions:
+        raise TransferError(f"{run}: no motion was refined")
+    if motion is None:
+        return finished.motions[0]
+    if motion not in motions:
+        raise TransferError(f"--motion: got {motion!r}; {nearest(motion, motions)}")
+    return motions[motion]
+
+
+def _space(plan: AnyPlan, robot: Robot, config: TransferConfig) -> Space:
+    """Set up the motions around a refined one."""
+    return plan_space(plan, robot, PARTS, config.n_shapes)
+
+
+def _same(folder: Path, state: TransferState, motion: RefinedMotion) -> TransferState:
+    """Refuse what was learnt about a motion that the run no longer holds."""
+    if state.key != digest(motion.plan):
+        raise TransferError(
+            f"{folder}: belongs to another motion {state.motion}: the run was computed anew since; "
+            "move the folder away to begin again"
+        )
+    return state
+
+
+def _next(
+    state: TransferState, simulator: Simulator, target: FloatArray, jobs: int
+) -> TransferState:
+    """Return the state with one try more."""
+    robot = simulator.robot
+
+    def is_within_limits(point: FloatArray) -> bool:
+        movement = sample_plan(simulator.space.plan_at(point), robot)[1:]
+        report = check_limits(robot, *movement)
+        return report.violations == 0 and report.self_collisions == 0
+
+    found = suggest(
+        simulator, state.archive, state.real_tries, target, state.config, is_within_limits, jobs
+    )
+    expected = (float(found.landing[0]), float(found.landing[1]))
+    tries = (*state.tries, Suggested(found.row, expected))
+    return replace(state, archive=found.archive, tries=tries)
+
+
+def _as_motion(
+    refined: RefinedMotion, plan: AnyPlan, finished: FinishedRun, number: int
+) -> RefinedMotion:
+    """Return a plan as a motion that can be written."""
+    plan = replace(plan, name=f"{plan.name}_try{number:02d}")
+    (trial,) = try_plans(finished.robot, finished.task, [plan], paths=True)
+    time, positions, velocities, accelerations = sample_plan(plan, finished.robot)
+    return replace(
+        refined,
+        plan=plan,
+        time=time,
+        positions=positions,
+        velocities=velocities,
+        accelerations=accelerations,
+        outcome=trial.outcome,
+        object_path=trial.object_path,
+        tool_path=forward_kinematics(finished.robot.chain, positions)[:, :3, 3],
+        success=trial.success,
+        miss=trial.miss,
+    )
