@@ -42,11 +42,17 @@ def best_so_far(values: Sequence[FloatArray], greatest: bool) -> FloatArray:
 
 
 def quantiles(values: FloatArray, shares: Sequence[float]) -> FloatArray:
-    """Return quantiles over the rows, shape (Q, E); NaN where a column has no value."""
+    """Return quantiles over the rows, shape (Q, E).
+
+    NaN is left out, and the result where a column has no value; infinity counts as the worst.
+    """
     result = np.full((len(shares), values.shape[1]), np.nan)
-    some = np.isfinite(values).any(axis=0)
+    some = ~np.isnan(values).all(axis=0)
     if some.any():
-        result[:, some] = np.nanquantile(values[:, some], shares, axis=0)
+        with np.errstate(invalid="ignore"):
+            found = np.nanquantile(values[:, some], shares, axis=0)
+        # Between two infinite values NumPy finds none.
+        result[:, some] = np.where(np.isnan(found), np.inf, found)
     return result
 
 
@@ -59,6 +65,8 @@ def learning_curve(motions: Sequence[RefinedMotion], radius_m: float) -> str:
         SVG; logarithmic centimetres.
     """
     best = 100 * best_so_far([motion.misses for motion in motions], greatest=False)
+    # Else the median would rise when the last motions have an outcome at last.
+    best[np.isnan(best)] = np.inf
     figure = new_figure(5, 3.4)
     axes = figure.add_subplot()
     _draw_quantiles(axes, best)
@@ -91,7 +99,10 @@ def _draw_quantiles(axes: Any, curves: FloatArray) -> None:
     if len(curves) <= _LINES:
         for curve in curves:
             axes.plot(episodes, curve, color=COLOURS[0], linewidth=0.5, alpha=0.4)
-    low, lower, middle, upper, high = quantiles(curves, (0.05, 0.25, 0.5, 0.75, 0.95))
+    bands = quantiles(curves, (0.05, 0.25, 0.5, 0.75, 0.95))
+    middle = np.where(np.isinf(bands[2]), np.nan, bands[2])
+    top = curves[np.isfinite(curves)].max(initial=0.0)
+    low, lower, _, upper, high = np.minimum(bands, top)
     if len(curves) >= _BAND_FROM:
         band = {"color": COLOURS[0], "linewidth": 0}
         axes.fill_between(episodes, low, high, alpha=0.2, label="5 to 95 %", **band)

@@ -103,7 +103,8 @@ def _refinement(arm: ArmRecords, radius: float) -> str:
     curves = captioned(
         figures.learning_curve(motions, radius),
         f"Best miss so far [cm] over the {tried} of every motion; median and quantiles over "
-        f"{len(motions)} motions. A search that has ended keeps its best.",
+        f"{len(motions)} motions. A search that has ended keeps its best; one without an outcome "
+        "yet counts as the worst.",
     ) + captioned(
         figures.return_curve(motions),
         f"The same for the return: minus the sum of the task's costs, over the {tried}.",

@@ -131,8 +131,8 @@ def _arm_lines(results: dict[str, Any], suffix: str) -> list[str]:
     if refine:
         lines.append(
             f"refinement: {refine['n_success']} of {refine['n_motions']} succeed, miss "
-            f"{100 * _number(refine['miss_before_m']['median']):.1f} cm before, "
-            f"{100 * _number(refine['miss_m']['median']):.1f} cm after (medians), "
+            f"{_centimetres(refine['miss_before_m']['median'])} before, "
+            f"{_centimetres(refine['miss_m']['median'])} after (medians), "
             f"{refine['episodes']['median']:.0f} episodes"
         )
     if refine.get("robustness"):
@@ -185,6 +185,10 @@ def failures(results: dict[str, Any]) -> dict[str, list[dict[str, str]]]:
     """Return name and reason of everything that was left out, by stage."""
     found = {stage: content.get("failed") for stage, content in results.items()}
     return {stage: failed for stage, failed in found.items() if failed}
+
+
+def _centimetres(metres: float | None) -> str:
+    return "unknown" if metres is None else f"{100 * metres:.1f} cm"
 
 
 def _number(value: float | None) -> float:

@@ -28,6 +28,11 @@ def test_quantiles_leave_out_what_is_not_there():
     assert np.isnan(quantiles(values, (0.5,))[0, 2])
 
 
+def test_what_has_no_outcome_yet_counts_as_worst():
+    values = np.array([[np.inf, np.inf, 1.0], [2.0, np.inf, 1.0], [1.0, 1.0, 3.0]])
+    np.testing.assert_array_equal(quantiles(values, (0.5,)), [[2.0, np.inf, 1.0]])
+
+
 @pytest.mark.parametrize(
     ("cell", "key"),
     [
