@@ -49,10 +49,14 @@ def quantiles(values: FloatArray, shares: Sequence[float]) -> FloatArray:
     result = np.full((len(shares), values.shape[1]), np.nan)
     some = ~np.isnan(values).all(axis=0)
     if some.any():
+        low, high = (
+            np.nanquantile(values[:, some], shares, axis=0, method=side)
+            for side in ("lower", "higher")
+        )
         with np.errstate(invalid="ignore"):
-            found = np.nanquantile(values[:, some], shares, axis=0)
-        # Between two infinite values NumPy finds none.
-        result[:, some] = np.where(np.isnan(found), np.inf, found)
+            between = np.nanquantile(values[:, some], shares, axis=0)
+        # Nothing lies between a finite and an infinite value but infinity.
+        result[:, some] = np.where(low == high, low, np.where(np.isinf(high), np.inf, between))
     return result
 
 
