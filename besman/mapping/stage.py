@@ -277,9 +277,9 @@ def map_results(mapping: Any) -> dict[str, Any]:
     -------
     dict
         n_demonstrations, n_transferred, failed, corrected (placements of their own), scale,
-        position_error_m and orientation_error_deg (mean, p95 and max over all samples), time_stretch
-        (median, max), limit_violations and self_collisions (samples at 1 kHz), torque_ratio (the
-        greatest share of a joint's torque limit).
+        position_error_m and orientation_error_deg (mean, p95 and max over all samples),
+        time_stretch (median, max), limit_violations and self_collisions (samples at 1 kHz),
+        torque_ratio (the greatest share of a joint's torque limit).
     """
     trajectories = mapping.trajectories
     position = np.concatenate([one.position_error for one in trajectories])
