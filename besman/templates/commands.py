@@ -26,7 +26,7 @@ def learn(
         ),
     ] = None,
     episodes: Annotated[int, typer.Option(help="Throws, or other tries, to learn from.")] = 3000,
-    method: Annotated[str, typer.Option(help="creps or ccma_es.")] = "creps",
+    method: Annotated[str, typer.Option(help="creps or ccma_es.")] = "ccma_es",
     seed: Annotated[int, typer.Option(help="Of contexts and search.")] = 0,
     settings: Annotated[
         list[str] | None,

@@ -59,7 +59,7 @@ class TemplateConfig(Config):
         What one unit of the search changes.
     """
 
-    method: Method = "creps"
+    method: Method = "ccma_es"
     episodes: Annotated[int, Field(ge=1)] = 3000
     checks: Annotated[int, Field(ge=10)] = 100
     population: Annotated[int, Field(ge=4)] | None = None

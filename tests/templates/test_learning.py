@@ -52,7 +52,7 @@ def test_unseen_targets_are_hit(method):
 
 
 def learn(seed=0, known=None, keep=None, try_points=throw):
-    config = TemplateConfig(episodes=210, population=20, checks=10, seed=seed)
+    config = TemplateConfig(method="creps", episodes=210, population=20, checks=10, seed=seed)
     return learn_policy(config, 3, REGION, try_points, Work(), known, keep)
 
 

@@ -31,7 +31,7 @@ from besman.templates.teaching import prepare_lesson, teach
 from besman.templates.template import Template, forecast, slow_to_torque
 
 THROW = load_task("stick_throw")
-QUICK = TemplateConfig(episodes=40, population=20, checks=10)
+QUICK = TemplateConfig(method="creps", episodes=40, population=20, checks=10)
 
 
 @pytest.fixture(scope="module")
@@ -264,7 +264,7 @@ def call(monkeypatch, *arguments):
 
 
 def test_the_commands(run, template, monkeypatch, tmp_path, capsys):
-    options = "--episodes", 40, "--set", "population=20", "--set", "checks=10"
+    options = "--method", "creps", "--episodes", 40, "--set", "population=20", "--set", "checks=10"
     assert call(monkeypatch, "template", "learn", run, *options) == 0
     told = capsys.readouterr().out
     assert "learnt x " in told
@@ -304,7 +304,7 @@ def test_the_commands(run, template, monkeypatch, tmp_path, capsys):
 
 @pytest.mark.slow
 def test_unseen_targets_are_hit_by_a_thrown_stick(robot, motions):
-    config = TemplateConfig(episodes=1000, checks=50)
+    config = TemplateConfig(method="creps", episodes=1000, checks=50)
     lesson = prepare_lesson(motions, robot, THROW, (), {}, config)
     template = teach(lesson, config, ("ur5", "stick_holder", "stick_throw"), Work(2))
     contexts = np.random.default_rng(7).uniform(*template.region, (40, 2))
@@ -321,7 +321,7 @@ def test_an_object_is_reached_wherever_it_stands(make_plan):
     end = np.concatenate([pose[:3, 3], rotation_to_quaternion(pose[:3, :3])])
     plan = replace(plan, goal_pose=end, target=np.full(3, np.nan))
     motions = RefineConfig(episodes=1).run((plan,), gripper, reach)
-    config = TemplateConfig(episodes=800, checks=20, search=("goal",), sigma=0.5)
+    config = TemplateConfig(method="creps", episodes=800, checks=20, search=("goal",), sigma=0.5)
     lesson = prepare_lesson(motions, gripper, reach, ("x", "y"), {}, config)
     np.testing.assert_allclose(np.ptp(lesson.region, axis=0), 0.1)
     template = teach(lesson, config, ("ur5", "gripper", "reach"))
