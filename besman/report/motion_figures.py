@@ -112,8 +112,9 @@ def _draw_quantiles(axes: Any, curves: FloatArray) -> None:
         axes.fill_between(episodes, low, high, alpha=0.2, label="5 to 95 %", **band)
         axes.fill_between(episodes, lower, upper, alpha=0.35, label="25 to 75 %", **band)
     # A line through a single episode would not be seen.
-    dot = "o" if len(episodes) == 1 else ""
-    axes.plot(episodes, middle, color=COLOURS[5], linewidth=2, marker=dot, label="median")
+    axes.plot(episodes, middle, color=COLOURS[5], linewidth=2, marker="o", ms=2.5, label="median")
+    axes.set_xlim(-0.5, len(episodes) - 0.5)
+    axes.xaxis.get_major_locator().set_params(integer=True)
 
 
 def touchdown_map(
@@ -172,6 +173,8 @@ def touchdowns_by_generation(
     str
         SVG; centimetres, the central 95 % of all throws.
     """
+    from matplotlib.ticker import MaxNLocator
+
     pick = list(plane)
     off = np.concatenate(
         [100 * (one.outcomes - goal)[:, pick] for one, goal in zip(motions, targets, strict=True)]
@@ -186,7 +189,7 @@ def touchdowns_by_generation(
     dots = axes.scatter(
         off[some, 0], off[some, 1], c=generations[some], s=9, cmap=_early_to_late(), linewidths=0
     )
-    bar = figure.colorbar(dots, ax=axes, label="generation")
+    bar = figure.colorbar(dots, ax=axes, label="generation", ticks=MaxNLocator(integer=True))
     bar.outline.set_visible(False)
     bar.ax.tick_params(labelsize=8, colors=INK)
     if len(rows):
