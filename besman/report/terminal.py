@@ -151,12 +151,14 @@ def robustness_line(found: dict[str, Any]) -> str:
     share, shift = found["success_share"], found["shift_at_quarter_step_m"]["median"]
     parts = []
     if share is not None:
-        parts.append(
-            f"{share:.0%} succeed in {found['models']} perturbed models each, miss "
-            f"{100 * _number(found['miss_m']['median']):.1f} cm (median), "
-            f"{100 * _number(found['miss_m']['p95']):.1f} cm (95 %)"
+        parts.append(f"{share:.0%} succeed in {found['models']} perturbed models each")
+    if found["miss_m"]["median"] is not None:
+        parts[-1] += (
+            f", miss {100 * found['miss_m']['median']:.1f} cm (median), "
+            f"{100 * found['miss_m']['p95']:.1f} cm (95 %)"
         )
-    parts.append(f"{100 * _number(shift):.1f} cm elsewhere at a quarter of the time step (median)")
+    if shift is not None:
+        parts.append(f"{100 * shift:.1f} cm elsewhere at a quarter of the time step (median)")
     return "robustness: " + "; ".join(parts)
 
 

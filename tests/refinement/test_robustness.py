@@ -92,6 +92,8 @@ def test_results_are_of_all_episodes():
     assert none["success_share"] is None
     assert robustness_line(none).startswith("robustness: 2.0 cm elsewhere")
     assert robustness_results([])["models"] == 0
+    lost = robustness_results([made([False], [np.nan], np.nan)])
+    assert robustness_line(lost) == "robustness: 0% succeed in 1 perturbed models each"
 
 
 def test_cells_and_table():
