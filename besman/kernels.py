@@ -22,6 +22,7 @@ def compile_kernels() -> None:
             "recognize.examples_per_class=1",
             "map.evaluations=1",
             "refine.episodes=2",
+            "refine.robustness=null",
         )
         config = load_pipeline(find_resource("pipelines", "ur5_stick_throw"), settings)
         run_pipeline(config, Path(folder) / "run")
