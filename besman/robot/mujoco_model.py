@@ -131,8 +131,27 @@ def servo_controls(
         rad.
     """
     gains = servo_gains(robot)
-    torques = inverse_dynamics(robot, positions, velocities, accelerations)
-    return np.asarray(positions + (gains.kv * np.asarray(velocities) + torques) / gains.kp)
+    movement = (positions, velocities, accelerations)
+    q, v, a = (np.asarray(part, dtype=np.float64) for part in movement)
+    # The same torques of an arm at rest need not be computed a thousand times.
+    moving = _moving_samples(q, v, a) if q.ndim > 1 else None
+    if moving is None:
+        torques = inverse_dynamics(robot, q, v, a)
+    else:
+        torques = np.empty(q.shape)
+        first = (..., slice(moving), slice(None))
+        torques[first] = inverse_dynamics(robot, q[first], v[first], a[first])
+        torques[..., moving:, :] = torques[..., moving - 1 : moving, :]
+    return np.asarray(q + (gains.kv * v + torques) / gains.kp)
+
+
+def _moving_samples(*movement: FloatArray) -> int:
+    """Return how many samples (axis -2) there are until nothing changes any more, at least 1."""
+    changes = np.zeros(movement[0].shape[-2] - 1, dtype=bool)
+    for part in movement:
+        differs = part[..., 1:, :] != part[..., :-1, :]
+        changes |= differs.any(axis=(*range(part.ndim - 2), part.ndim - 1))
+    return int(len(changes) - changes[::-1].argmax()) + 1 if changes.any() else 1
 
 
 def matrix_to_quaternion(rotation: FloatArray) -> FloatArray:
