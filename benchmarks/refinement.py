@@ -66,7 +66,7 @@ def repeat_published(options: argparse.Namespace, workers: Workers) -> list:
             bar = BAR.get(name, "") if mark == 2000 else ""
             got = mean(row["rewards_at"][mark])
             show(f"{name} after {mark} episodes", got, f"{middle:g} +- {error:g}", bar)
-        rows.append({**row, "dataset": f"{name}, as published"})
+        rows.append({**row, "dataset": f"{name}_as_published"})
     return rows
 
 
