@@ -45,6 +45,8 @@ FloatArray = npt.NDArray[np.float64]
 
 # A chord that is steeper than this does not tell which way is ahead.
 _LEAST_LEVEL_M = 0.02
+# Nor is a level pull's arc ahead of it; it is above.
+_LEAST_BULGE = 1e-3
 # Columns of a sensor, see `lever_model`.
 _HANDLE = slice(7, 10)
 
@@ -75,7 +77,7 @@ class LeverConfig(Config):
     """
 
     length_m: Positive = 0.28
-    handle_length_m: Positive = 0.14
+    handle_length_m: Positive = 0.2
     handle_radius_m: Positive = 0.012
     bar_side: Literal["left", "right"] = "left"
     mass_kg: Positive = 1.0
@@ -238,7 +240,7 @@ def find_hinge(
     """Find the hinge of a lever whose handle goes from one place to another.
 
     Of the two circles through both places in their vertical plane it is the one that bulges
-    ahead: a person pulls down and towards the body.
+    ahead, or up where the pull is level: a person pulls down and towards the body.
 
     Parameters
     ----------
@@ -267,8 +269,13 @@ def find_hinge(
     if np.linalg.norm(ahead) < _LEAST_LEVEL_M:
         w, x, y, z = start[3:]
         ahead = np.array([2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 0.0])
+    if np.linalg.norm(ahead) < _LEAST_BULGE:
+        ahead = np.array([1.0, 0.0, 0.0])
     along = way / chord
+    ahead /= np.linalg.norm(ahead)
     bulge = ahead - (ahead @ along) * along
+    if np.linalg.norm(bulge) < _LEAST_BULGE:
+        bulge = np.array([0.0, 0.0, 1.0]) - along[2] * along
     bulge /= np.linalg.norm(bulge)
     centre = start[:3] + way / 2 - np.sqrt(length**2 - chord**2 / 4) * bulge
     first = (start[:3] - centre) / length
