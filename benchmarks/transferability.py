@@ -70,6 +70,9 @@ def simulated_one_by_one(motion, first, space):
 
 def local_correction(motion, finished):
     """Aim beside the target by what the last try was off, and refine for that in simulation."""
+    task = finished.task
+    if getattr(task, "target_m", None) is not None:  # Or it would aim there again.
+        task = task.model_copy(update={"target_m": None})
 
     def plans():
         plan, aim = motion.plan, motion.plan.target.copy()
@@ -80,7 +83,7 @@ def local_correction(motion, finished):
             else:  # Nothing learnt: back half-way to where it was aimed first.
                 aim = 0.5 * (aim + motion.plan.target)
             config = RefineConfig(episodes=_EPISODES, robustness=None)
-            (found,) = config.run((replace(plan, target=aim),), finished.robot, finished.task)
+            (found,) = config.run((replace(plan, target=aim),), finished.robot, task)
             plan = found.plan
 
     return plans
@@ -116,6 +119,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--motion", type=int, default=0)
     parser.add_argument("--most", type=int, default=20, help="greatest number of real tries")
+    parser.add_argument("--only", nargs="+", default=[""], help="parts of names of methods")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         if given.run is None:
@@ -139,7 +143,8 @@ def main() -> None:
         print(f"{finished.labels[0]} {finished.labels[2]}, {motion.plan.name}, {given.seeds} arms")
         print("| method | first try | tries to 10 cm | ever | within 10 tries | time an arm |")
         print("|---|---|---|---|---|---|")
-        for name, plans in methods.items():
+        chosen = {k: v for k, v in methods.items() if any(part in k for part in given.only)}
+        for name, plans in chosen.items():
             start = time.perf_counter()
             runs = [
                 count_tries(

@@ -25,9 +25,12 @@ from besman.transfer.surrogate import GaussianShift, InverseDistance, Surrogate
 
 FloatArray = npt.NDArray[np.float64]
 
-# Points that a linear model improves at a time, and how little it believes in coincidences.
-_STEPPED = 4
-_RIDGE = 0.01
+# Points in a generation of CMA-ES, its first standard deviation, and which share of the radius of
+# success ends it.
+_STEPPED, _STEP = 8, 0.3
+_ENOUGH = 0.3
+# A throw that lands this far from where the simulation says has failed.
+_FAILED_M = 1.2
 # What is open of the landing of a motion that does not throw.
 _UNKNOWN_M = 10.0
 
@@ -43,7 +46,7 @@ class TransferConfig(Config):
     population, generations : int
         Of NSGA-II before each try; the first time twice as many generations.
     steps : int
-        Rounds of steps by a linear model of the simulated landings before NSGA-II.
+        Greatest number of generations of CMA-ES before NSGA-II, after the first try.
     first_sigma, bound : float
         Standard deviation of the first points about the refined motion, and how far points may be
         from it, in units of refinement's search.
@@ -55,8 +58,8 @@ class TransferConfig(Config):
 
     surrogate: Literal["gaussian_process", "inverse_distance"] = "gaussian_process"
     population: Annotated[int, Field(ge=4)] = 24
-    generations: Annotated[int, Field(ge=0)] = 5
-    steps: Annotated[int, Field(ge=0)] = 4
+    generations: Annotated[int, Field(ge=0)] = 4
+    steps: Annotated[int, Field(ge=0)] = 15
     first_sigma: Annotated[float, Field(gt=0)] = 0.4
     bound: Annotated[float, Field(gt=0)] = 2.0
     n_shapes: Annotated[int, Field(ge=1)] = 4
@@ -111,8 +114,8 @@ def suggest(
 
     NSGA-II makes three costs small: that of the reward where the surrogate expects the real
     outcome, what is open of it (transferability), and minus the distance to what was tried
-    (diversity). Of all that was simulated, the next try is the one whose expected cost and what is
-    open of it are least together.
+    (diversity). Before that, CMA-ES looks for a motion that is expected to hit. Of all that was
+    simulated, the next try is the one that may come down nearest to the target and is known best.
 
     Parameters
     ----------
@@ -141,14 +144,13 @@ def suggest(
         If no simulated motion may be tried.
     """
     search = _Search(simulator, archive, tries, np.asarray(target, dtype=np.float64), config, jobs)
-    first = archive.points if len(archive.points) else _first_points(simulator, config)
-    generations = config.generations * (1 if len(archive.points) else 2)
-    bounds = (-config.bound, config.bound)
-    for _ in range(config.steps if len(archive.points) else 0):
-        search.step(bounds)
     # Another seed for every try, or the same changes are made to other points.
     seed = int(np.random.SeedSequence((config.seed, len(tries))).generate_state(1)[0])
-    first = search.archive.points if len(search.archive.points) else first
+    first, generations = _first_points(simulator, config), 2 * config.generations
+    if len(archive.points):
+        search.pursue(config, seed)
+        first, generations = search.archive.points, config.generations
+    bounds = (-config.bound, config.bound)
     nsga2(search.costs, first, bounds, config.population, generations, seed)
     tried = {one.row for one in tries}
     for row in search.ranking():
@@ -184,15 +186,16 @@ class _Search:
         rows = np.array([one.row for one in tries], dtype=np.int64)
         real = np.array([one.outcome for one in tries], dtype=np.float64).reshape(-1, 2)
         self._tried = archive.behaviours[rows]
-        self._explores = config.surrogate == "inverse_distance" and len(tries) % 2 == 1
-        self._failed = ~np.isfinite(real).all(axis=1)
+        self._directed = config.surrogate == "gaussian_process"
+        shifts = real - archive.outcomes[rows]
+        # What goes that far wrong fell out of the tool, or hit something.
+        self._failed = ~(np.linalg.norm(shifts, axis=1) <= _FAILED_M)
         good = ~self._failed
-        shifts = (real - archive.outcomes[rows])[good]
         kinds: dict[str, type[GaussianShift] | type[InverseDistance]] = {
             "gaussian_process": GaussianShift,
             "inverse_distance": InverseDistance,
         }
-        self._surrogate: Surrogate = kinds[config.surrogate](self._tried[good], shifts)
+        self._surrogate: Surrogate = kinds[config.surrogate](self._tried[good], shifts[good])
 
     def costs(self, points: FloatArray) -> FloatArray:
         """Return expected cost, what is open of the outcome, and minus the diversity: (P, 3)."""
@@ -207,15 +210,22 @@ class _Search:
         return np.asarray(np.linalg.norm(behaviours[:, None] - known[None], axis=2).min(axis=1))
 
     def ranking(self) -> npt.NDArray[np.int64]:
-        """Return the rows of everything simulated, the least cost to be feared first.
+        """Return the rows of everything simulated, the one to try first.
 
-        A surrogate without direction learns nothing from more of the same: every other try is the
-        simulated success that is most unlike what was tried.
+        That is the one that may come down nearest to the target and is known best. A surrogate
+        without direction does not say where: there it is the one of the least cost and disparity,
+        and every other time, because more of the same teaches nothing, the simulated success that
+        is most unlike what was tried.
         """
         rows, task = np.arange(len(self.archive.points)), self._simulator.task
-        costs, open_m, _ = self._expect(rows)
+        costs, open_m, landings = self._expect(rows)
+        if self._directed:
+            misses = np.linalg.norm(landings - self._target, axis=1)
+            others = np.where(np.isfinite(misses), costs - task.reward.miss_per_m * misses, costs)
+            hoped = np.hypot(np.maximum(misses - open_m, 0.0), 0.5 * open_m)
+            return np.argsort(np.nan_to_num(hoped, nan=_UNKNOWN_M) + others, kind="stable")
         feared = costs + task.reward.miss_per_m * open_m
-        if self._explores:
+        if len(self._tried) % 2 == 1:
             hits = costs <= task.reward.miss_per_m * task.success_radius_m
             feared[hits] = -np.nan_to_num(self._distances(rows[hits], self._tried))
         return np.argsort(feared, kind="stable")
@@ -224,28 +234,31 @@ class _Search:
         """Return where the surrogate expects motions to come down, shape (P, 2), metres."""
         return self._expect(rows)[2]
 
-    def step(self, bounds: tuple[float, float]) -> None:
-        """Simulate what a linear model of the landings says of the most promising points.
+    def pursue(self, config: TransferConfig, seed: int) -> None:
+        """Search by CMA-ES around the most promising point for one that is expected to hit.
 
         Crossing and mutating points takes long to move a landing by a given amount.
         """
-        archive = self.archive
-        thrown = np.flatnonzero(archive.thrown)
-        if len(thrown) <= archive.points.shape[1]:
+        from besman.refinement.cma_es import CmaEs
+
+        thrown = np.flatnonzero(self.archive.thrown)
+        if not len(thrown):
             return
-        costs, _, landings = self._expect(thrown)
-        best = thrown[np.argsort(costs, kind="stable")[:_STEPPED]]
-        nearest = np.argsort(
-            np.linalg.norm(archive.points[thrown] - archive.points[best[0]], axis=1), kind="stable"
+        costs, radius = self._expect(thrown)[0], self._simulator.task.success_radius_m
+        enough = _ENOUGH * radius * self._simulator.task.reward.miss_per_m
+        best = thrown[np.argmin(costs)]
+        bounds = np.full(self.archive.points.shape[1], config.bound)
+        search = CmaEs(
+            self.archive.points[best], _STEP, _STEPPED, (seed,), bounds=(-bounds, bounds)
         )
-        near = thrown[nearest[: 4 * archive.points.shape[1]]]
-        ones = np.ones((len(near), 1))
-        design = np.concatenate([archive.points[near], ones], axis=1)
-        ridge = _RIDGE * np.eye(design.shape[1])
-        gain = np.linalg.solve(design.T @ design + ridge, design.T @ archive.outcomes[near])[:-1]
-        missing = self._target - landings[np.searchsorted(thrown, best)]
-        points = archive.points[best] + missing @ np.linalg.pinv(gain)
-        self._simulate(np.clip(points, *bounds))
+        least = float(costs.min())
+        for _ in range(config.steps):
+            if least <= enough:
+                return
+            points = search.ask()
+            found = self._expect(self._simulate(points))[0]
+            search.tell(points, -found)
+            least = min(least, float(found.min()))
 
     def _expect(self, rows: npt.NDArray[np.int64]) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return what motions will cost on the real arm, what is open of it, where they land."""
