@@ -28,8 +28,14 @@ from besman.simulation.scenes import (
     lay_in_tool,
     set_contact_options,
 )
-from besman.simulation.task import NotNegative, Positive
-from besman.simulation.throwing import Thing, ThrowConfig, ThrowSuccessConfig, throw
+from besman.simulation.task import NotNegative, Positive, TimeStep
+from besman.simulation.throwing import (
+    Thing,
+    ThrowConfig,
+    ThrowSimulationConfig,
+    ThrowSuccessConfig,
+    throw,
+)
 from besman.stage import Config
 
 FloatArray = npt.NDArray[np.float64]
@@ -66,6 +72,13 @@ class ScoopConfig(Config):
     friction: NotNegative = 0.3
 
 
+class BallThrowSimulationConfig(ThrowSimulationConfig):
+    """How the throw is computed; see `ThrowSimulationConfig`."""
+
+    time_step_s: TimeStep = 0.0015
+    contact_time_s: Positive = 0.003
+
+
 class BallThrowSuccessConfig(ThrowSuccessConfig):
     """A throw succeeds if it lands within this distance of the target, as in thesis 7.2.1."""
 
@@ -92,6 +105,7 @@ class BallThrowConfig(ThrowConfig):
     target_m: tuple[float, float] | None = (2.0, 0.0)
     ball: BallConfig = BallConfig()
     scoop: ScoopConfig = ScoopConfig()
+    simulation: BallThrowSimulationConfig = BallThrowSimulationConfig()
     success: BallThrowSuccessConfig = BallThrowSuccessConfig()
 
     needs: ClassVar[str] = (

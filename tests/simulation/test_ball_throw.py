@@ -69,9 +69,9 @@ def test_the_flight_is_ballistic_from_wherever_it_is_read_off(plans):
 
 
 def test_landing_does_not_depend_on_the_time_step(plans):
-    fine = changed(simulation={"time_step_s": 0.00025, "contact_time_s": 0.0005})
+    fine = changed(simulation={"time_step_s": 0.000375, "contact_time_s": 0.00075})
     shift = np.linalg.norm(throw(plans, fine).outcomes - throw(plans).outcomes, axis=1)
-    assert np.median(shift) < 0.03
+    assert np.median(shift) < 0.02
 
 
 def test_the_ball_rests_on_the_plate_of_a_level_scoop(level_scoop):
