@@ -45,7 +45,9 @@ def check_pipeline(name: str, settings: tuple[str, ...] = ()) -> list[str]:
             f"task {config.task}: needs tool {task.tool!r}, got tool: {robot.tool.name!r}"
         )
     lines.append(f"robot: {robot.name} with {robot.tool.name}, {robot.n} joints")
-    lines.append(f"task: {config.task}, success within {100 * task.success_radius_m:g} cm")
+    method, usual = config.imitate.method, task.motion_plan
+    other = "" if method == usual else f"; made for {usual}, imitated by {method}"
+    lines.append(f"task: {config.task}, success within {100 * task.success_radius_m:g} cm{other}")
     return lines
 
 

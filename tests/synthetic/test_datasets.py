@@ -36,6 +36,30 @@ def test_the_calibration_is_what_the_generator_writes(tmp_path):
     assert embedded.read_bytes() == (tmp_path / "subject1.tsv").read_bytes()
 
 
+@pytest.mark.parametrize(
+    ("folder", "dataset", "counts", "seed"),
+    [
+        ("ball_throw", "ball_throw", (1, 8), 9),
+        ("lever", "lever", (2, 3), 9),
+        ("pick_and_place_unlabelled", "pick_and_place", (3, 1), 3),
+    ],
+)
+def test_samples_of_the_tasks_are_what_the_generator_writes(
+    tmp_path, folder, dataset, counts, seed
+):
+    write_synthetic(dataset, tmp_path, *counts, 60, seed, Room())
+    files = sorted((DATA / folder).iterdir())
+    assert sum(path.stat().st_size for path in files) < 1e6
+    for path in files:
+        assert path.read_bytes() == (tmp_path / path.name).read_bytes(), path.name
+
+
+def test_the_person_with_a_box_is_what_the_generator_writes(tmp_path):
+    write_synthetic("pick_and_place", tmp_path, 1, 1, 60, 77)
+    embedded = DATA / "pick_and_place_calibration" / "person.tsv"
+    assert embedded.read_bytes() == (tmp_path / "subject1.tsv").read_bytes()
+
+
 def test_checksums_of_the_embedded_sample():
     rows = re.findall(r"\| ([0-9a-f]{64}) \| (\S+) \|", (DATA / "SOURCES.md").read_text())
     files = [path for path in DATA.glob("*/*") if path.is_file()]
