@@ -8,7 +8,7 @@ from besman.robot.kinematics import forward_kinematics
 from besman.robot.limits import check_limits
 from besman.robot.model import load_robot
 from besman.simulation.episodes import Movements
-from besman.simulation.grasp_box import grasp_model
+from besman.simulation.grasp_scene import grasp_model
 from besman.simulation.gripper import GripperConfig, finger_controls
 from besman.simulation.lift import move_along, plan_lift
 from besman.simulation.tasks import load_task

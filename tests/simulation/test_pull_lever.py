@@ -11,7 +11,7 @@ from besman.exceptions import RefinementError
 from besman.refinement.stage import RefineConfig
 from besman.robot.model import load_robot
 from besman.simulation.episodes import Movements
-from besman.simulation.pull_lever import find_hinge, lever_model
+from besman.simulation.lever_scene import find_hinge, lever_model
 from besman.simulation.tasks import load_task
 from besman.simulation.trial import try_plans
 
