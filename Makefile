@@ -11,7 +11,7 @@ run: install
 	$(BIN)/besman run pipelines/ur5_stick_throw.yaml
 
 test: $(VENV)/.test
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest --numprocesses auto --dist loadfile
 
 # What `make test` skips because torch is large: with its requirements 0.9 GB where pip finds a build
 # for the CPU; the usual wheel cannot be imported without its CUDA libraries, several GB more.

@@ -2,6 +2,8 @@
 
 import importlib.util
 import json
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -277,13 +279,12 @@ def test_bad_requests(tmp_path):
 
 
 @pytest.mark.slow
-def test_the_study_by_its_command(tmp_path, monkeypatch, capsys):
+def test_the_study_by_its_command(tmp_path):
     arguments = ["--subjects", "2", "--repetitions", "2", "--robot", "ur5", "--robot", "ur10"]
     out = ["--json", str(tmp_path / "rows.json"), "--figures", str(tmp_path / "figures")]
-    monkeypatch.setattr("sys.argv", ["besman", "evaluate", "mapping", *arguments, *out])
-    with pytest.raises(SystemExit) as stop:
-        cli.main()
-    assert not stop.value.code
+    # In a process of its own, whose memory is the study's.
+    command = [sys.executable, "-m", "besman", "evaluate", "mapping", *arguments, *out]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
     content = json.loads((tmp_path / "rows.json").read_text())
     assert content["experiment"] == "mapping"
     assert [row["robot"] for row in content["rows"]] == ["ur5", "ur10"]
@@ -297,7 +298,7 @@ def test_the_study_by_its_command(tmp_path, monkeypatch, capsys):
     assert names == [
         f"stick_throw_throw_{kind}.png" for kind in ("spread", "subject", "workspaces")
     ]
-    printed = " ".join(capsys.readouterr().out.split())
+    printed = " ".join(done.stdout.split())
     assert "4/4" in printed
     assert "682 of 697" in printed
 
