@@ -26,9 +26,8 @@ def besman(*arguments: str) -> None:
 
 def run(robot: str, recordings: Path, out: Path, *settings: str) -> dict:
     options = (f"recordings={recordings}", NAMED, "refine.robustness=null", *settings)
-    besman(
-        "run", f"{robot}_stick_throw", "--out", str(out), *sum((["--set", s] for s in options), [])
-    )
+    sets = [part for option in options for part in ("--set", option)]
+    besman("run", f"{robot}_stick_throw", "--out", str(out), *sets)
     results = json.loads((out / "results.json").read_text())
     stages = json.loads((out / "timing.json").read_text())["stages"]
     (cpu_s,) = (row["cpu_s"] for row in stages if row["name"] == "refine")

@@ -117,9 +117,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--run", type=Path, help="a finished run of a throw")
     parser.add_argument("--seeds", type=int, default=10)
+    parser.add_argument("--first-seed", type=int, default=0, help="of the first arm")
     parser.add_argument("--motion", type=int, default=0)
     parser.add_argument("--most", type=int, default=20, help="greatest number of real tries")
     parser.add_argument("--only", nargs="+", default=[""], help="parts of names of methods")
+    parser.add_argument("--arms", action="store_true", help="the miss of every try, metres")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         if given.run is None:
@@ -153,9 +155,12 @@ def main() -> None:
                     motion.plan.target[:2],
                     given.most,
                 )
-                for seed in range(given.seeds)
+                for seed in range(given.first_seed, given.first_seed + given.seeds)
             ]
             report(name, runs, time.perf_counter() - start, given.most)
+            for seed, misses in enumerate(runs if given.arms else (), given.first_seed):
+                tried = " ".join("failed" if np.isinf(one) else f"{one:.2f}" for one in misses)
+                print(f"    arm {seed}: {tried}")
 
 
 if __name__ == "__main__":
