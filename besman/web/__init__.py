@@ -1,0 +1,1 @@
+"""What the pages in the browser share: a server on loopback, a camera, colours."""
