@@ -21,8 +21,8 @@ from besman.manual_segments import IDLE, Side
 from besman.recognition.examples import find_candidates
 from besman.recognition.model import (
     Examples,
-    RecognitionModel,
     Recipe,
+    RecognitionModel,
     fit_model,
     name_segments,
     rank_classes,
@@ -195,10 +195,7 @@ def _name(
     names = []
     for row, places in zip(apart, order, strict=True):
         near = float(row[places[0]])
-        if len(row) > 1:
-            far = float(row[places[1]])
-        else:
-            far = 2 * model.threshold
+        far = float(row[places[1]]) if len(row) > 1 else 2 * model.threshold
         confidence = _ALONE
         if np.isfinite(far):
             confidence = max(0.0, (far - near) / (far + near)) if far + near > 0 else 1.0

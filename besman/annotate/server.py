@@ -9,7 +9,7 @@ import numpy as np
 
 import besman.web
 from besman.annotate.session import Session
-from besman.exceptions import AnnotationError, ChangedError, WebError
+from besman.exceptions import AnnotationError, BesmanError, ChangedError, WebError
 from besman.web.loopback import (
     Answer,
     LoopbackServer,
@@ -87,8 +87,13 @@ class _Routes:
         return _binary(signals.sketch()[0])
 
     def stretches(self, request: Request) -> Answer:
+        """Return proposals, or a note that says why there are none: that is no failure."""
         take = self._session.take(request.query.get("recording", ""))
-        return json_answer({"stretches": take.stretches(request.query.get("layer", ""))})
+        try:
+            found = take.stretches(request.query.get("layer", ""))
+        except BesmanError as error:
+            return json_answer({"stretches": [], "note": str(error)})
+        return json_answer({"stretches": found, "note": ""})
 
     def names(self, request: Request) -> Answer:
         content = _content(request)
@@ -142,4 +147,4 @@ def _bounds(rows: Any, n_samples: int) -> list[tuple[int, int]]:
 
 
 def _binary(values: np.ndarray) -> Answer:
-    return Answer(memoryview(np.ascontiguousarray(values)).cast("B"))
+    return Answer(np.ascontiguousarray(values).data.cast("B"))

@@ -73,7 +73,7 @@ class App {
     const items = toItems(about.segments);
     this.document.reset(items);
     for (const item of items) this.useLabel(item.label, false);
-    this.label = "";
+    this.label = this.labels[0] ?? "";
     const used = new Set(items.map((item) => item.layer));
     this.allLayers = [...new Set([...this.session.layers, ...used])];
     this.lanes = this.allLayers.filter((layer) => used.has(layer));

@@ -40,13 +40,14 @@ export class Proposals {
     this.loaded.set(layer, "coming");
     app.draw("panel");
     try {
-      const { stretches } = await getJson("stretches", { recording, layer });
+      const { stretches, note } = await getJson("stretches", { recording, layer });
       if (app.index !== recording) return;
       const all = stretches.map(([start, end, confidence]) =>
         makeItem("proposal", start, end, "", layer, { confidence }));
       app.document.propose(layer, (items) => besideSegments(items, layer, all));
       this.loaded.set(layer, "here");
-      this.notes.delete(layer);
+      if (note) this.notes.set(layer, note);
+      else this.notes.delete(layer);
       this.refresh(0);
     } catch (error) {
       if (app.index !== recording) return;
