@@ -21,6 +21,8 @@ _UNIDENTIFIED = re.compile(r"\*\d*|New[ _-]*\d+|(Unidentified|Unlabel+ed)[ _-]*\
 _CLOCK_TOLERANCE = 0.05
 _EMPTY_CELL = re.compile(r"\t *(?=\t)")
 _MISSING = re.compile(r"\bnull\b", re.IGNORECASE)
+# Characters from which on compiled code pays, although it has to be loaded.
+_LONG_TEXT = 8_000_000
 # Rows that are formatted at once; bounds the memory of the format string.
 _ROWS_AT_ONCE = 4096
 
@@ -275,6 +277,12 @@ def _read_numbers(lines: list[str], header: _Header, path: Path) -> FloatArray:
     text = "\n".join(
         line[:-1] if tabs == width else line for line, tabs in zip(body, n_tabs, strict=True)
     )
+    if len(text) > _LONG_TEXT:
+        from besman.io.number_kernel import parse_numbers
+
+        found = parse_numbers(text, len(body) * width)
+        if found is not None:
+            return found.reshape(len(body), width)
     text = _MISSING.sub("nan", "\t" + text.replace("\n", "\t\n\t") + "\t")
     cells = _EMPTY_CELL.sub("\tnan", text).replace("\t\n", "").strip("\t").split("\t")
     try:
