@@ -12,7 +12,7 @@ _N, _A, _U, _L = (ord(c) for c in "naul")
 _TO_LOWER = 32
 # Both are exact as doubles, so that their quotient is rounded once, as Python's float is.
 _LARGEST_EXACT = 2**53
-_POWERS = 10.0 ** np.arange(23)
+_POWERS: npt.NDArray[np.float64] = np.array([float(f"1e{k}") for k in range(23)])
 
 
 @njit(cache=True, nogil=True)
