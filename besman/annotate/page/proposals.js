@@ -21,6 +21,7 @@ export class Proposals {
     this.examples = 0;
     this.byTime = false;
     this.asked = 0;
+    this.busy = false;
     clearTimeout(this.timer);
   }
 
@@ -60,13 +61,17 @@ export class Proposals {
   /** Ask for names again, after what is labelled by now. */
   refresh(wait = WAIT_MS) {
     clearTimeout(this.timer);
+    this.busy = true;
     this.timer = setTimeout(() => this.ask(), wait);
   }
 
   async ask() {
     const { app } = this, { layer, index } = app;
     const open = app.document.of(layer, "proposal").filter((item) => !item.label);
-    if (!open.length) return;
+    if (!open.length) {
+      this.busy = false;
+      return;
+    }
     const near = (item) => Math.abs((item.start + item.end) / 2 - app.row);
     const some = open.length > AT_ONCE
       ? open.sort((a, b) => near(a) - near(b)).slice(0, AT_ONCE) : open;
@@ -86,6 +91,7 @@ export class Proposals {
     } catch (error) {
       this.notes.set(layer, error.message);
     }
+    if (number === this.asked) this.busy = false;
     app.draw("items");
   }
 
