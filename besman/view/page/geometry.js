@@ -62,22 +62,26 @@ export function smooth(vertices, triangles) {
       around[triangles[at + k]].push(at);
     }
   }
-  const positions = new Float32Array(3 * n), normals = new Float32Array(3 * n);
+  const positions = [], normals = [], indices = new Uint16Array(n), made = new Map();
   for (let corner = 0; corner < n; corner++) {
-    const at = corner - (corner % 3), normal = [0, 0, 0];
-    for (const other of around[triangles[corner]]) {
+    const at = corner - (corner % 3), vertex = triangles[corner], normal = [0, 0, 0];
+    for (const other of around[vertex]) {
       const same = faces[at] * faces[other] + faces[at + 1] * faces[other + 1]
         + faces[at + 2] * faces[other + 2];
       if (same < CREASE) continue;
       for (let k = 0; k < 3; k++) normal[k] += areas[other + k];
     }
     const length = Math.hypot(...normal) || 1;
-    for (let k = 0; k < 3; k++) {
-      positions[3 * corner + k] = vertices[3 * triangles[corner] + k];
-      normals[3 * corner + k] = normal[k] / length;
+    // Corners of one vertex with the same normal are one.
+    const key = [vertex, ...normal.map((one) => Math.round((20 * one) / length))].join();
+    if (!made.has(key)) {
+      made.set(key, positions.length / 3);
+      positions.push(...[0, 1, 2].map((k) => vertices[3 * vertex + k]));
+      normals.push(...normal.map((one) => one / length));
     }
+    indices[corner] = made.get(key);
   }
-  return { positions, normals, indices: Uint16Array.from({ length: n }, (_, k) => k) };
+  return mesh(positions, normals, indices);
 }
 
 /** Return the triangles of a shape of besman/view/shapes.py. */

@@ -1,279 +1,232 @@
-// Draws with WebGL2: lit triangles, their shadows on the floor, lines of a width in pixels, a grid.
+// Three layers, the last on top: the floor, solids with their shadows, lines and words.
 
-const LIGHT = [0.35, -0.45, 0.82];
+import { Raster, pixel, shadesOf } from "./raster.js";
 
-const LIT = [`#version 300 es
-uniform mat4 clip, model;
-uniform vec3 flatten;
-in vec3 position, normal;
-out vec3 facing, place;
-void main() {
-  vec4 world = model * vec4(position, 1.0);
-  // A shadow is what the light flattens onto the floor.
-  if (flatten.z > 0.0) world.xyz = vec3(world.xy - flatten.xy / flatten.z * world.z, 0.002);
-  facing = mat3(model) * normal;
-  place = world.xyz;
-  gl_Position = clip * world;
-}`, `#version 300 es
-precision highp float;
-uniform vec4 colour;
-uniform vec3 light, eye;
-uniform float lit;
-in vec3 facing, place;
-out vec4 drawn;
-void main() {
-  vec3 n = normalize(facing), to = normalize(eye - place);
-  if (dot(n, to) < 0.0) n = -n;
-  float sun = max(dot(n, light), 0.0), sky = 0.5 + 0.5 * n.z;
-  float shine = pow(max(dot(n, normalize(light + to)), 0.0), 40.0);
-  vec3 shaded = colour.rgb * (0.38 + 0.26 * sky + 0.48 * sun) + 0.14 * shine;
-  drawn = vec4(mix(colour.rgb, shaded, lit), colour.a);
-}`];
-
-const LINE = [`#version 300 es
-uniform mat4 clip;
-uniform vec2 size;
-uniform float width;
-in vec2 corner;
-in vec3 from, to;
-void main() {
-  vec4 a = clip * vec4(from, 1.0), b = clip * vec4(to, 1.0);
-  vec2 way = (b.xy / b.w - a.xy / a.w) * size;
-  vec2 along = length(way) > 1e-6 ? normalize(way) : vec2(1.0, 0.0);
-  vec4 end = corner.x < 0.5 ? a : b;
-  vec2 out_ = corner.y * vec2(-along.y, along.x) + (2.0 * corner.x - 1.0) * 0.5 * along;
-  gl_Position = vec4(end.xy + out_ * width / size * end.w, end.z - 0.0004 * end.w, end.w);
-}`, `#version 300 es
-precision mediump float;
-uniform vec4 colour;
-out vec4 drawn;
-void main() { drawn = colour; }`];
-
-const FLOOR = [`#version 300 es
-uniform mat4 clip;
-uniform vec3 centre;
-in vec2 corner;
-out vec2 place;
-void main() {
-  place = centre.xy + corner * 14.0;
-  gl_Position = clip * vec4(place, 0.0, 1.0);
-}`, `#version 300 es
-precision highp float;
-uniform vec4 colour;
-uniform vec3 centre;
-in vec2 place;
-out vec4 drawn;
-float grid(vec2 at, float width) {
-  vec2 pixel = fwidth(at), off = abs(fract(at - 0.5) - 0.5) / pixel;
-  return clamp(width - min(off.x, off.y), 0.0, 1.0) * clamp(0.6 - max(pixel.x, pixel.y), 0.0, 0.6);
-}
-void main() {
-  float lines = max(grid(place, 1.2), 0.45 * grid(2.0 * place, 1.0));
-  float fade = 1.0 - smoothstep(2.0, 10.0, distance(place, centre.xy));
-  drawn = vec4(colour.rgb, colour.a * lines * fade * 1.6);
-}`];
+const LIGHT = [0.36, -0.46, 0.81];
+const GRID_M = 0.5;
+const GRID_LINES = 16;
+const PIECE_M = 1;
+const FADES = 6;
+// More pixels than this take too long, moving and at rest.
+const MOVING_PIXELS = 1.1e6;
+const RESTING_PIXELS = 4.5e6;
 
 /** What cannot be drawn here, said to the user. */
 export class CannotDraw extends Error {}
 
 export class Renderer {
-  /** @param {HTMLCanvasElement} canvas */
-  constructor(canvas) {
-    const options = { antialias: true, alpha: false, stencil: true, powerPreference: "low-power" };
-    const gl = canvas.getContext("webgl2", options);
-    if (!gl) throw new CannotDraw("This browser cannot draw: WebGL 2 is missing or switched off.");
-    Object.assign(this, { canvas, gl, kept: [] });
-    this.lit = program(gl, LIT);
-    this.lineProgram = program(gl, LINE);
-    this.floorProgram = program(gl, FLOOR);
-    this.quad = this.buffer(new Float32Array([0, -1, 1, -1, 1, 1, 0, -1, 1, 1, 0, 1]));
-    this.square = this.buffer(new Float32Array([-1, -1, 1, -1, 1, 1, -1, -1, 1, 1, -1, 1]));
-    this.floorArray = gl.createVertexArray();
-    gl.bindVertexArray(this.floorArray);
-    this.attribute(this.floorProgram, "corner", this.square, 2);
-    const length = Math.hypot(...LIGHT);
-    this.light = LIGHT.map((one) => one / length);
+  /**
+   * @param {HTMLCanvasElement} floor
+   * @param {HTMLCanvasElement} solids
+   * @param {HTMLCanvasElement} ink
+   */
+  constructor(floor, solids, ink) {
+    const contexts = [floor, solids, ink].map((canvas) => canvas.getContext("2d"));
+    if (contexts.some((one) => !one)) throw new CannotDraw("This browser cannot draw on a canvas.");
+    [this.floor, this.solids, this.ink] = contexts;
+    this.raster = new Raster();
+    this.shades = new Map();
   }
 
-  buffer(data, kind = this.gl.ARRAY_BUFFER) {
-    const made = this.gl.createBuffer();
-    this.gl.bindBuffer(kind, made);
-    this.gl.bufferData(kind, data, this.gl.STATIC_DRAW);
-    return made;
+  /** Take over triangles of geometry.js. */
+  mesh(triangles) {
+    return triangles;
   }
 
-  attribute(from, name, buffer, size, { stride = 0, offset = 0, each = 0 } = {}) {
-    const { gl } = this, at = gl.getAttribLocation(from.made, name);
-    if (at < 0) return;
-    gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
-    gl.enableVertexAttribArray(at);
-    gl.vertexAttribPointer(at, size, gl.FLOAT, false, stride, offset);
-    gl.vertexAttribDivisor(at, each);
-  }
-
-  /** Keep triangles of geometry.js on the graphics' side. */
-  mesh({ positions, normals, indices }) {
-    const { gl } = this, array = gl.createVertexArray();
-    gl.bindVertexArray(array);
-    const buffers = [this.buffer(positions), this.buffer(normals)];
-    this.attribute(this.lit, "position", buffers[0], 3);
-    this.attribute(this.lit, "normal", buffers[1], 3);
-    buffers.push(this.buffer(indices, gl.ELEMENT_ARRAY_BUFFER));
-    gl.bindVertexArray(null);
-    return { array, buffers, count: indices.length };
-  }
-
-  /** Keep a path: x, y, z after each other, metres; where it is NaN it is interrupted. */
+  /** Take over a path: x, y, z after each other, metres; where it is NaN it is interrupted. */
   line(points) {
-    const { gl } = this, array = gl.createVertexArray(), buffers = [this.buffer(pieces(points))];
-    gl.bindVertexArray(array);
-    this.attribute(this.lineProgram, "corner", this.quad, 2);
-    this.attribute(this.lineProgram, "from", buffers[0], 3, { stride: 24, each: 1 });
-    this.attribute(this.lineProgram, "to", buffers[0], 3, { stride: 24, offset: 12, each: 1 });
-    gl.bindVertexArray(null);
-    return { array, buffers, count: Math.max(points.length / 3 - 1, 0) };
-  }
-
-  /** Let go of what `mesh` or `line` kept. */
-  free({ array, buffers }) {
-    this.gl.deleteVertexArray(array);
-    buffers.forEach((one) => this.gl.deleteBuffer(one));
-  }
-
-  /** Fit the canvas to its place on the page; return its size in pixels. */
-  resize() {
-    const { canvas } = this, density = Math.min(devicePixelRatio || 1, 2);
-    const width = Math.max(1, Math.round(canvas.clientWidth * density));
-    const height = Math.max(1, Math.round(canvas.clientHeight * density));
-    if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
-    return { width, height, density };
-  }
-
-  /** Clear everything to a colour [red, green, blue, opacity]. */
-  clear(colour) {
-    const { gl } = this;
-    gl.disable(gl.SCISSOR_TEST);
-    gl.clearColor(...colour);
-    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT | gl.STENCIL_BUFFER_BIT);
+    return { points, seen: new Float32Array(points.length), count: points.length / 3 };
   }
 
   /**
-   * Draw one picture into a part of the canvas.
-   * @param {{x: number, y: number, width: number, height: number}} part pixels from the lower left
+   * Draw a picture of one or more views.
+   * @param {object[]} views `{part, picture}`: a part of the page's picture, CSS pixels from the
+   *   upper left, and what is in it: `solids` (`{mesh, pose, colour}`), `lines` (`{line, colour,
+   *   width, count}`) and `targets` (`{place, radius, colour}`)
    * @param {OrbitCamera} camera
-   * @param {object} picture
-   * @param {object[]} picture.solids `{mesh, pose, colour, shadow}`
-   * @param {object[]} picture.lines `{line, colour, width, count}`, width in pixels
-   * @param {object[]} picture.glass as solids, drawn last, may be seen through
-   * @param {object} colours `grid` and `shadow`
+   * @param {object} colours `scene`, `grid` and `shadow`
+   * @param {boolean} fine whether there is time to draw without jagged edges
    */
-  draw(part, camera, { solids, lines, glass }, colours) {
-    const { gl } = this;
-    gl.viewport(part.x, part.y, part.width, part.height);
-    gl.enable(gl.DEPTH_TEST);
-    gl.enable(gl.BLEND);
-    gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
-    const clip = camera.matrix(part.width, part.height), { place } = camera.basis();
-    gl.depthMask(false);
-    this.drawFloor(clip, camera.target, colours.grid);
-    if (place[2] > 0) this.drawShadows(clip, solids, colours.shadow);
-    gl.depthMask(true);
-    this.useLit(clip, place);
-    for (const one of solids) this.drawMesh(one, 1);
-    this.drawLines(clip, part, lines);
-    gl.depthMask(false);
-    this.useLit(clip, place);
-    for (const one of glass) this.drawMesh(one, 0.6);
-    gl.depthMask(true);
+  draw(views, camera, colours, fine) {
+    const { canvas } = this.ink, width = canvas.clientWidth, height = canvas.clientHeight;
+    if (!width || !height) return;
+    const sharp = Math.min(devicePixelRatio || 1, 2), most = fine ? RESTING_PIXELS : MOVING_PIXELS;
+    const scale = Math.min(fine ? 2 * sharp : sharp, Math.sqrt(most / (width * height)));
+    this.drawFloor(views, camera, colours, sharp);
+    this.drawSolids(views, camera, colours, scale);
+    fit(canvas, sharp * width, sharp * height);
+    this.ink.setTransform(sharp, 0, 0, sharp, 0, 0);
+    this.ink.clearRect(0, 0, width, height);
+    for (const view of views) this.drawInk(view, camera, scale);
   }
 
-  drawFloor(clip, centre, colour) {
-    const { gl, floorProgram: { made, at } } = this;
-    gl.useProgram(made);
-    gl.uniformMatrix4fv(at.clip, false, clip);
-    gl.uniform3f(at.centre, centre[0], centre[1], 0);
-    gl.uniform4fv(at.colour, colour);
-    gl.bindVertexArray(this.floorArray);
-    gl.drawArrays(gl.TRIANGLES, 0, 6);
-  }
-
-  useLit(clip, eye) {
-    const { gl, lit: { made, at } } = this;
-    gl.useProgram(made);
-    gl.uniformMatrix4fv(at.clip, false, clip);
-    gl.uniform3fv(at.light, this.light);
-    gl.uniform3fv(at.eye, eye);
-    gl.uniform3f(at.flatten, 0, 0, 0);
-  }
-
-  drawShadows(clip, solids, colour) {
-    const { gl, lit: { at } } = this;
-    this.useLit(clip, [0, 0, 1]);
-    gl.uniform3fv(at.flatten, this.light);
-    // Once only where several shadows fall.
-    gl.enable(gl.STENCIL_TEST);
-    gl.stencilFunc(gl.EQUAL, 0, 255);
-    gl.stencilOp(gl.KEEP, gl.KEEP, gl.INCR);
-    for (const one of solids) if (one.shadow !== false) this.drawMesh({ ...one, colour }, 0);
-    gl.disable(gl.STENCIL_TEST);
-  }
-
-  drawMesh({ mesh, pose, colour }, lit) {
-    const { gl, lit: { at } } = this;
-    gl.uniformMatrix4fv(at.model, false, [
-      pose[0], pose[4], pose[8], 0, pose[1], pose[5], pose[9], 0,
-      pose[2], pose[6], pose[10], 0, pose[3], pose[7], pose[11], 1,
-    ]);
-    gl.uniform4fv(at.colour, colour);
-    gl.uniform1f(at.lit, lit);
-    gl.bindVertexArray(mesh.array);
-    gl.drawElements(gl.TRIANGLES, mesh.count, gl.UNSIGNED_SHORT, 0);
-  }
-
-  drawLines(clip, part, lines) {
-    const { gl, lineProgram: { made, at } } = this;
-    gl.useProgram(made);
-    gl.uniformMatrix4fv(at.clip, false, clip);
-    gl.uniform2f(at.size, part.width, part.height);
-    for (const { line, colour, width, count = line.count } of lines) {
-      const n = Math.min(count, line.count);
-      if (n <= 0) continue;
-      gl.uniform1f(at.width, width);
-      gl.uniform4fv(at.colour, colour);
-      gl.bindVertexArray(line.array);
-      gl.drawArraysInstanced(gl.TRIANGLES, 0, 6, n);
+  /** Draw grid and targets on the floor, where something about them has changed. */
+  drawFloor(views, camera, colours, sharp) {
+    const context = this.floor, { canvas } = context;
+    const targets = views.map(({ picture }) => picture.targets);
+    const parts = views.map(({ part }) => part);
+    const key = JSON.stringify([parts, camera, targets, colours, sharp]);
+    if (key === this.floorKey) return;
+    this.floorKey = key;
+    fit(canvas, sharp * canvas.clientWidth, sharp * canvas.clientHeight);
+    context.setTransform(sharp, 0, 0, sharp, 0, 0);
+    context.fillStyle = css(colours.scene);
+    context.fillRect(0, 0, canvas.clientWidth, canvas.clientHeight);
+    for (const { part, picture } of views) {
+      context.save();
+      clip(context, part);
+      drawGrid(context, part, camera, colours.grid);
+      for (const one of picture.targets) if (one.place[2] <= 1e-6) drawDisc(context, part, camera, one);
+      context.restore();
     }
+  }
+
+  drawSolids(views, camera, colours, scale) {
+    const context = this.solids, { canvas } = context, { raster } = this;
+    const width = Math.round(scale * canvas.clientWidth);
+    const height = Math.round(scale * canvas.clientHeight);
+    fit(canvas, width, height);
+    raster.resize(width, height);
+    const { low, high } = raster.clear(), shadow = pixel(colours.shadow);
+    for (const { part, picture } of views) {
+      const [x, y] = [part.x, part.y].map((one) => Math.round(scale * one));
+      const right = Math.min(width, Math.round(scale * (part.x + part.width)));
+      const bottom = Math.min(height, Math.round(scale * (part.y + part.height)));
+      raster.look({ x, y, width: right - x, height: bottom - y }, camera);
+      if (raster.place[2] > 0) {
+        for (const { mesh, pose } of picture.solids) raster.drawShadow(mesh, pose, shadow, LIGHT);
+      }
+      for (const { mesh, pose, colour } of picture.solids) {
+        raster.draw(mesh, pose, this.shadesOf(colour), LIGHT);
+      }
+    }
+    const left = Math.min(low[0], raster.low[0]), top = Math.min(low[1], raster.low[1]);
+    const right = Math.max(high[0], raster.high[0]), bottom = Math.max(high[1], raster.high[1]);
+    if (left >= right) return;
+    context.putImageData(raster.image, 0, 0, left, top, right - left, bottom - top);
+  }
+
+  shadesOf(colour) {
+    const key = colour.join();
+    if (!this.shades.has(key)) this.shades.set(key, shadesOf(colour));
+    return this.shades.get(key);
+  }
+
+  drawInk({ part, picture }, camera, scale) {
+    const context = this.ink;
+    context.save();
+    clip(context, part);
+    context.lineCap = context.lineJoin = "round";
+    for (const { place, radius, colour } of picture.targets) {
+      if (place[2] > 1e-6) this.drawBall(part, camera, place, radius, colour, scale);
+    }
+    for (const one of picture.lines) this.drawLine(part, camera, one, scale);
+    context.restore();
+  }
+
+  /** Draw a path up to a row as it is, and the rest of it thin; fainter where something hides it. */
+  drawLine(part, camera, { line, colour, width, count = line.count }, scale) {
+    const { points, seen } = line, n = points.length / 3;
+    camera.project(points, part.width, part.height, seen);
+    const kinds = [[width, 1], [width, 0.3], [1.2, 0.5], [1.2, 0.2]];
+    const paths = kinds.map(() => new Path2D()), ends = kinds.map(() => -1);
+    for (let k = 0; k + 1 < n; k++) {
+      const a = 3 * k, b = a + 3;
+      if (!Number.isFinite(seen[a] + seen[b])) continue;
+      const x = part.x + (seen[a] + seen[b]) / 2, y = part.y + (seen[a + 1] + seen[b + 1]) / 2;
+      const hidden = this.raster.hides(scale * x, scale * y, (seen[a + 2] + seen[b + 2]) / 2);
+      const kind = (k < count ? 0 : 2) + Number(hidden), path = paths[kind];
+      if (ends[kind] !== k) path.moveTo(part.x + seen[a], part.y + seen[a + 1]);
+      path.lineTo(part.x + seen[b], part.y + seen[b + 1]);
+      ends[kind] = k + 1;
+    }
+    kinds.forEach(([wide, opacity], kind) => {
+      if (ends[kind] < 0) return;
+      this.ink.lineWidth = wide;
+      this.ink.strokeStyle = css([...colour.slice(0, 3), opacity]);
+      this.ink.stroke(paths[kind]);
+    });
+  }
+
+  /** Draw a ball that may be seen through. */
+  drawBall(part, camera, place, radius, colour, scale) {
+    const [x, y, depth] = camera.project(place, part.width, part.height);
+    if (!Number.isFinite(x)) return;
+    const pixels = Math.max(2, radius * camera.pixelsPerMetre(depth, part.height));
+    const context = this.ink;
+    const hidden = this.raster.hides(scale * (part.x + x), scale * (part.y + y), depth + radius);
+    context.beginPath();
+    context.arc(part.x + x, part.y + y, pixels, 0, 2 * Math.PI);
+    context.fillStyle = css([...colour.slice(0, 3), hidden ? 0.2 : 0.45]);
+    context.fill();
+    context.lineWidth = 1.5;
+    context.strokeStyle = css([...colour.slice(0, 3), 0.9]);
+    context.stroke();
   }
 }
 
-function program(gl, sources) {
-  const made = gl.createProgram();
-  sources.forEach((source, k) => {
-    const shader = gl.createShader(k ? gl.FRAGMENT_SHADER : gl.VERTEX_SHADER);
-    gl.shaderSource(shader, source);
-    gl.compileShader(shader);
-    if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS) && !gl.isContextLost()) {
-      throw new CannotDraw(`This browser cannot draw: ${gl.getShaderInfoLog(shader)}`);
+/** Return a colour [red, green, blue, opacity] as CSS writes it. */
+export function css([red, green, blue, opacity = 1]) {
+  const [r, g, b] = [red, green, blue].map((one) => Math.round(255 * one));
+  return `rgba(${r}, ${g}, ${b}, ${opacity})`;
+}
+
+function fit(canvas, width, height) {
+  const [w, h] = [Math.max(1, Math.round(width)), Math.max(1, Math.round(height))];
+  if (canvas.width !== w) canvas.width = w;
+  if (canvas.height !== h) canvas.height = h;
+}
+
+function clip(context, { x, y, width, height }) {
+  context.beginPath();
+  context.rect(x, y, width, height);
+  context.clip();
+}
+
+/** Draw lines on the floor, one each half metre, stronger at whole metres, weaker far away. */
+function drawGrid(context, part, camera, colour) {
+  const centre = camera.target.map((one) => Math.round(one / GRID_M) * GRID_M);
+  const far = GRID_M * GRID_LINES, paths = [];
+  for (let k = -GRID_LINES; k <= GRID_LINES; k++) {
+    for (const axis of [0, 1]) {
+      const at = centre[axis] + k * GRID_M, whole = Math.abs(at - Math.round(at)) < 1e-6;
+      const points = [];
+      for (let along = -far; along <= far; along += PIECE_M) {
+        points.push(...(axis ? [centre[0] + along, at, 0] : [at, centre[1] + along, 0]));
+      }
+      const seen = camera.project(points, part.width, part.height);
+      for (let a = 0; a + 3 < seen.length; a += 3) {
+        if (!Number.isFinite(seen[a] + seen[a + 3])) continue;
+        const along = -far + (a / 3 + 0.5) * PIECE_M, off = Math.hypot(along, k * GRID_M) / far;
+        if (off >= 1) continue;
+        const kind = 2 * Math.floor(off * FADES) + Number(whole);
+        const path = (paths[kind] ||= new Path2D());
+        path.moveTo(part.x + seen[a], part.y + seen[a + 1]);
+        path.lineTo(part.x + seen[a + 3], part.y + seen[a + 4]);
+      }
     }
-    gl.attachShader(made, shader);
+  }
+  paths.forEach((path, kind) => {
+    const fade = 1 - (Math.floor(kind / 2) + 0.5) / FADES;
+    context.strokeStyle = css([...colour.slice(0, 3), fade * (kind % 2 ? 1 : 0.45)]);
+    context.lineWidth = kind % 2 ? 1.3 : 1;
+    context.stroke(path);
   });
-  gl.linkProgram(made);
-  const at = {};
-  const n = gl.getProgramParameter(made, gl.ACTIVE_UNIFORMS) || 0;
-  for (let k = 0; k < n; k++) {
-    const { name } = gl.getActiveUniform(made, k);
-    at[name] = gl.getUniformLocation(made, name);
-  }
-  return { made, at };
 }
 
-/** Return the pieces of a path, six numbers each; one with an end that was not seen has no length. */
-function pieces(points) {
-  const out = new Float32Array(Math.max(2 * points.length - 6, 0));
-  for (let at = 0; at + 5 < points.length; at += 3) {
-    const seen = [0, 1, 2, 3, 4, 5].every((k) => Number.isFinite(points[at + k]));
-    // Far below the floor, where nothing is looked at.
-    for (let k = 0; k < 6; k++) out[2 * at + k] = seen ? points[at + k] : -1000;
-  }
-  return out;
+function drawDisc(context, part, camera, { place, radius, colour }) {
+  const ring = Array.from({ length: 48 }, (_, k) => {
+    const angle = (2 * Math.PI * k) / 48;
+    return [place[0] + radius * Math.cos(angle), place[1] + radius * Math.sin(angle), 0.001];
+  }).flat();
+  const seen = camera.project(ring, part.width, part.height);
+  if (!seen.every(Number.isFinite)) return;
+  context.beginPath();
+  for (let a = 0; a < seen.length; a += 3) context.lineTo(part.x + seen[a], part.y + seen[a + 1]);
+  context.closePath();
+  context.fillStyle = css([...colour.slice(0, 3), 0.7]);
+  context.fill();
+  context.strokeStyle = css(colour);
+  context.lineWidth = 1.5;
+  context.stroke();
 }

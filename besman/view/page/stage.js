@@ -13,9 +13,8 @@ const NOWHERE = pose(0, 0, -1000, 1, 0, 0, 0);
 export class Cast {
   constructor(renderer, overview) {
     Object.assign(this, { renderer, overview });
-    this.ball = renderer.mesh(sphere(1));
-    this.rod = renderer.mesh(cylinder(1, 0.5, 16));
-    this.disc = renderer.mesh(cylinder(1, 0.5, 64));
+    this.ball = renderer.mesh(sphere(1, 16));
+    this.rod = renderer.mesh(cylinder(1, 0.5, 14));
     this.arms = overview.robots.map((robot) => ({
       robot,
       solids: robot.shapes.map((shape) => solid(renderer, shape)),
@@ -56,15 +55,14 @@ export class Stage {
    */
   constructor(cast, demonstration, choice) {
     Object.assign(this, { cast, demonstration });
-    this.kept = [];
     this.takes = demonstration.arms.map(({ takes }) => takes[Math.min(choice, takes.length - 1)]);
     this.actors = demonstration.arms.map((arm, k) => this.actor(arm, this.takes[k], cast.arms[k]));
     this.mapped = demonstration.arms.find(({ takes }) => takes.length) || demonstration.arms[0];
     const { person } = demonstration;
     const hands = demonstration.arms.map(({ hand }) => hand.values);
     this.personPaths = [false, true].map((together) => ({
-      hands: hands.map((hand) => this.keepLine(this.placed(hand, together))),
-      thrown: this.keepLine(this.placed(this.thrownPath(), together)),
+      hands: hands.map((hand) => this.cast.renderer.line(this.placed(hand, together))),
+      thrown: this.cast.renderer.line(this.placed(this.thrownPath(), together)),
     }));
     this.start = 0;
     this.end = this.takes.some(Boolean)
@@ -77,28 +75,17 @@ export class Stage {
   }
 
   actor(arm, take, { robot }) {
-    const lines = { path: this.keepLine(arm.path.values) };
+    const lines = { path: this.cast.renderer.line(arm.path.values) };
     if (!take) return { lines, tool: null, solids: [] };
     const n = take.joints.shape[0], tool = new Float32Array(3 * n);
     for (let row = 0; row < n; row++) {
       const { tip } = forwardKinematics(robot, between(take.joints, row));
       tool.set([tip[3], tip[7], tip[11]], 3 * row);
     }
-    lines.tool = this.keepLine(tool);
-    lines.object = this.keepLine(take.object.values);
+    lines.tool = this.cast.renderer.line(tool);
+    lines.object = this.cast.renderer.line(take.object.values);
     const solids = take.shapes.map((shape) => solid(this.cast.renderer, shape));
-    this.kept.push(...solids.map(({ mesh }) => mesh));
     return { lines, tool, solids };
-  }
-
-  keepLine(points) {
-    const line = this.cast.renderer.line(points);
-    this.kept.push(line);
-    return line;
-  }
-
-  free() {
-    this.kept.forEach((one) => this.cast.renderer.free(one));
   }
 
   /** Bring points of the person's frame to the robot; standing on the floor unless `together`. */
@@ -184,20 +171,19 @@ export class Stage {
     const done = (this.personTime(time) - person.start) / person.interval;
     const lines = [
       ...paths.hands.map((line) => ({ line, colour: colours.pathPerson, width: 2.5 })),
-      { line: paths.thrown, colour: faint(colours.trail), width: 1.5 },
       { line: paths.thrown, colour: colours.trail, width: 3, count: Math.floor(done) },
     ];
-    return { solids, lines, glass: [] };
+    return { solids, lines, targets: this.targets(colours) };
   }
 
   /** Return what is drawn of the arms. */
   robots(time, colours) {
-    const found = { solids: [], lines: [], glass: [] };
+    const found = { solids: [], lines: [], targets: this.targets(colours) };
     this.demonstration.arms.forEach((arm, k) => this.addArm(k, arm, time, colours, found));
     return found;
   }
 
-  addArm(k, arm, time, colours, { solids, lines, glass }) {
+  addArm(k, arm, time, colours, { solids, lines }) {
     const { cast } = this, { robot, solids: links } = cast.arms[k];
     const take = this.takes[k], actor = this.actors[k];
     const row = take ? (time - take.start) / take.interval : 0;
@@ -217,20 +203,16 @@ export class Stage {
     if (take) {
       const done = Math.max(Math.floor(row), 0);
       const { tool, object } = actor.lines;
-      lines.push({ line: tool, colour: faint(colours.pathRobot), width: 1.5 });
       lines.push({ line: tool, colour: colours.pathRobot, width: 3, count: done });
-      lines.push({ line: object, colour: faint(colours.trail), width: 1.5 });
       lines.push({ line: object, colour: colours.trail, width: 3, count: done });
     }
-    if (arm.target) glass.push(this.target(arm.target, colours.target));
   }
 
-  /** A disc on the floor or a ball in the air, as large as what counts as success. */
-  target([x, y, z], colour) {
-    const { cast, cast: { overview: { radius } } } = this;
-    if (z > 1e-6) return cast.dot([x, y, z], Math.max(radius, 0.015), [...colour.slice(0, 3), 0.5]);
-    const place = Float64Array.of(radius, 0, 0, x, 0, radius, 0, y, 0, 0, 0.006, 0.004);
-    return { mesh: cast.disc, pose: place, colour: [...colour.slice(0, 3), 0.75] };
+  /** Return where targets are, as large as what counts as success. */
+  targets(colours) {
+    const radius = Math.max(this.cast.overview.radius, 0.015);
+    const places = this.demonstration.arms.map(({ target }) => target).filter(Boolean);
+    return places.map((place) => ({ place, radius, colour: colours.target }));
   }
 
   /** Return the speed of each tool, m/s. */
@@ -278,10 +260,6 @@ function solid(renderer, shape) {
 
 function lastTime({ start, interval, joints }) {
   return start + interval * (joints.shape[0] - 1);
-}
-
-function faint(colour) {
-  return [...colour.slice(0, 3), 0.4];
 }
 
 function thin(values, each) {

@@ -9,6 +9,7 @@ import { legend, listed, outcome, seconds, take as takeWords } from "./words.js"
 
 const FRAME_S = 0.01;
 const HOLD_S = 0.8;
+const REST_MS = 120;
 const SIGHT = (-115 * Math.PI) / 180;
 const $ = (id) => document.getElementById(id);
 
@@ -16,6 +17,7 @@ const state = { index: -1, choice: 0, time: 0, playing: false, together: false, 
 const camera = new OrbitCamera({ elevation: 0.26 });
 const source = openSource();
 let renderer, overview, cast, stage, demonstration, colours, asked = false, last = 0, hold = 0;
+let moved = 0, resting = 0;
 
 function readColours() {
   const parse = (name) => {
@@ -31,14 +33,15 @@ function readColours() {
   };
 }
 
-function parts(width, height) {
+function parts() {
+  const { clientWidth: width, clientHeight: height } = $("picture");
   if (state.together) return [{ x: 0, y: 0, width, height }];
   if (width >= height) {
     const half = Math.floor(width / 2);
     return [{ x: 0, y: 0, width: half, height }, { x: half, y: 0, width: width - half, height }];
   }
   const half = Math.floor(height / 2);
-  return [{ x: 0, y: height - half, width, height: half }, { x: 0, y: 0, width, height: height - half }];
+  return [{ x: 0, y: 0, width, height: half }, { x: 0, y: half, width, height: height - half }];
 }
 
 function draw(now) {
@@ -46,27 +49,25 @@ function draw(now) {
   if (state.playing) advance((now - last) / 1000);
   last = now;
   if (!stage) return;
-  const { width, height, density } = renderer.resize();
-  renderer.clear(colours.scene);
-  const views = parts(width, height);
   const person = stage.person(state.time, state.together, colours);
   const robots = stage.robots(state.time, colours);
+  const views = parts().map((part, k) => ({ part, picture: k ? robots : person }));
   if (state.together) {
-    const both = {};
-    for (const key of ["solids", "lines", "glass"]) both[key] = [...person[key], ...robots[key]];
-    renderer.draw(views[0], camera, both, colours);
-  } else {
-    renderer.draw(views[0], camera, { ...person, glass: robots.glass }, colours);
-    renderer.draw(views[1], camera, robots, colours);
+    for (const key of ["solids", "lines"]) person[key].push(...robots[key]);
   }
-  write(views, width, height, density);
+  renderer.draw(views, camera, colours, !state.playing && now - moved > REST_MS);
+  write(views.map(({ part }) => part));
   $("canvas").dataset.pictures = 1 + Number($("canvas").dataset.pictures || 0);
   if (state.playing) ask();
 }
 
+/** Ask for a picture; one more, drawn finely, when nothing changes any more. */
 function ask() {
   if (!asked) requestAnimationFrame(draw);
   asked = true;
+  moved = performance.now();
+  clearTimeout(resting);
+  if (!state.playing) resting = setTimeout(() => requestAnimationFrame(draw), REST_MS + 20);
 }
 
 function advance(passed) {
@@ -101,43 +102,34 @@ function caption(id, title, line) {
   $(id).replaceChildren(title, small);
 }
 
-function write(views, width, height, density) {
-  const texts = $("texts");
-  Object.assign(texts, { width, height });
-  const context = texts.getContext("2d");
-  context.scale(density, density);
+function write(views) {
+  const context = renderer.ink;
   context.font = "12px system-ui, sans-serif";
   const ink = color("--ink"), halo = color("--scene");
-  const say = (view, point, words, dx = 8) => {
-    const [x, y] = camera.project(point, view.width / density, view.height / density);
-    if (!Number.isFinite(x)) return;
-    const left = view.x / density, top = (height - view.y - view.height) / density;
-    if (x < 0 || x > view.width / density || y < 0 || y > view.height / density) return;
+  const say = ({ x: left, y: top, width, height }, point, words, dx = 8) => {
+    const [x, y] = camera.project(point, width, height);
+    if (!(x >= 0 && x <= width && y >= 0 && y <= height)) return;
     context.lineWidth = 3;
     context.strokeStyle = halo;
     context.strokeText(words, left + x + dx, top + y + 4);
     context.fillStyle = ink;
     context.fillText(words, left + x + dx, top + y + 4);
   };
-  const { person } = demonstration;
-  const points = stage.markers(state.time, state.together);
-  if (state.names) {
-    person.names.forEach((name, k) => say(views[0], points.subarray(3 * k, 3 * k + 3), name));
-  } else if (person.thrown >= 0) {
-    say(views[0], points.subarray(3 * person.thrown, 3 * person.thrown + 3), person.names[person.thrown]);
-  }
+  const { person } = demonstration, points = stage.markers(state.time, state.together);
+  person.names.forEach((name, k) => {
+    if (state.names || k === person.thrown) say(views[0], points.subarray(3 * k, 3 * k + 3), name);
+  });
   for (const view of views) {
     demonstration.arms.forEach(({ target }) => target && say(view, target, "target", 14));
   }
-  if (!state.together) {
-    const divider = views[1].x ? [width / 2, 0, width / 2, height] : [0, height / 2, width, height / 2];
-    context.strokeStyle = color("--line");
-    context.lineWidth = 1;
-    context.beginPath();
-    context.moveTo(divider[0] / density, divider[1] / density);
-    context.lineTo(divider[2] / density, divider[3] / density);
-    context.stroke();
-  }
+  if (views.length < 2) return;
+  const { x, y, width, height } = views[1];
+  context.strokeStyle = color("--line");
+  context.lineWidth = 1;
+  context.beginPath();
+  context.moveTo(x, y);
+  context.lineTo(x ? x : width, x ? height : y);
+  context.stroke();
 }
 
 function place() {
@@ -149,8 +141,7 @@ function place() {
 }
 
 function frame() {
-  const { clientWidth, clientHeight } = $("picture");
-  const [view] = parts(clientWidth, clientHeight);
+  const [view] = parts();
   camera.azimuth = stage.heading() + SIGHT;
   camera.elevation = 0.26;
   camera.frame(stage.extent(), view.width / view.height);
@@ -159,7 +150,6 @@ function frame() {
 }
 
 function buildStage() {
-  if (stage) stage.free();
   stage = new Stage(cast, demonstration, state.choice);
   Object.assign($("scrubber"), { min: stage.start, max: stage.end });
   state.time = Math.max(stage.start, Math.min(stage.end, state.time));
@@ -314,7 +304,7 @@ async function begin() {
     ["--object", true, "object"], ["--trail", false, "path of the object"],
     ["--target", true, "target, as large as success"],
   ]);
-  renderer = new Renderer($("canvas"));
+  renderer = new Renderer($("floor"), $("solids"), $("canvas"));
   cast = new Cast(renderer, overview);
   wire();
   await choose(overview.first);
