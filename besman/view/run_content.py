@@ -58,6 +58,7 @@ class RunContent:
 
     Attributes
     ----------
+    folder : Path
     names : tuple of str
         Of the demonstrations, in their order.
 
@@ -68,6 +69,7 @@ class RunContent:
     """
 
     def __init__(self, folder: Path) -> None:
+        self.folder = folder
         state = read_json(folder / "run.json")
         if not (folder / "pipeline.yaml").is_file():
             raise RunError(f"{folder}: not a run: pipeline.yaml is missing")

@@ -90,8 +90,8 @@ export class Stage {
 
   /** Bring points of the person's frame to the robot; standing on the floor unless `together`. */
   placed(points, together) {
-    const { yaw, shift, backHeight } = this.mapped, out = new Float32Array(points.length);
-    const c = Math.cos(yaw), s = Math.sin(yaw), up = together ? shift[2] - backHeight : 0;
+    const { yaw, shift } = this.mapped, out = new Float32Array(points.length);
+    const c = Math.cos(yaw), s = Math.sin(yaw), up = this.lowered(false) - this.lowered(together);
     for (let at = 0; at < points.length; at += 3) {
       out[at] = shift[0] + c * points[at] - s * points[at + 1];
       out[at + 1] = shift[1] + s * points[at] + c * points[at + 1];
@@ -173,7 +173,7 @@ export class Stage {
       ...paths.hands.map((line) => ({ line, colour: colours.pathPerson, width: 2.5 })),
       { line: paths.thrown, colour: colours.trail, width: 3, count: Math.floor(done) },
     ];
-    return { solids, lines, targets: this.targets(colours) };
+    return { solids, lines, targets: this.targets(colours, this.lowered(together)) };
   }
 
   /** Return what is drawn of the arms. */
@@ -208,11 +208,26 @@ export class Stage {
     }
   }
 
-  /** Return where targets are, as large as what counts as success. */
-  targets(colours) {
+  /** Return by how much (m) the person stands lower than the mapping put them. */
+  lowered(together) {
+    return together ? 0 : this.mapped.shift[2] - this.mapped.backHeight;
+  }
+
+  /** Return where targets are, as large as what counts as success, lowered by some metres. */
+  targets(colours, lower = 0) {
     const radius = Math.max(this.cast.overview.radius, 0.015);
     const places = this.demonstration.arms.map(({ target }) => target).filter(Boolean);
-    return places.map((place) => ({ place, radius, colour: colours.target }));
+    return places.map(([x, y, z]) => ({
+      // What lies on a floor lies on this one, whatever the rounding.
+      place: [x, y, Math.abs(z - lower) < 1e-3 ? 0 : z - lower], radius, colour: colours.target,
+    }));
+  }
+
+  /** Tell which of object and target there are. */
+  get holds() {
+    const objects = this.takes.some((take) => take && take.object.shape[0]);
+    const { arms, person } = this.demonstration;
+    return { object: objects || person.thrown >= 0, target: arms.some(({ target }) => target) };
   }
 
   /** Return the speed of each tool, m/s. */

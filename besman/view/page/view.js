@@ -26,8 +26,8 @@ function readColours() {
   };
   colours = {
     scene: parse("--scene"), grid: parse("--grid"), shadow: [...parse("--shadow").slice(0, 3), 0.6],
-    person: parse("--person"), stand: parse("--grid"), marker: parse("--ink"),
-    robot: parse("--robot"), column: parse("--soft"), tool: parse("--tool"), fixed: parse("--fixed"),
+    person: parse("--person"), stand: parse("--column"), marker: parse("--ink"),
+    robot: parse("--robot"), column: parse("--column"), tool: parse("--tool"), fixed: parse("--fixed"),
     object: parse("--object"), target: parse("--target"), trail: parse("--trail"),
     pathPerson: parse("--path-person"), pathRobot: parse("--path-robot"),
   };
@@ -56,7 +56,7 @@ function draw(now) {
     for (const key of ["solids", "lines"]) person[key].push(...robots[key]);
   }
   renderer.draw(views, camera, colours, !state.playing && now - moved > REST_MS);
-  write(views.map(({ part }) => part));
+  write(views.map(({ part }) => part), views.map(({ picture }) => picture));
   $("canvas").dataset.pictures = 1 + Number($("canvas").dataset.pictures || 0);
   if (state.playing) ask();
 }
@@ -88,7 +88,7 @@ function showTime() {
   const own = stage.personTime(state.time), pace = stage.personPace;
   const slower = Math.abs(pace - 1) > 0.02 ? `, shown at ${pace.toFixed(2)} of their pace` : "";
   caption("person-caption", "Person",
-    `${seconds(own)} from the start of the movement (${seconds(demonstration.duration)})${slower}`);
+    `${seconds(own)} into a movement of ${seconds(demonstration.duration)}${slower}`);
   const shown = stage.takes.filter(Boolean);
   const names = overview.robots.map(({ name }) => name).join(" and ");
   const speeds = stage.speeds(state.time).map((one) => one.toFixed(2)).join(", ");
@@ -102,7 +102,7 @@ function caption(id, title, line) {
   $(id).replaceChildren(title, small);
 }
 
-function write(views) {
+function write(views, pictures) {
   const context = renderer.ink;
   context.font = "12px system-ui, sans-serif";
   const ink = color("--ink"), halo = color("--scene");
@@ -119,9 +119,9 @@ function write(views) {
   person.names.forEach((name, k) => {
     if (state.names || k === person.thrown) say(views[0], points.subarray(3 * k, 3 * k + 3), name);
   });
-  for (const view of views) {
-    demonstration.arms.forEach(({ target }) => target && say(view, target, "target", 14));
-  }
+  pictures.forEach(({ targets }, k) => {
+    for (const { place } of targets) say(views[k], place, "target", 16);
+  });
   if (views.length < 2) return;
   const { x, y, width, height } = views[1];
   context.strokeStyle = color("--line");
@@ -209,6 +209,13 @@ async function choose(index) {
   state.choice = Math.max(most - 1, 0);
   state.time = 0;
   buildStage();
+  const { object, target } = stage.holds;
+  legend($("legend"), [
+    ["--person", true, "person, as recorded"], ["--robot", true, "robot, as simulated"],
+    ["--path-person", false, "demonstrated path"], ["--path-robot", false, "path of the tool"],
+    ...(object ? [["--object", true, "object"], ["--trail", false, "path of the object"]] : []),
+    ...(target ? [["--target", true, "target, as large as success"]] : []),
+  ]);
   frame();
 }
 
@@ -298,12 +305,6 @@ async function begin() {
     const option = new Option(listed(one), String(k));
     return option;
   }));
-  legend($("legend"), [
-    ["--person", true, "person, as recorded"], ["--robot", true, "robot, as simulated"],
-    ["--path-person", false, "demonstrated path"], ["--path-robot", false, "path of the tool"],
-    ["--object", true, "object"], ["--trail", false, "path of the object"],
-    ["--target", true, "target, as large as success"],
-  ]);
   renderer = new Renderer($("floor"), $("solids"), $("canvas"));
   cast = new Cast(renderer, overview);
   wire();

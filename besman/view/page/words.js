@@ -7,13 +7,10 @@ export const seconds = (value) => `${value.toFixed(2)} s`;
 
 /** Return tone (a class of theme.css) and words for what became of a demonstration. */
 export function outcome({ status, miss, before, reason }) {
-  if (status === "success") {
+  if (status === "success" || status === "missed") {
     const was = before === null ? `imitated: ${reason || "failed"}` : `imitated ${centimetres(before)}`;
-    return ["good", `Succeeds: ${centimetres(miss)} off the target (${was})`];
-  }
-  if (status === "missed") {
     const off = miss === null ? "no outcome" : `${centimetres(miss)} off the target`;
-    return ["bad", `No success: ${off}${reason ? ` (imitated: ${reason})` : ""}`];
+    return status === "success" ? ["good", `Succeeds: ${off} (${was})`] : ["bad", `No success: ${off} (${was})`];
   }
   if (status === "left out") return ["bad", `Left out - ${reason}`];
   return ["soft", "Mapped to the arm; not refined"];
