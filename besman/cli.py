@@ -14,6 +14,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import typer
 from typer.core import TyperGroup
 
+from besman.annotate.commands import annotate
 from besman.exceptions import BesmanError, RecordingWarning
 from besman.templates import commands as templates
 from besman.transfer import commands as transfer
@@ -280,6 +281,7 @@ app.add_typer(evaluate_app, name="evaluate")
 app.add_typer(templates.app, name="template")
 app.add_typer(transfer.app, name="transfer")
 app.command("view")(viewing.view)
+app.command()(annotate)
 
 
 @evaluate_app.command("segmentation")
