@@ -32,7 +32,9 @@ print(f"{recording.source}: {recording.positions.shape[1]} trajectories without 
 # confidence; what is less sure than the threshold is left without one, for a person to look at.
 named = name_trajectories(recording, markers, model, threshold=0.8)
 given = [decision for decision in named.decisions if decision.named]
-print(f"{len(named.decisions)} fragments, {len(given)} of them named, {len(named.review)} to look at")
+print(
+    f"{len(named.decisions)} fragments, {len(given)} of them named, {len(named.review)} to look at"
+)
 for decision in named.review:
     seconds = (decision.stop - decision.start) / recording.rate_hz
     guess = decision.marker or "no marker"
@@ -43,12 +45,13 @@ truth = read_true_names(find_true_names(path), recording)
 visible, right, wrong = count_names(named, truth)
 print(f"marker samples: {right / visible:.2%} named right, {wrong / visible:.2%} wrong")
 
-# Gaps: a marker on a rigid body is found from the other two, any other by a spline. Half a second of
-# the hand is too long for either, and so is the flight of a stick that the cameras lost.
+# Short gaps are filled: of a rigid body from its other markers, of any other marker by a spline. The
+# flight of a stick that the cameras lost stays a gap.
 positions, filled = fill_markers(
     named.positions, named.markers, markers, longest=25, longest_rigid=100
 )
 for index, name in enumerate(named.markers):
     missing = np.isnan(named.positions[:, index, 0]).sum()
     left = np.isnan(positions[:, index, 0]).sum()
-    print(f"  {name:11} {missing:4} of {len(positions)} samples missing, {left:4} after filling")
+    if missing:
+        print(f"{name}: {missing} of {len(positions)} samples missing, {left} after filling")

@@ -33,7 +33,9 @@ print(f"unknown beyond a distance of {model.threshold:.2f} spreads of a feature"
 (segments,) = ValleyVmciConfig().run((two,))
 (named,) = stage.run((two,), (segments,), model)
 print(f"\n{two.source}: {dict(Counter(named.labels))}")
-for (start, end), label, distance in list(zip(named.bounds, named.labels, named.distances, strict=True))[:6]:
+for (start, end), label, distance in list(
+    zip(named.bounds, named.labels, named.distances, strict=True)
+)[:6]:
     times = f"{start / named.rate_hz:5.2f} to {end / named.rate_hz:5.2f} s"
     print(f"  {times}  {label:10}  distance {distance:.2f}")
 

@@ -14,6 +14,7 @@ from besman.inputs import read_inputs
 from besman.labelling.marker_set import load_marker_set
 from besman.labelling.stage import LabelConfig
 from besman.mapping.stage import MapConfig, SelectConfig
+from besman.refinement.robustness import RobustnessConfig
 from besman.refinement.stage import RefineConfig
 from besman.resources import resource_folder
 from besman.robot.limits import check_limits
@@ -53,9 +54,7 @@ for motion in stage.run(plans, robot, task):
     print(f"{motion.plan.name}: after {len(motion.returns)} episodes at x {x:.2f}, y {y:.2f} m,")
     print(f"  {100 * motion.miss:.1f} cm from the target: {'hit' if motion.success else 'missed'}")
 
-# What would the motion do where the model is wrong? Five models with other friction, masses, servos.
-from besman.refinement.robustness import RobustnessConfig  # noqa: E402
-
-(found, *_) = RobustnessConfig(models=5).run((motion,), robot, task)
+# What would it do where the model is wrong? Five models with other friction, masses and servos.
+(found,) = RobustnessConfig(models=5).run((motion,), robot, task)
 misses = ", ".join(f"{100 * miss:.1f}" for miss in found.misses)
 print(f"in five perturbed models: {found.success.sum()} hit, misses {misses} cm")

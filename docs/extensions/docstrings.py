@@ -13,7 +13,9 @@ _CITED = re.compile(r"\[(\d+)\]_")
 _FOOTNOTE = re.compile(r"^\s*\.\. \[(\d+)\] ")
 
 
-def number_footnotes(app: Any, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
+def number_footnotes(
+    app: Any, what: str, name: str, obj: Any, options: Any, lines: list[str]
+) -> None:
     """Write footnotes as a list: every docstring counts from 1, and a page has many."""
     for index, line in enumerate(lines):
         found = _FOOTNOTE.match(line)

@@ -36,5 +36,3 @@ def setup(app: Any) -> dict[str, bool]:
     """Tell Sphinx."""
     app.add_directive("package", Package)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
-
-
