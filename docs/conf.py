@@ -25,12 +25,10 @@ extensions = [
     "thesis_tables",
 ]
 exclude_patterns = ["_build", "extensions", "results"]
-# The pages of `annotate` and `view` are taken into the tree as soon as they are there.
-suppress_warnings = ["toc.empty_glob"]
 
 myst_enable_extensions = ["dollarmath", "amsmath", "deflist"]
 myst_heading_anchors = 3
-default_role = "py:obj"
+default_role = "name"
 
 autodoc_typehints = "none"
 autodoc_member_order = "bysource"

@@ -45,7 +45,7 @@ truth = read_true_names(find_true_names(path), recording)
 visible, right, wrong = count_names(named, truth)
 print(f"marker samples: {right / visible:.2%} named right, {wrong / visible:.2%} wrong")
 
-# Short gaps are filled: of a rigid body from its other markers, of any other marker by a spline. The
+# Short gaps are filled: of a rigid body from its other markers, of other markers by a spline. The
 # flight of a stick that the cameras lost stays a gap.
 positions, filled = fill_markers(
     named.positions, named.markers, markers, longest=25, longest_rigid=100

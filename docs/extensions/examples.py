@@ -30,7 +30,7 @@ def run_example(path: Path) -> str:
         If it fails.
     """
     environment = os.environ | {"PYTHONPATH": str(TOP), "OPENBLAS_NUM_THREADS": "1"}
-    done = subprocess.run(
+    done = subprocess.run(  # noqa: S603
         [sys.executable, str(path)], capture_output=True, text=True, env=environment, cwd=TOP
     )
     if done.returncode:

@@ -13,7 +13,11 @@ from sphinx.util.docutils import SphinxDirective
 def modules_of(package: str) -> list[str]:
     """Return the modules of a package, sorted; of the top package those that are no package."""
     path = import_module(package).__path__
-    return sorted(f"{package}.{info.name}" for info in pkgutil.iter_modules(path) if not info.ispkg)
+    return sorted(
+        f"{package}.{info.name}"
+        for info in pkgutil.iter_modules(path)
+        if not info.ispkg and not info.name.startswith("_")
+    )
 
 
 class Package(SphinxDirective):
