@@ -56,6 +56,10 @@ class RunError(BesmanError):
     """A run folder that cannot be written or read."""
 
 
+class WebError(BesmanError):
+    """A page that cannot be served, or a request that cannot be answered."""
+
+
 class RenderingError(BesmanError):
     """A picture or video that cannot be made on this machine."""
 

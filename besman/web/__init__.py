@@ -1,0 +1,1 @@
+"""What the pages in the browser share: colours, camera, and the server on this machine."""

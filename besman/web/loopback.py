@@ -1,0 +1,310 @@
+"""A small server for pages on this machine: loopback only, and only for who has the address.
+
+The address carries a token as its first part, ``http://127.0.0.1:PORT/TOKEN/``, so that what a page
+loads by relative addresses carries it too. Every request is checked for the token and for its Host,
+which another site's page cannot forge (DNS rebinding). Nothing is looked up on disk by a name out
+of a request: assets are a fixed list, everything else is the work of the page's own routes.
+"""
+
+from __future__ import annotations
+
+import errno
+import hmac
+import json
+import os
+import secrets
+import sys
+import threading
+import traceback
+import webbrowser
+from collections.abc import Callable, Mapping
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any, NamedTuple
+from urllib.parse import parse_qsl, unquote, urlsplit
+
+from besman.exceptions import BesmanError, WebError
+
+POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; "
+    "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+"""Content-Security-Policy of every answer: nothing but what this server serves."""
+
+_HOST = "127.0.0.1"
+_HEADERS = {
+    "Content-Security-Policy": POLICY,
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cache-Control": "no-store",
+}
+_KINDS = {
+    ".html": "text/html; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".json": "application/json",
+    ".svg": "image/svg+xml",
+    ".png": "image/png",
+}
+_LARGEST_BODY = 8 * 2**20
+_IDLE_S = 60.0
+
+
+class Request(NamedTuple):
+    """What a route is asked.
+
+    Attributes
+    ----------
+    query : dict of str
+        Of the address.
+    body : bytes
+        Of a POST; b"" of a GET.
+    """
+
+    query: dict[str, str]
+    body: bytes
+
+    def json(self) -> Any:
+        """Return the body as JSON.
+
+        Raises
+        ------
+        WebError
+            If it is none.
+        """
+        try:
+            return json.loads(self.body)
+        except ValueError as error:
+            raise WebError(f"the request's body is not JSON: {error}") from None
+
+
+class Answer(NamedTuple):
+    """What a route answers; see `json_answer`."""
+
+    body: bytes | memoryview
+    kind: str = "application/octet-stream"
+    status: int = 200
+
+
+Route = Callable[[Request], Answer]
+
+
+def json_answer(content: Any, status: int = 200) -> Answer:
+    """Make an answer of what JSON can hold."""
+    text = json.dumps(content, allow_nan=False, separators=(",", ":"))
+    return Answer(text.encode(), "application/json", status)
+
+
+def find_assets(folder: Path, prefix: str = "") -> dict[str, Path]:
+    """List the files of a folder that a page may load.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the package; not searched deeper.
+    prefix : str
+        Before their names in addresses, e.g. ``web/``.
+
+    Returns
+    -------
+    dict of str to Path
+        By name; ``index.html`` is "" too.
+    """
+    assets = {prefix + path.name: path for path in folder.iterdir() if path.suffix in _KINDS}
+    if f"{prefix}index.html" in assets:
+        assets[prefix] = assets[f"{prefix}index.html"]
+    return assets
+
+
+class LoopbackServer:
+    """Serve one page to this machine.
+
+    Parameters
+    ----------
+    assets : mapping of str to Path
+        Files that may be loaded, by their names in addresses; see `find_assets`.
+    routes : mapping of str to Route
+        ``"GET data"``, ``"POST save"``: what answers a request. An error of besman's becomes the
+        status 422 and ``{"error": message}``.
+    port : int, optional
+        Any free one if not given.
+    largest_body : int
+        Bytes that a POST may have.
+
+    Attributes
+    ----------
+    url : str
+        The page's address, with its token.
+    port : int
+
+    Raises
+    ------
+    WebError
+        If the port is in use or not allowed.
+    """
+
+    def __init__(
+        self,
+        assets: Mapping[str, Path],
+        routes: Mapping[str, Route],
+        port: int | None = None,
+        largest_body: int = _LARGEST_BODY,
+    ) -> None:
+        self._token = secrets.token_urlsafe(24)
+        self._server = _open_server(port, _Site(dict(assets), dict(routes), self._token))
+        self._server.site.largest_body = largest_body
+        self.port = int(self._server.server_address[1])
+        self.url = f"http://{_HOST}:{self.port}/{self._token}/"
+
+    def start(self) -> None:
+        """Serve in a thread of its own, until `stop`."""
+        threading.Thread(target=self._server.serve_forever, args=(0.1,), daemon=True).start()
+
+    def stop(self) -> None:
+        """Stop serving, and free the port."""
+        self._server.shutdown()
+        self._server.server_close()
+
+    def serve(self, browser: bool = True) -> None:
+        """Serve until interrupted (Ctrl+C); open the page if `browser`."""
+        if browser:
+            _open_browser(self.url)
+        try:
+            self._server.serve_forever(0.1)
+        except KeyboardInterrupt:
+            pass
+        finally:
+            self._server.server_close()
+
+
+class _Site:
+    """What the handler of a request needs to know."""
+
+    def __init__(self, assets: dict[str, Path], routes: dict[str, Route], token: str) -> None:
+        self.assets, self.routes, self.token = assets, routes, token
+        self.largest_body = _LARGEST_BODY
+
+
+class _Server(ThreadingHTTPServer):
+    daemon_threads = True
+    site: _Site
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Say nothing of a browser that went away in the middle of an answer."""
+        if not isinstance(sys.exc_info()[1], ConnectionError | TimeoutError):
+            super().handle_error(request, client_address)
+
+
+def _open_server(port: int | None, site: _Site) -> _Server:
+    """Bind the port, or say why it cannot be."""
+    try:
+        server = _Server((_HOST, port or 0), _Handler)
+    except OSError as error:
+        if error.errno == errno.EADDRINUSE:
+            raise WebError(
+                f"--port {port}: is in use; give another one, or leave --port out for a free one"
+            ) from None
+        raise WebError(f"--port {port}: cannot be opened: {error.strerror}") from None
+    except OverflowError:
+        raise WebError(f"--port: got {port}, expected 1 to 65535") from None
+    server.site = site
+    return server
+
+
+def _open_browser(url: str) -> None:
+    """Open the page where there is a screen; a browser in the terminal would take it over."""
+    if sys.platform == "linux" and not any(
+        os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")
+    ):
+        return
+    threading.Thread(target=webbrowser.open, args=(url,), daemon=True).start()
+
+
+class _Handler(BaseHTTPRequestHandler):
+    server: _Server
+    protocol_version = "HTTP/1.1"
+    server_version, sys_version = "besman", ""
+    timeout = _IDLE_S
+    disable_nagle_algorithm = True
+    wbufsize = -1
+
+    def do_GET(self) -> None:
+        """Answer a GET."""
+        self._answer("GET")
+
+    def do_POST(self) -> None:
+        """Answer a POST."""
+        self._answer("POST")
+
+    def log_message(self, format: str, *args: Any) -> None:
+        """Say nothing: requests are no news to the user."""
+
+    def _answer(self, method: str) -> None:
+        try:
+            answer = self._refuse() or self._find(method)
+        except BesmanError as error:
+            answer = json_answer({"error": str(error)}, 422)
+        except Exception as error:
+            traceback.print_exc()
+            answer = json_answer({"error": f"besman failed: {error!r}; see the terminal"}, 500)
+        self._send(answer)
+
+    def _refuse(self) -> Answer | None:
+        """Return an answer to who may not ask, None to who may."""
+        port = self.server.server_address[1]
+        own = tuple(f"{name}:{port}" for name in (_HOST, "localhost"))
+        host = self.headers.get("Host", "")
+        if host not in own:
+            return self._close(403, f"Host {host!r} is not this server; expected {own[0]}")
+        origin = self.headers.get("Origin")
+        if origin is not None and origin.removeprefix("http://") not in own:
+            return self._close(403, f"Origin {origin!r} may not ask this server")
+        token = urlsplit(self.path).path.split("/")[1:2]
+        if not hmac.compare_digest("".join(token).encode(), self.server.site.token.encode()):
+            return self._close(403, "the address lacks its token; open the one that besman printed")
+        return None
+
+    def _find(self, method: str) -> Answer:
+        """Return the asset or what the route answers."""
+        site = self.server.site
+        address = urlsplit(self.path)
+        name = unquote(address.path.partition(site.token)[2].removeprefix("/"))
+        if ".." in name.replace("\\", "/").split("/"):
+            return self._close(400, "'..' is not allowed in an address")
+        if method == "GET" and name in site.assets:
+            path = site.assets[name]
+            return Answer(path.read_bytes(), _KINDS[path.suffix])
+        route = site.routes.get(f"{method} {name}")
+        if route is None:
+            return self._close(404, "there is nothing at this address")
+        body = b""
+        if method == "POST":
+            length = self.headers.get("Content-Length", "")
+            if not length.isdecimal():
+                return self._close(411, "the request does not say how long it is")
+            if int(length) > site.largest_body:
+                return self._close(
+                    413, f"the request has {length} bytes, at most {site.largest_body} are allowed"
+                )
+            if self.headers.get("Content-Type", "").partition(";")[0] != "application/json":
+                return self._close(415, "expected application/json")
+            body = self.rfile.read(int(length))
+        return route(Request(dict(parse_qsl(address.query)), body))
+
+    def _close(self, status: int, message: str) -> Answer:
+        """Refuse, and end the connection: what follows on it was not read."""
+        self.close_connection = True
+        return json_answer({"error": message}, status)
+
+    def _send(self, answer: Answer) -> None:
+        self.send_response(answer.status)
+        headers = {"Content-Type": answer.kind, "Content-Length": str(len(answer.body)), **_HEADERS}
+        if self.close_connection:
+            headers["Connection"] = "close"
+        for name, value in headers.items():
+            self.send_header(name, value)
+        self.end_headers()
+        self.wfile.write(answer.body)
+        self.wfile.flush()
