@@ -25,9 +25,9 @@ def _sort(parameter: Any) -> str:
     names = ", ".join(parameter.opts)
     if parameter.is_flag:
         return names
-    kind = parameter.metavar or {"int": "N", "float": "NUMBER", "Path": "PATH"}.get(
-        getattr(parameter.bare_type, "__name__", ""), "TEXT"
-    )
+    annotation = str(parameter.type_descriptor.annotation)
+    kinds = {"int": "N", "float": "NUMBER", "Path": "PATH"}
+    kind = next((kinds[name] for name in kinds if name in annotation), "TEXT")
     return f"{names} {kind}" + (" ..." if parameter.multiple else "")
 
 

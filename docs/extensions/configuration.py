@@ -54,7 +54,8 @@ def kind_of(annotation: Any, field: FieldInfo | None = None) -> str:
     if origin is Literal:
         return " or ".join(str(value) for value in inner)
     if origin in (Union, types.UnionType):
-        return " or ".join(kind_of(one) for one in inner)
+        # Several sections are one word.
+        return " or ".join(dict.fromkeys(kind_of(one) for one in inner))
     if annotation is type(None):
         return "null"
     if origin in (tuple, list):
@@ -85,7 +86,7 @@ def default_of(field: FieldInfo) -> str:
     if value is PydanticUndefined:
         return "required"
     if isinstance(value, BaseModel):
-        return ""
+        return str(getattr(value, "method", ""))
     if value is None:
         return "null"
     if isinstance(value, bool):
@@ -156,7 +157,10 @@ class Configuration(SphinxDirective):
             item += nodes.term("", "", nodes.literal(text=key))
             fact = nodes.paragraph("", "", nodes.emphasis(text="; ".join(filter(None, facts))))
             item += nodes.definition("", fact)
-            if meaning := meanings.get(key, ""):
+            meaning = meanings.get(key, "")
+            if meaning == "The stages.":
+                meaning = "Below."
+            if meaning:
                 item[-1] += self.parse_text_to_nodes(meaning)
             listed += item
         return listed, below
