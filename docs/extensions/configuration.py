@@ -18,32 +18,40 @@ _ENTRY = re.compile(r"^(\w[\w, ]*?)(?: : (.+))?$")
 _NAMES = {float: "number", int: "whole number", str: "text", bool: "true or false"}
 
 
-def described(config: type[BaseModel]) -> dict[str, str]:
-    """Return what the docstrings of a config and its bases say of each key."""
+def described(config: type) -> dict[str, str]:
+    """Return what the docstrings of a class, its bases and those it refers to say of each key."""
     found: dict[str, str] = {}
     for one in config.__mro__:
-        if one is BaseModel:
+        if one in (BaseModel, object):
             break
         text = inspect.cleandoc(one.__dict__.get("__doc__") or "")
-        _, _, attributes = text.partition("Attributes\n----------\n")
-        names: list[str] = []
-        lines: dict[str, list[str]] = {}
-        for line in attributes.splitlines():
-            if re.match(r"^-+$", line.strip()):
-                # The title of the next section was read as a name.
-                for name in names:
-                    lines.pop(name, None)
-                break
-            entry = _ENTRY.match(line)
-            if entry:
-                names = [name.strip() for name in entry[1].split(",")]
-                lines |= {name: [] for name in names}
-            elif line.strip():
-                for name in names:
-                    lines[name].append(line.strip())
-        for name, words in lines.items():
-            found.setdefault(name, " ".join(words))
+        for name, words in _attributes(text).items():
+            found.setdefault(name, words)
+        for module, name in re.findall(r"`(besman[\w.]+)\.([A-Z]\w+)`", text.split("\n\n")[0]):
+            for key, words in described(getattr(import_module(module), name)).items():
+                found.setdefault(key, words)
     return found
+
+
+def _attributes(text: str) -> dict[str, str]:
+    """Read the section Attributes of a docstring."""
+    _, _, attributes = text.partition("Attributes\n----------\n")
+    names: list[str] = []
+    lines: dict[str, list[str]] = {}
+    for line in attributes.splitlines():
+        if re.match(r"^-+$", line.strip()):
+            # The title of the next section was read as a name.
+            for name in names:
+                lines.pop(name, None)
+            break
+        entry = _ENTRY.match(line)
+        if entry:
+            names = [name.strip() for name in entry[1].split(",")]
+            lines |= {name: [] for name in names}
+        elif line.strip():
+            for name in names:
+                lines[name].append(line.strip())
+    return {name: " ".join(words) for name, words in lines.items()}
 
 
 def kind_of(annotation: Any, field: FieldInfo | None = None) -> str:
@@ -146,6 +154,9 @@ class Configuration(SphinxDirective):
         listed = nodes.definition_list()
         below = []
         for key, field in config.model_fields.items():
+            if key == "method" and get_origin(field.annotation) is Literal:
+                # The title of the section says it.
+                continue
             if sections := sections_of(field):
                 below.append(((*path, key), sections))
             facts = [kind_of(field.annotation), bounds_of(field)]

@@ -53,7 +53,7 @@ def write_types(app: Any, what: str, name: str, obj: Any, options: Any, lines: l
             if found[1] == "ivar":
                 kept += [] if attributes else [":Attributes:", ""]
                 attributes = True
-                line, hanging = f"    * **{found[2]}** – {text}", "      "
+                line, hanging = f"    * **{found[2]}** \N{EN DASH} {text}", "      "
             else:
                 line = f":{found[1]} {found[2]}: {text}"
         elif hanging and line.strip():

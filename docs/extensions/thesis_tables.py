@@ -12,7 +12,7 @@ from sphinx.errors import ExtensionError
 from sphinx.util.docutils import SphinxDirective
 
 RESULTS = Path(__file__).resolve().parents[1] / "results"
-MISSING = "–"
+MISSING = "\N{EN DASH}"
 
 Row = dict[str, Any]
 
@@ -87,7 +87,9 @@ def cells(table: Row) -> tuple[list[tuple[str, list[str]]], list[tuple[str, list
     """
     sources = table["sources"]
     found = {source["file"]: read_rows(source["file"]) for source in sources}
-    titles = [(one["title"], ["thesis", *(s["title"] for s in sources)]) for one in table["columns"]]
+    titles = [
+        (one["title"], ["thesis", *(s["title"] for s in sources)]) for one in table["columns"]
+    ]
     body = []
     for row in table["rows"]:
         values = []
