@@ -1,6 +1,7 @@
 """Directive ``example-output``: what an example prints, from running it now.
 
-An example runs again only when it, the package or the data changed.
+An example runs again only when it, the package or the data changed. Examples run while the pages
+are read; the page that shows them waits.
 """
 
 from __future__ import annotations
@@ -49,8 +50,8 @@ def digest_sources() -> str:
     return found.hexdigest()
 
 
-def run_examples(app: Any) -> None:
-    """Run all examples, two at a time, and keep what they print."""
+def start_examples(app: Any) -> None:
+    """Begin to run all examples, two at a time; what they print is kept."""
     kept = Path(app.outdir).parent / "examples"
     kept.mkdir(parents=True, exist_ok=True)
     sources = digest_sources()
@@ -65,10 +66,11 @@ def run_examples(app: Any) -> None:
             place.write_text(text, encoding="utf-8")
         return place.read_text(encoding="utf-8")
 
-    paths = sorted((TOP / "examples").glob("[0-9]*.py"))
-    with ThreadPoolExecutor(2) as pool:
-        printed = list(pool.map(output, paths))
-    app.example_outputs = {path.name: text for path, text in zip(paths, printed, strict=True)}
+    pool = ThreadPoolExecutor(2)
+    # Those that take longest come first.
+    paths = sorted((TOP / "examples").glob("[0-9]*.py"), reverse=True)
+    app.example_outputs = {path.name: pool.submit(output, path) for path in paths}
+    pool.shutdown(wait=False)
 
 
 class ExampleOutput(SphinxDirective):
@@ -80,13 +82,13 @@ class ExampleOutput(SphinxDirective):
         """Write it as text."""
         name = self.arguments[0]
         self.env.note_dependency(str(TOP / "examples" / name))
-        text = self.env.app.example_outputs[name]
+        text = self.env.app.example_outputs[name].result()
         block = nodes.literal_block(text, text, language="text")
         return [block]
 
 
 def setup(app: Any) -> dict[str, bool]:
     """Tell Sphinx."""
-    app.connect("builder-inited", run_examples)
+    app.connect("builder-inited", start_examples)
     app.add_directive("example-output", ExampleOutput)
     return {"parallel_read_safe": False, "parallel_write_safe": True}
