@@ -14,9 +14,11 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import typer
 from typer.core import TyperGroup
 
+from besman.annotate.commands import annotate
 from besman.exceptions import BesmanError, RecordingWarning
 from besman.templates import commands as templates
 from besman.transfer import commands as transfer
+from besman.view import commands as viewing
 
 app = typer.Typer(
     name="besman",
@@ -278,6 +280,8 @@ evaluate_app = typer.Typer(
 app.add_typer(evaluate_app, name="evaluate")
 app.add_typer(templates.app, name="template")
 app.add_typer(transfer.app, name="transfer")
+app.command("view")(viewing.view)
+app.command()(annotate)
 
 
 @evaluate_app.command("segmentation")

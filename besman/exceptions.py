@@ -60,6 +60,14 @@ class WebError(BesmanError):
     """A page that cannot be served, or a request that cannot be answered."""
 
 
+class AnnotationError(BesmanError):
+    """Annotations that cannot be given or saved."""
+
+
+class ChangedError(AnnotationError):
+    """A file that another window or program changed in the meantime."""
+
+
 class RenderingError(BesmanError):
     """A picture or video that cannot be made on this machine."""
 

@@ -90,7 +90,33 @@ def read_segments(
         If the file is missing, not of this layout, or belongs to other frames, or two segments of
         one layer overlap.
     """
-    content = _read_json(path)
+    return parse_segments(read_content(path), recording, path, keep_parts=keep_parts)
+
+
+def parse_segments(
+    content: Any,
+    recording: Recording | LabelledRecording,
+    path: Path,
+    *,
+    keep_parts: bool = False,
+) -> LabelledSegments:
+    """Check what stands in a segments file, as `read_segments` does.
+
+    Parameters
+    ----------
+    content : list or dict
+        What `read_content` returns.
+    recording, keep_parts
+        As in `read_segments`.
+    path : Path
+        Named in errors.
+
+    Raises
+    ------
+    RecordingError
+        If it is not of this layout or belongs to other frames, or two segments of one layer
+        overlap.
+    """
     rows = content.get("segments") if isinstance(content, dict) else content
     if not isinstance(rows, list):
         raise RecordingError(
@@ -123,7 +149,7 @@ def read_throws(path: Path) -> tuple[ThrowEvent, ...]:
     RecordingError
         If the file is missing or its events are not of the layout of `write_segments`.
     """
-    content = _read_json(path)
+    content = read_content(path)
     if not isinstance(content, dict) or "events" not in content:
         return ()
     names = [field.name for field in fields(ThrowEvent)]
@@ -160,21 +186,32 @@ def write_segments(
         Known releases and touchdowns; if given, the file is
         ``{"segments": [...], "events": {"throws": [...]}}``, else the bare list.
     """
-    bounds = (segments.bounds + segments.first_frame).tolist()
-    layers = segments.layers or ("",) * len(bounds)
-    rows = [
-        {"start index": start, "end index": end, "label": label}
-        | ({_LAYER: layer} if layer else {})
-        for (start, end), label, layer in zip(bounds, segments.labels, layers, strict=True)
-    ]
+    rows = segment_rows(segments)
     content: Any = rows
     if throws is not None:
         content = {"segments": rows, "events": {"throws": [asdict(throw) for throw in throws]}}
     path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
 
 
-def _read_json(path: Path) -> Any:
-    """Read a JSON file."""
+def segment_rows(segments: LabelledSegments) -> list[dict[str, Any]]:
+    """Return segments as rows of a segments file, in frame numbers; "" is no layer."""
+    bounds = (segments.bounds + segments.first_frame).tolist()
+    layers = segments.layers or ("",) * len(bounds)
+    return [
+        {"start index": start, "end index": end, "label": label}
+        | ({_LAYER: layer} if layer else {})
+        for (start, end), label, layer in zip(bounds, segments.labels, layers, strict=True)
+    ]
+
+
+def read_content(path: Path) -> Any:
+    """Read a JSON file.
+
+    Raises
+    ------
+    RecordingError
+        If it is missing or not JSON.
+    """
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from besman.exceptions import RecognitionError
 from besman.recognition.features import OBJECT_FEATURES, count_channels, extract_features
 from besman.recognition.nearest_neighbour import classify, fit_spread, scale
-from besman.recognition.novelty import UNKNOWN, fit_threshold, measure_novelty
+from besman.recognition.novelty import UNKNOWN, distances, fit_threshold, measure_novelty
 from besman.records import LabelledRecording
 
 FloatArray = npt.NDArray[np.float64]
@@ -309,6 +309,47 @@ def name_segments(
             values = one.recipe.extract(recording, rows[chosen])
             labels[chosen], uncertainty[chosen] = classify_features(one, values)
     return tuple(labels.tolist()), uncertainty
+
+
+def rank_classes(
+    model: RecognitionModel, recording: LabelledRecording, bounds: npt.ArrayLike
+) -> FloatArray:
+    """Return how far segments of a recording are from the nearest example of every class.
+
+    Parameters
+    ----------
+    model : RecognitionModel
+        Of any method; only its examples are looked at.
+    recording : LabelledRecording
+    bounds : int array, shape (S, 2)
+        Half-open rows.
+
+    Returns
+    -------
+    array, shape (S, C)
+        By the order of ``model.classes``; distances as `classify_features` measures them, without
+        the features of objects where an object was not seen.
+
+    Raises
+    ------
+    RecognitionError
+        If features cannot be made of a segment.
+    """
+    rows = np.asarray(bounds, dtype=np.int64).reshape(-1, 2)
+    fallback = model.fallback or model
+    seen = np.ones(len(rows), dtype=bool)
+    if model.fallback is not None:
+        seen = _objects_seen(recording, rows, model.recipe.objects)
+    found = np.empty((len(rows), len(model.classes)))
+    labels = np.array(model.labels)
+    for one, chosen in ((model, seen), (fallback, ~seen)):
+        if chosen.any():
+            values = one.recipe.extract(recording, rows[chosen])
+            apart = distances(scale(values, one.centre, one.spread), one.examples)
+            found[chosen] = np.stack(
+                [apart[:, labels == name].min(axis=1) for name in model.classes], axis=1
+            )
+    return found
 
 
 def _objects_seen(

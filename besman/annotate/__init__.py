@@ -1,0 +1,1 @@
+"""Segments and marker names, given by hand on a page in the browser."""

@@ -1,0 +1,174 @@
+// Saving: by itself soon after every change, and never over what another has written.
+
+import { makeItem } from "./document.js";
+import { getJson, postJson } from "./server.js";
+
+const WAIT_MS = 350;
+const AGAIN_MS = 3000;
+const LOOK_MS = 3000;
+
+const find = (id) => document.getElementById(id);
+
+/** Make items of the rows that the server sent. */
+export const toItems = (rows) =>
+  rows.map(([start, end, label, layer]) => makeItem("segment", start, end, label, layer));
+
+export class Saving {
+  constructor(app) {
+    this.app = app;
+    this.dialog = find("changed-dialog");
+    this.going = null;
+    find("save").addEventListener("click", () => this.milestone());
+    find("saved").addEventListener("click", () => { if (this.conflict) this.ask(); });
+    find("changed-load").addEventListener("click", () => this.loadOther());
+    find("changed-keep").addEventListener("click", () => this.keepMine());
+    find("changed-later").addEventListener("click", () => this.dialog.close());
+    addEventListener("beforeunload", (event) => {
+      if (this.dirty) event.preventDefault();
+    });
+    document.addEventListener("visibilitychange", () => {
+      if (document.hidden) this.flush();
+      else this.look();
+    });
+    setInterval(() => { if (!document.hidden) this.look(); }, LOOK_MS);
+  }
+
+  /** Begin with what a file holds. */
+  open(about) {
+    clearTimeout(this.timer);
+    this.revision = about.revision;
+    this.path = about.segments_path;
+    this.conflict = false;
+    this.stored = this.text();
+    this.show("saved", about.revision ? "saved" : "nothing to save yet");
+  }
+
+  /** Return the segments as the server takes them. */
+  rows() {
+    return this.app.document.segments().map(({ start, end, label, layer }) =>
+      [start, end, label, layer]);
+  }
+
+  text() {
+    return JSON.stringify(this.rows());
+  }
+
+  get dirty() {
+    return this.stored !== this.text();
+  }
+
+  show(state, text) {
+    const element = find("saved");
+    element.dataset.state = state;
+    element.textContent = text;
+    element.title = this.path ?? "";
+  }
+
+  /** Save soon. */
+  touch() {
+    clearTimeout(this.timer);
+    if (!this.dirty) {
+      if (!this.conflict) this.show("saved", this.revision ? "saved" : "nothing to save yet");
+      return;
+    }
+    if (this.conflict) return;
+    this.show("saving", "saving");
+    this.timer = setTimeout(() => this.flush(), WAIT_MS);
+  }
+
+  /** Save now; what stands there now is kept as .bak by the next change. */
+  async milestone() {
+    if (await this.flush({ milestone: true })) this.app.say(`saved: ${this.path}`);
+  }
+
+  /** Save now, one at a time. */
+  async flush(options = {}) {
+    clearTimeout(this.timer);
+    if (this.conflict && !options.replace) {
+      this.ask();
+      return false;
+    }
+    while (this.going) await this.going;
+    if (!this.dirty && !options.milestone && !options.replace) return true;
+    if (!this.revision && !this.rows().length) return true;
+    this.going = this.send(options);
+    const done = await this.going;
+    this.going = null;
+    if (done && this.dirty) this.touch();
+    return done;
+  }
+
+  async send(options) {
+    const { app } = this, text = this.text(), index = app.index;
+    this.show("saving", "saving");
+    try {
+      const { revision } = await postJson("save", {
+        recording: index, segments: JSON.parse(text), revision: this.revision, ...options,
+      });
+      this.revision = revision;
+      this.stored = text;
+      this.conflict = false;
+      this.show("saved", "saved");
+      app.failed(null);
+      return true;
+    } catch (error) {
+      if (error.changed) {
+        this.conflict = true;
+        this.ask();
+      } else {
+        this.show("failed", "not saved");
+        app.failed(`Not saved: ${error.message}`);
+        // A server that is gone may come back; what it refused, it will refuse again.
+        if (error.status === 0) this.timer = setTimeout(() => this.flush(), AGAIN_MS);
+      }
+      return false;
+    }
+  }
+
+  /** Look whether another has written the file. */
+  async look() {
+    if (this.going || this.conflict || this.path === undefined) return;
+    const { index } = this.app, known = this.revision;
+    try {
+      const { revision } = await getJson("revision", { recording: index });
+      if (this.app.index !== index || this.going || this.revision !== known) return;
+      if (revision !== known) {
+        this.conflict = true;
+        this.ask();
+      }
+    } catch {
+      // The next save says it.
+    }
+  }
+
+  ask() {
+    clearTimeout(this.timer);
+    this.show("failed", "changed elsewhere: not saved");
+    find("changed-text").textContent = `Another window or program wrote ${this.path}. ` +
+      (this.dirty ? "What you changed since is on this page only." : "You have changed nothing since.");
+    if (!this.dialog.open) this.dialog.showModal();
+  }
+
+  async loadOther() {
+    try {
+      const about = await getJson("recording", { recording: this.app.index });
+      const { document: doc } = this.app;
+      const proposals = doc.items.filter((item) => item.kind === "proposal");
+      const others = toItems(about.segments);
+      this.revision = about.revision;
+      this.conflict = false;
+      this.stored = JSON.stringify(about.segments);
+      doc.step([...others, ...proposals]);
+      this.dialog.close();
+      this.app.select(null);
+      this.app.say("loaded; undo brings yours back");
+    } catch (error) {
+      find("changed-text").textContent = `It cannot be loaded: ${error.message}`;
+    }
+  }
+
+  async keepMine() {
+    this.dialog.close();
+    if (await this.flush({ replace: true })) this.app.say("saved; the other version is kept as .bak");
+  }
+}

@@ -1,0 +1,150 @@
+"""What the page asks for, and what it is answered."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import besman.web
+from besman.annotate.session import Session
+from besman.exceptions import AnnotationError, BesmanError, ChangedError, WebError
+from besman.web.loopback import (
+    Answer,
+    LoopbackServer,
+    Request,
+    find_assets,
+    json_answer,
+)
+
+_PAGE = Path(__file__).parent / "page"
+
+
+def make_server(session: Session, port: int | None = None) -> LoopbackServer:
+    """Make the server of a session's page.
+
+    Parameters
+    ----------
+    session : Session
+    port : int, optional
+        Any free one if not given.
+
+    Raises
+    ------
+    WebError
+        If the port is in use.
+    """
+    assets = {**find_assets(_PAGE), **find_assets(Path(besman.web.__file__).parent, "web/")}
+    routes = _Routes(session)
+    return LoopbackServer(
+        assets,
+        {
+            "GET session": routes.about,
+            "GET recording": routes.recording,
+            "GET revision": routes.revision,
+            "GET chunk": routes.chunk,
+            "GET frames": routes.frames,
+            "GET sketch": routes.sketch,
+            "GET stretches": routes.stretches,
+            "POST names": routes.names,
+            "POST save": routes.save,
+        },
+        port,
+    )
+
+
+class _Routes:
+    """The answers of one session."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+
+    def about(self, request: Request) -> Answer:
+        return json_answer(self._session.about())
+
+    def recording(self, request: Request) -> Answer:
+        """Describe a recording, with its segments as they are in the file now."""
+        take = self._session.take(request.query.get("recording", ""))
+        take.document.load()
+        return json_answer(take.about())
+
+    def revision(self, request: Request) -> Answer:
+        take = self._session.take(request.query.get("recording", ""))
+        return json_answer({"revision": take.document.store.revision()})
+
+    def chunk(self, request: Request) -> Answer:
+        signals = self._session.take(request.query.get("recording", "")).signals
+        marker, level, index = (_whole(request, name) for name in ("marker", "level", "index"))
+        return _binary(signals.chunk(request.query.get("group", ""), marker, level, index))
+
+    def frames(self, request: Request) -> Answer:
+        signals = self._session.take(request.query.get("recording", "")).signals
+        return _binary(signals.frames(_whole(request, "index")))
+
+    def sketch(self, request: Request) -> Answer:
+        signals = self._session.take(request.query.get("recording", "")).signals
+        return _binary(signals.sketch()[0])
+
+    def stretches(self, request: Request) -> Answer:
+        """Return proposals, or a note that says why there are none: that is no failure."""
+        take = self._session.take(request.query.get("recording", ""))
+        try:
+            found = take.stretches(request.query.get("layer", ""))
+        except BesmanError as error:
+            return json_answer({"stretches": [], "note": str(error)})
+        return json_answer({"stretches": found, "note": ""})
+
+    def names(self, request: Request) -> Answer:
+        content = _content(request)
+        take = self._session.take(content.get("recording"))
+        n = len(take.recording.time)
+        bounds = _bounds(content.get("bounds"), n)
+        layer = str(content.get("layer", ""))
+        return json_answer(self._session.name(take, layer, content.get("segments"), bounds))
+
+    def save(self, request: Request) -> Answer:
+        """Save segments; 409 if the file was changed underneath."""
+        content = _content(request)
+        document = self._session.take(content.get("recording")).document
+        try:
+            revision = document.save(
+                content.get("segments"),
+                str(content.get("revision", "")),
+                replace=content.get("replace") is True,
+                milestone=content.get("milestone") is True,
+            )
+        except ChangedError as error:
+            return json_answer({"error": str(error), "changed": True}, 409)
+        return json_answer({"revision": revision})
+
+
+def _content(request: Request) -> dict[str, Any]:
+    content = request.json()
+    if not isinstance(content, dict):
+        raise WebError(f"got {content!r:.80}, expected an object")
+    return content
+
+
+def _whole(request: Request, name: str) -> int:
+    text = request.query.get(name, "0")
+    if not text.isdecimal() or len(text) > 9:
+        raise WebError(f"{name}: got {text!r:.20}, expected a number from 0")
+    return int(text)
+
+
+def _bounds(rows: Any, n_samples: int) -> list[tuple[int, int]]:
+    """Check half-open rows."""
+    if not isinstance(rows, list):
+        raise AnnotationError(f"bounds: got {rows!r:.80}, expected a list")
+    for row in rows:
+        whole = isinstance(row, list) and [type(value) for value in row] == [int, int]
+        if not whole or not 0 <= row[0] < row[1] <= n_samples:
+            raise AnnotationError(
+                f"bounds: got {row!r:.80}, expected [start, end] in 0 to {n_samples}"
+            )
+    return [(row[0], row[1]) for row in rows]
+
+
+def _binary(values: np.ndarray) -> Answer:
+    return Answer(np.ascontiguousarray(values).data.cast("B"))

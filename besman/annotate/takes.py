@@ -1,0 +1,164 @@
+"""The recordings of a session, each with its signals and its segments file."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from besman.annotate.document import Document
+from besman.annotate.proposals import Stretch, propose_stretches
+from besman.annotate.signals import Signals
+from besman.annotate.skeleton import find_bones
+from besman.exceptions import AnnotationError, BesmanError, LabellingError
+from besman.io.recordings import read_recording
+from besman.io.segments_json import segments_path
+from besman.labelling.marker_set import MarkerSet, load_marker_set
+from besman.labelling.results import trajectory_name
+from besman.labelling.stage import LabelConfig
+from besman.manual_segments import ACTIONS, Side
+from besman.records import LabelledRecording, Recording
+
+MARKER_SETS = ("two_arms", "right_arm", "xsens", "exoskeleton")
+"""Marker sets that are tried in this order where none is named."""
+
+_LONGEST_GAP_S = 0.5
+
+
+def side_of_layer(layer: str) -> Side | None:
+    """Return the arm whose building blocks a layer holds, None of actions."""
+    if layer.startswith(ACTIONS):
+        return None
+    return "left" if layer == "left_hand" else "right"
+
+
+class Take:
+    """One recording.
+
+    Parameters
+    ----------
+    path : Path
+        The recording.
+    segments : Path, optional
+        Its segments file; beside it if not given.
+    markers : str, optional
+        Marker set; the first that fits if not given.
+
+    Raises
+    ------
+    BesmanError
+        If the recording cannot be read or shows no marker, or the segments file cannot be read or
+        written or belongs to another recording.
+    """
+
+    def __init__(self, path: Path, segments: Path | None = None, markers: str | None = None):
+        self.path = path
+        self.recording = read_recording(path)
+        if not np.isfinite(self.recording.positions).all(axis=2).any():
+            raise AnnotationError(
+                f"{path}: no marker is visible in any of {len(self.recording.time)} frames; there "
+                "is nothing to annotate"
+            )
+        self.markers = markers
+        self.document = Document(segments or segments_path(path), self.recording)
+        self.signals = Signals(
+            self.recording.time, self.recording.positions, self.recording.rate_hz
+        )
+        self._lock = threading.Lock()
+        self._labelled: tuple[LabelledRecording, MarkerSet] | BesmanError | None = None
+        self._stretches: dict[str, list[Stretch]] = {}
+
+    def labelled(self) -> tuple[LabelledRecording, MarkerSet]:
+        """Return the recording with the names of a marker set, and the set.
+
+        Raises
+        ------
+        BesmanError
+            If no set fits, or a marker is hidden for too long.
+        """
+        with self._lock:
+            if self._labelled is None:
+                self._labelled = self._label()
+        if isinstance(self._labelled, BesmanError):
+            raise self._labelled
+        return self._labelled
+
+    def stretches(self, layer: str) -> list[Stretch]:
+        """Return proposals for the segments of a layer, computed once.
+
+        Raises
+        ------
+        BesmanError
+            If there are none for this layer or recording.
+        """
+        recording, marker_set = self.labelled()
+        side = side_of_layer(layer)
+        role = {"right": "hand", "left": "left_hand"}.get(side or "")
+        if role is None:
+            raise AnnotationError(
+                "proposals are for the layers of hands; actions are yours to name"
+            )
+        if role not in marker_set.roles:
+            raise AnnotationError(
+                f"layer {layer!r}: marker set {marker_set.name} has no role {role!r}; expected a "
+                "recording of that arm"
+            )
+        hand = marker_set.roles[role]
+        with self._lock:
+            if hand not in self._stretches:
+                self._stretches[hand] = propose_stretches(recording, hand)
+            return self._stretches[hand]
+
+    def about(self) -> dict[str, Any]:
+        """Return what the page needs to know of the recording."""
+        recording = self.recording
+        names = [trajectory_name(recording, k) for k in range(len(recording.names))]
+        first = recording.time[0]
+        return {
+            "name": self.path.name,
+            "segments_path": str(self.document.path),
+            "rate_hz": recording.rate_hz,
+            "n_samples": len(recording.time),
+            "first_frame": recording.first_frame,
+            "start_s": float(first),
+            "duration_s": float(recording.time[-1] - first),
+            "markers": names,
+            "named": [name is not None for name in recording.names],
+            "bones": find_bones(recording.names),
+            "n_levels": self.signals.n_levels,
+            "revision": self.document.revision,
+            "segments": self.document.page_rows(),
+        }
+
+    def _label(self) -> tuple[LabelledRecording, MarkerSet] | BesmanError:
+        """Find a marker set that fits."""
+        error: BesmanError | None = None
+        for name in [self.markers] if self.markers else MARKER_SETS:
+            marker_set = load_marker_set(name)
+            try:
+                label = LabelConfig(markers=name, longest_gap_s=_LONGEST_GAP_S)
+                (labelled,) = label.run((self.recording,), marker_set)
+                return labelled, marker_set
+            except LabellingError as failure:
+                # Of sets that do not fit, that of one arm says best what is missing.
+                if error is None or name == "right_arm" or self._fits(marker_set):
+                    error = failure
+        return error or LabellingError(f"{self.path}: no marker set fits")
+
+    def _fits(self, marker_set: MarkerSet) -> bool:
+        try:
+            marker_set.match(self.recording.names, self.recording.source)
+        except LabellingError:
+            return False
+        return True
+
+
+def shares_side(layer: str, other: str) -> bool:
+    """Tell whether segments of one layer teach the names of another: blocks of the same arm."""
+    side = side_of_layer(layer)
+    return side is not None and side == side_of_layer(other)
+
+
+__all__ = ["MARKER_SETS", "Recording", "Take", "shares_side", "side_of_layer"]

@@ -1,0 +1,377 @@
+"""The real page in Chromium, by mouse and by keyboard."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from besman.io.recordings import read_recording
+from besman.io.segments_json import read_segments
+from besman.training import train_files
+
+NASTY = """<img src=x onerror="document.title='pwned'">'"&<b>"""
+# Where rows of the recording are on the screen.
+PLACE = """([layer, row]) => {
+  const { timeline, view, lanes } = besman, box = timeline.element.getBoundingClientRect();
+  const x = 92 + (row - view.from) / view.span * timeline.width;
+  return [box.left + x, box.top + timeline.lanesTop + 34 * lanes.indexOf(layer) + 17];
+}"""
+
+
+@pytest.fixture
+def annotate(open_page):
+    """Open a server's page, and wait until it can be used."""
+
+    def start(url, **options):
+        page = open_page(url, viewport={"width": 1280, "height": 800}, **options)
+        page.wait_for_selector("html[data-ready]")
+        until(page, "besman.proposals.loaded.get(besman.layer) !== 'coming'")
+        return page
+
+    return start
+
+
+def until(page, expression, timeout_s=30.0):
+    """Wait for a condition; Playwright's own way needs what the page's policy forbids."""
+    end = time.monotonic() + timeout_s
+    while not page.evaluate(expression):
+        assert time.monotonic() < end, expression
+        page.wait_for_timeout(15)
+
+
+def rows(page):
+    return page.evaluate("besman.saving.rows()")
+
+
+def wait_saved(page):
+    until(page, "!besman.saving.dirty && !besman.saving.going")
+
+
+def drag(page, layer, start, end):
+    """Drag from one row to another in a lane."""
+    page.mouse.move(*page.evaluate(PLACE, [layer, start]))
+    page.mouse.down()
+    page.mouse.move(*page.evaluate(PLACE, [layer, end]), steps=4)
+    page.mouse.up()
+
+
+def press(page, *keys):
+    for key in keys:
+        page.keyboard.press(key)
+
+
+def on_disk(path, recording_path):
+    read = read_segments(path, read_recording(recording_path))
+    layers = read.layers or ("",) * len(read.labels)
+    return [
+        [*bounds, label, layer]
+        for bounds, label, layer in zip(read.bounds.tolist(), read.labels, layers, strict=True)
+    ]
+
+
+def write_rows(path, *rows):
+    keys = ("start index", "end index", "label")
+    path.write_text(json.dumps([dict(zip(keys, row, strict=True)) for row in rows]))
+
+
+def test_drag_label_undo_redo_save_reload(serve, annotate, recording_path, segments_path):
+    write_rows(segments_path, (101, 161, "swing"), (161, 221, "throw"))
+    page = annotate(serve(recording_path).url)
+    assert rows(page) == [[100, 160, "swing", ""], [160, 220, "throw", ""]]
+    page.evaluate("besman.view.show(50, 350), besman.draw('view')")
+    drag(page, "", 160, 180)
+    moved = rows(page)
+    assert moved[0][1] == moved[1][0]
+    assert abs(moved[0][1] - 180) <= 2
+    drag(page, "", moved[1][1], 250)
+    assert abs(rows(page)[1][1] - 250) <= 2
+    page.click("#labels button:has-text('swing')")
+    assert rows(page)[1][2] == "swing"
+    page.keyboard.press("2")
+    assert rows(page)[1][2] == "throw"
+    press(page, *["Control+z"] * 4)
+    assert rows(page) == [[100, 160, "swing", ""], [160, 220, "throw", ""]]
+    press(page, "Control+Shift+Z", "Control+y")
+    assert rows(page)[0] == moved[0]
+    page.keyboard.press("Control+s")
+    wait_saved(page)
+    assert on_disk(segments_path, recording_path) == rows(page)
+    now = rows(page)
+    page.reload()
+    page.wait_for_selector("html[data-ready]")
+    assert rows(page) == now
+
+
+def test_borders_are_added_and_removed_by_mouse(serve, annotate, recording_path, segments_path):
+    write_rows(segments_path, (101, 161, "swing"))
+    page = annotate(serve(recording_path).url)
+    page.evaluate("besman.view.show(50, 350), besman.draw('view')")
+    page.mouse.dblclick(*page.evaluate(PLACE, ["", 130]))
+    first, second = rows(page)
+    assert first[1] == second[0]
+    assert abs(first[1] - 130) <= 2
+    page.click("#selected button:has-text('Remove')")
+    assert rows(page) == [first]
+    # A drag from where nothing is makes a segment; it stops where the next begins.
+    page.evaluate("besman.document.propose = () => {}")
+    page.evaluate("""besman.document.step(besman.document.segments())""")
+    drag(page, "", 200, 240)
+    assert len(rows(page)) == 2
+    drag(page, "", 290, 220)
+    made = rows(page)[2]
+    assert made[0] == rows(page)[1][1]
+
+
+def test_layers_do_not_disturb_each_other(serve, annotate, recording_path, segments_path):
+    page = annotate(serve(recording_path, labels=("hold",)).url)
+    page.evaluate("besman.view.show(50, 350), besman.draw('view')")
+    page.evaluate("besman.useLabel('hold')")
+    for name, layer in (("left hand", "left_hand"), ("actions", "actions")):
+        page.click(f"#layers button:has-text('{name}')")
+        drag(page, layer, 100, 200)
+    page.click("#layers button:has-text('actions')")
+    wait_saved(page)
+    found = on_disk(segments_path, recording_path)
+    assert [row[3] for row in found] == ["actions", "left_hand"] or [row[3] for row in found] == [
+        "left_hand",
+        "actions",
+    ]
+    assert all(abs(row[0] - 100) <= 2 and abs(row[1] - 200) <= 2 for row in found)
+    assert "not for this" not in page.inner_text("#note")
+    assert "proposals are for the layers of hands" in page.inner_text("#note")
+
+
+def test_labels_are_text_whatever_they_hold(serve, annotate, recording_path, segments_path):
+    write_rows(segments_path, (101, 161, NASTY))
+    page = annotate(serve(recording_path, labels=("</script><i>",)).url)
+    page.keyboard.press("n")
+    assert NASTY in page.inner_text("#labels")
+    assert NASTY in page.inner_text("#selected")
+    page.click("#tab-segments")
+    assert NASTY in page.inner_text("#list")
+    page.keyboard.press("l")
+    page.keyboard.type('"quoted" <i>é</i>')
+    page.keyboard.press("Enter")
+    wait_saved(page)
+    assert on_disk(segments_path, recording_path)[0][2] == '"quoted" <i>é</i>'
+    assert page.evaluate("document.querySelectorAll('img, i:not(.dot, .bar i)').length") == 0
+    assert page.title() == "besman annotate"
+
+
+def test_everything_goes_by_keyboard(serve, annotate, recording_path, segments_path):
+    page = annotate(serve(recording_path).url)
+    press(page, "Home", *["Shift+ArrowRight"] * 5, "i", *["Shift+ArrowRight"] * 4, "o")
+    page.keyboard.type("swing")
+    page.keyboard.press("Enter")
+    assert rows(page) == [[50, 90, "swing", ""]]
+    # Its end is taken and moved, then its start.
+    press(page, "e", "e", "ArrowRight", "ArrowRight", "Shift+ArrowRight", "Escape")
+    assert rows(page) == [[50, 102, "swing", ""]]
+    press(page, "e", "ArrowLeft", "e", "e")
+    assert rows(page) == [[49, 102, "swing", ""]]
+    press(page, "Home", *["Shift+ArrowRight"] * 7, "x")
+    assert rows(page) == [[49, 70, "swing", ""], [70, 102, "swing", ""]]
+    press(page, "l")
+    page.keyboard.type("throw")
+    page.keyboard.press("Enter")
+    assert [row[2] for row in rows(page)] == ["swing", "throw"]
+    press(page, "b", "2", "m")
+    assert rows(page) == [[49, 102, "throw", ""]]
+    press(page, "Delete")
+    assert rows(page) == []
+    press(page, *["Control+z"] * 20)
+    assert rows(page) == []
+    press(page, "Control+y", "Control+y", "Control+y", "Control+s")
+    wait_saved(page)
+    assert on_disk(segments_path, recording_path) == rows(page) == [[49, 102, "swing", ""]]
+    page.keyboard.press("?")
+    assert page.is_visible("#help-dialog")
+    assert "these keys" in page.inner_text("#help-dialog")
+    page.keyboard.press("Escape")
+    assert not page.is_visible("#help-dialog")
+
+
+def test_proposals_are_accepted_mended_and_rejected_least_certain_first(
+    serve, annotate, recording_path, segments_path, truth_path
+):
+    page = annotate(serve(recording_path).url)
+    truth = on_disk(truth_path, recording_path)
+    n = page.evaluate("besman.proposals.queue().length")
+    assert n >= len(truth) - 2
+    # Nothing has a name yet: the first four get one.
+    page.keyboard.press("Enter")
+    for k, (_, _, label, _) in enumerate(truth[:4]):
+        page.keyboard.press("l")
+        page.keyboard.type(label)
+        page.keyboard.press("Enter")
+        assert len(rows(page)) == k + 1
+    until(page, "besman.proposals.examples >= 4")
+    confidence = page.evaluate("besman.proposals.queue().map((one) => besman.confidenceOf(one))")
+    assert confidence == sorted(confidence)
+    assert confidence[0] > 0
+    press(page, "Escape", "p")
+    first = page.evaluate("besman.document.find(besman.selection.id)")
+    assert page.evaluate("besman.proposals.queue()[0].id") == first["id"]
+    label = page.evaluate("besman.labelOf(besman.document.find(besman.selection.id))")
+    page.keyboard.press("Enter")
+    assert [first["start"], first["end"], label, ""] in rows(page)
+    # The next one is rejected, and comes back with undo.
+    left = page.evaluate("besman.proposals.queue().length")
+    page.keyboard.press("r")
+    assert page.evaluate("besman.proposals.queue().length") == left - 1
+    page.keyboard.press("Control+z")
+    assert page.evaluate("besman.proposals.queue().length") == left
+    # Another label, and another end.
+    page.keyboard.press("p")
+    wrong = page.evaluate("besman.document.find(besman.selection.id)")
+    press(page, "e", "e", "ArrowLeft", "ArrowLeft", "1")
+    label = page.evaluate("besman.labels[0]")
+    assert [wrong["start"], wrong["end"] - 2, label, ""] in rows(page)
+    wait_saved(page)
+    assert on_disk(segments_path, recording_path) == rows(page)
+
+
+def test_what_is_labelled_here_trains_a_model(
+    serve, annotate, recording_path, segments_path, tmp_path
+):
+    page = annotate(serve(recording_path, labels=("swing", "throw")).url)
+    press(page, "Enter", "1", "2", "1", "2", "1")
+    wait_saved(page)
+    assert len(on_disk(segments_path, recording_path)) == 5
+    model, about = train_files([recording_path], tmp_path / "model", "right_arm", ())
+    assert model.is_file()
+    assert {"swing", "throw"} <= set(json.loads(about.read_text())["classes"])
+
+
+def test_two_tabs_on_one_file(serve, annotate, recording_path, segments_path):
+    url = serve(recording_path, labels=("a", "b")).url
+    page = annotate(url, expect_errors=True)
+    other = annotate(url, expect_errors=True)
+    # It is to learn of the other's save by its own, not by looking from time to time.
+    other.evaluate("besman.saving.look = async () => {}, null")
+    press(page, "Enter", "1")
+    wait_saved(page)
+    press(other, "Enter", "2")
+    other.wait_for_selector("#changed-dialog[open]")
+    assert "Another window or program wrote" in other.inner_text("#changed-text")
+    assert [row[2] for row in on_disk(segments_path, recording_path)] == ["a"]
+    other.click("#changed-load")
+    until(other, "!besman.saving.dialog.open")
+    assert [row[2] for row in rows(other)] == ["a"]
+    # What was there before is one undo away, and the first tab is told in its turn.
+    other.keyboard.press("Control+z")
+    assert [row[2] for row in rows(other)] == ["b"]
+    wait_saved(other)
+    page.evaluate("besman.saving.look()")
+    page.wait_for_selector("#changed-dialog[open]")
+    page.click("#changed-keep")
+    wait_saved(page)
+    assert [row[2] for row in on_disk(segments_path, recording_path)] == ["a"]
+    backup = segments_path.with_name(segments_path.name + ".bak")
+    assert [row[2] for row in on_disk(backup, recording_path)] == ["b"]
+
+
+def test_file_changed_underneath(serve, annotate, recording_path, segments_path):
+    page = annotate(serve(recording_path, labels=("a",)).url, expect_errors=True)
+    press(page, "Enter", "1")
+    wait_saved(page)
+    write_rows(segments_path, (1, 50, "theirs"))
+    page.evaluate("besman.saving.look()")
+    page.wait_for_selector("#changed-dialog[open]")
+    assert "changed nothing since" in page.inner_text("#changed-text")
+    page.click("#changed-later")
+    assert "changed elsewhere" in page.inner_text("#saved")
+    press(page, "p", "1")
+    assert len(rows(page)) == 2
+    assert [row[2] for row in on_disk(segments_path, recording_path)] == ["theirs"]
+    page.click("#saved")
+    # A file that is no segments file cannot be loaded; mine can still be kept.
+    segments_path.write_text("[{]")
+    page.click("#changed-load")
+    until(page, "document.getElementById('changed-text').textContent.includes('not valid JSON')")
+    page.click("#changed-keep")
+    wait_saved(page)
+    assert on_disk(segments_path, recording_path) == rows(page)
+
+
+def test_server_killed_in_the_middle_of_a_save(open_page, recording_path, segments_path):
+    """The file stays whole, the page says so and keeps what it has."""
+    command = [sys.executable, "-m", "besman", "annotate", str(recording_path)]
+    command += ["--no-browser", "--labels", "a,b"]
+    slow = "import os, time; real = os.fsync; os.fsync = lambda f: (time.sleep(60), real(f))\n"
+    code = f"{slow}import sys; sys.argv = {command[2:]!r}; from besman.cli import main; main()"
+    page = open_page("about:blank", expect_errors=True)
+    for script, key in ((command, "1"), ([sys.executable, "-c", code], "2")):
+        server = subprocess.Popen(script, stdout=subprocess.PIPE, text=True, env=os.environ)
+        try:
+            url = next(filter(None, (re.search(r"http://\S+", line) for line in server.stdout)))[0]
+            page.goto(url)
+            page.wait_for_selector("html[data-ready]")
+            until(page, "besman.proposals.loaded.get('') === 'here'", timeout_s=60)
+            press(page, "Enter", key)
+            if key == "1":
+                wait_saved(page)
+                before = segments_path.read_bytes()
+                page.goto("about:blank")
+            else:
+                until(page, "besman.saving.going !== null")
+                page.wait_for_timeout(300)
+        finally:
+            server.send_signal(signal.SIGKILL)
+            server.wait()
+    assert segments_path.read_bytes() == before
+    page.wait_for_selector("#failure:not([hidden])")
+    assert "Not saved: besman does not answer" in page.inner_text("#failure")
+    with page.expect_download() as download:
+        page.click("#failure button")
+    rescued = json.loads(download.value.path().read_text())
+    assert [row["label"] for row in rescued] == ["a", "b"]
+    assert segments_path.read_bytes() == before
+
+
+def test_markers_are_chosen_in_space_and_time_runs(serve, annotate, recording_path):
+    page = annotate(serve(recording_path).url)
+    box = page.locator("#scene").bounding_box()
+    at = page.evaluate(
+        "[...besman.scene.screen.subarray(3 * besman.about.markers.indexOf('Elbow')).slice(0, 2)]"
+    )
+    page.mouse.click(box["x"] + at[0], box["y"] + at[1])
+    assert page.evaluate("besman.about.markers[besman.marker]") == "Elbow"
+    assert "Elbow" in page.inner_text("#chosen-legend")
+    press(page, "Home", ".", ".", "Space")
+    until(page, "besman.row > 100")
+    page.keyboard.press("Space")
+    row = page.evaluate("besman.row")
+    page.wait_for_timeout(100)
+    assert page.evaluate("besman.row") == row
+    assert page.inner_text("#speed").startswith("4")
+    page.click("#show-velocities")
+    assert page.evaluate("besman.quantity") == "velocities"
+    # The wheel zooms around the pointer.
+    place = page.evaluate(PLACE, ["", row])
+    page.mouse.move(*place)
+    page.mouse.wheel(0, -600)
+    until(page, "besman.view.span < 0.5 * besman.about.n_samples")
+    again = page.evaluate(PLACE, ["", row])
+    assert again[0] == pytest.approx(place[0], abs=2)
+
+
+def test_one_recording_after_the_other(serve, annotate, recording_path):
+    other = recording_path.with_name("other.tsv")
+    other.write_bytes(recording_path.read_bytes())
+    page = annotate(serve(recording_path, other, labels=("a",)).url)
+    press(page, "Enter", "1", "]")
+    until(page, "besman.index === 1 && besman.opened")
+    assert rows(page) == []
+    until(page, "besman.proposals.loaded.get('') === 'here'")
+    press(page, "Enter", "1")
+    wait_saved(page)
+    assert len(on_disk(other.with_name("other_manually_segmented.json"), other)) == 1
+    press(page, "[")
+    until(page, "besman.index === 0 && besman.opened")
+    assert len(rows(page)) == 1

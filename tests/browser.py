@@ -1,0 +1,64 @@
+"""A real Chromium for the tests of pages: imported by the conftest of a folder that has such tests.
+
+The tests skip where there is no Chromium or no playwright; with BESMAN_REQUIRE_BROWSER=1 they fail.
+"""
+
+import atexit
+import functools
+import os
+import shutil
+
+import pytest
+
+_PROGRAMS = ("chromium", "chromium-browser", "google-chrome")
+
+
+@functools.cache
+def launch():
+    """Start Chromium once for all tests of this process; return it, or why there is none."""
+    try:
+        from playwright.sync_api import Error, sync_playwright
+    except ImportError:
+        return "playwright is not installed: pip install 'besman[test]'"
+    program = next(filter(None, map(shutil.which, _PROGRAMS)), None)
+    if program is None:
+        return "there is no Chromium: apt-get install chromium"
+    driver = sync_playwright().start()
+    atexit.register(driver.stop)
+    try:
+        return driver.chromium.launch(executable_path=program, args=["--no-sandbox"])
+    except Error as error:
+        return f"{program} does not start: {error.message.splitlines()[0]}"
+
+
+@pytest.fixture(scope="session")
+def chromium():
+    """Return the browser."""
+    found = launch()
+    if isinstance(found, str):
+        if os.environ.get("BESMAN_REQUIRE_BROWSER") == "1":
+            pytest.fail(found)
+        pytest.skip(found)
+    return found
+
+
+@pytest.fixture
+def open_page(chromium):
+    """Open addresses; what a page logs as an error, or is refused by its policy, fails the test."""
+    contexts, errors = [], []
+
+    def open_address(url, expect_errors=False, **options):
+        context = chromium.new_context(**{"viewport": {"width": 1000, "height": 700}, **options})
+        contexts.append(context)
+        page = context.new_page()
+        page.set_default_timeout(15_000)
+        if not expect_errors:
+            page.on("pageerror", lambda error: errors.append(str(error)))
+            page.on("console", lambda said: said.type == "error" and errors.append(said.text))
+        page.goto(url)
+        return page
+
+    yield open_address
+    for context in contexts:
+        context.close()
+    assert errors == []
