@@ -399,8 +399,10 @@ def synth(
     repetitions: Annotated[
         int | None, typer.Option(min=1, help="Of each subject; as in the thesis by default.")
     ] = None,
-    rate_hz: Annotated[float | None, typer.Option(min=60, max=500)] = None,
-    seed: Annotated[int, typer.Option(min=0)] = 0,
+    rate_hz: Annotated[
+        float | None, typer.Option(min=60, max=500, help="Frames per second; the dataset's if not.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of people and their movements.")] = 0,
     unlabelled: Annotated[
         bool, typer.Option("--unlabelled", help="Unnamed trajectories with gaps and ghosts.")
     ] = False,
