@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check
 
-.PHONY: run test test-lstm install lint bench clean-venv
+.PHONY: run test test-lstm install lint bench docs clean-venv
 .DEFAULT_GOAL := run
 
 run: install
@@ -28,6 +28,10 @@ lint: $(VENV)/.test
 bench: $(VENV)/.test
 	for script in benchmarks/*.py; do $(BIN)/python $$script || exit 1; done
 
+# Warnings are errors. The pages are in docs/_build/html and need no network.
+docs: $(VENV)/.docs
+	$(BIN)/sphinx-build --builder html --fail-on-warning --keep-going --quiet docs docs/_build/html
+
 $(VENV)/bin/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 		{ echo "besman needs Python 3.11 or newer; say which with: make PYTHON=python3.12"; exit 1; }
@@ -50,6 +54,10 @@ $(VENV)/.test: $(VENV)/.installed
 
 $(VENV)/.lstm: $(VENV)/.test
 	$(PIP) install --quiet --constraint constraints.txt --editable ".[test,lstm]"
+	@touch $@
+
+$(VENV)/.docs: $(VENV)/.installed
+	$(PIP) install --quiet --constraint constraints.txt --editable ".[docs]"
 	@touch $@
 
 clean-venv:

@@ -18,6 +18,7 @@ from besman.annotate.commands import annotate
 from besman.exceptions import BesmanError, RecordingWarning
 from besman.templates import commands as templates
 from besman.transfer import commands as transfer
+from besman.view import commands as viewing
 
 app = typer.Typer(
     name="besman",
@@ -279,6 +280,7 @@ evaluate_app = typer.Typer(
 app.add_typer(evaluate_app, name="evaluate")
 app.add_typer(templates.app, name="template")
 app.add_typer(transfer.app, name="transfer")
+app.command("view")(viewing.view)
 app.command()(annotate)
 
 
@@ -397,8 +399,10 @@ def synth(
     repetitions: Annotated[
         int | None, typer.Option(min=1, help="Of each subject; as in the thesis by default.")
     ] = None,
-    rate_hz: Annotated[float | None, typer.Option(min=60, max=500)] = None,
-    seed: Annotated[int, typer.Option(min=0)] = 0,
+    rate_hz: Annotated[
+        float | None, typer.Option(min=60, max=500, help="Frames per second; the dataset's if not.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of people and their movements.")] = 0,
     unlabelled: Annotated[
         bool, typer.Option("--unlabelled", help="Unnamed trajectories with gaps and ghosts.")
     ] = False,

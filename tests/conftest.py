@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 
 from besman.imitation.dmp import fit_weights
+from besman.pipeline import load_pipeline, run_pipeline
 from besman.records import MotionPlan
+from besman.resources import find_resource
 from besman.robot.model import load_robot
+from besman.synthetic.datasets import write_synthetic
 
 START = np.array([1.52, -3.75, 0.54, -1.39, -0.70, -0.12])
 GOAL = np.array([2.09, -3.15, 0.33, -2.02, -1.48, -0.62])
@@ -37,3 +40,19 @@ def robot():
 def make_plan(robot):
     """Make a throw of the UR5 that lands about 1.5 m in front of it."""
     return functools.partial(throw, robot)
+
+
+@pytest.fixture(scope="session")
+def small_run(tmp_path_factory):
+    """Three throws of one person (synthetic), refined for a few episodes."""
+    folder = tmp_path_factory.mktemp("small")
+    write_synthetic("stick_throw", folder / "capture", n_subjects=1, n_repetitions=3, seed=3)
+    settings = (
+        f"recordings={folder / 'capture'}",
+        "recognize.examples_per_class=2",
+        "map.evaluations=60",
+        "refine.episodes=25",
+        "refine.robustness={models: 2}",
+    )
+    config = load_pipeline(find_resource("pipelines", "ur5_stick_throw"), settings)
+    return run_pipeline(config, folder / "run")

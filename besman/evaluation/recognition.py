@@ -79,9 +79,10 @@ def run_recognition(
         ``settings``, ``subjects`` or ``unknown``), method, object_features, examples_per_class,
         draws, accuracy (every segment gets a known class), accuracy_std, per_class, train_s,
         predict_s, n_test, thesis_accuracy (None where the thesis gives no number), extract_s and
-        n_left_out (see `LabelledSet`). A row of ``unknown`` has in place of accuracies and times
-        new_subject, novel_found_share (segments of a class that was left out which become unknown)
-        and known_rejected_share (segments of the other classes that do).
+        n_left_out (see `LabelledSet`), n_subjects, class_counts (labelled segments). A row of
+        ``unknown`` has in place of accuracies and times new_subject, novel_found_share (segments of
+        a class that was left out which become unknown) and known_rejected_share (segments of the
+        other classes that do).
     """
     tasks = []
     for one in sets:
@@ -103,7 +104,13 @@ def run_recognition(
         found += _over_subjects(one, method, n_draws)
         if method == "nearest_neighbour":
             found += _unknown_classes(one, n_draws)
-        about = {"extract_s": one.extract_s, "n_left_out": one.n_left_out}
+        classes, counts = np.unique(one.labels, return_counts=True)
+        about = {
+            "extract_s": one.extract_s,
+            "n_left_out": one.n_left_out,
+            "n_subjects": len(np.unique(one.subjects)),
+            "class_counts": dict(zip(classes.tolist(), counts.tolist(), strict=True)),
+        }
         rows += [{**common, **row, **about} for row in found]
         progress((index + 1) / len(tasks))
     return {"experiment": "recognition", "rows": rows}

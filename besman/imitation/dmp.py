@@ -256,7 +256,7 @@ def fit_weights(time: npt.ArrayLike, positions: npt.ArrayLike, n_weights: int) -
 def constrained_least_squares(
     matrix: FloatArray, target: FloatArray, constraint: FloatArray, value: FloatArray
 ) -> FloatArray:
-    """Minimise |matrix w - target|^2 with a tiny ridge, subject to constraint w = value."""
+    """Minimise ``|matrix w - target|^2`` with a tiny ridge, subject to constraint w = value."""
     left, singular, right = np.linalg.svd(constraint)
     rank = len(singular)
     particular = right[:rank].T @ ((left.T @ value) / singular[:, None])

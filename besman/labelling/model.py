@@ -42,7 +42,7 @@ class MarkerModel:
     volume, volume_spread : array, shape (Q,)
         Mean and standard deviation of det(b - a, c - a, d - a), cubic metres.
     swaps : int array, shape (W, 3)
-        Markers a, b, c for which |a - c| - |b - c| tells a from b.
+        Markers a, b, c for which ``|a - c| - |b - c|`` tells a from b.
     excess, excess_spread : array, shape (W,)
         Mean and standard deviation of that difference, metres.
     alike : int array, shape (A, 2)

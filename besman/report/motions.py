@@ -41,7 +41,7 @@ def overview_figure(records: dict[str, Any], config: dict[str, Any], arm: ArmRec
     motion = arm.motions[0]
     source, _, segment = motion.plan.name.rpartition(":")
     at = [recording.source for recording in records["label"]].index(source)
-    segments = _selected(records, config["select"], at)
+    segments = selected_segments(records, config["select"], at)
     return overview(
         records["label"][at],
         tuple(segments.bounds[int(segment)]),
@@ -53,7 +53,7 @@ def overview_figure(records: dict[str, Any], config: dict[str, Any], arm: ArmRec
     )
 
 
-def _selected(records: dict[str, Any], select: dict[str, Any], at: int) -> Any:
+def selected_segments(records: dict[str, Any], select: dict[str, Any], at: int) -> Any:
     """Return the segments that demonstrations of a recording were selected from."""
     if select.get("action") is None:
         return records["recognize"][at]

@@ -193,6 +193,7 @@ def _left_out(results: dict[str, Any]) -> str:
 def _files(folder: Path) -> str:
     """Link what lies beside the page."""
     about = {
+        "replay.html": "person and robot in motion, side by side",
         "exports/limits.json": "what each exported motion asks of the arm",
         "exports_second/limits.json": "the same of the second arm",
         "results.json": "every figure of this run",

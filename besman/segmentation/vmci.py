@@ -255,7 +255,7 @@ def tabulate_lengths(
 
 
 def length_factor(n: FloatArray, d: int, model: VmciModel) -> FloatArray:
-    """Log of pi^{-n d / 2} |S|^{nu / 2} Gamma_d((n + nu) / 2) / Gamma_d(nu / 2)."""
+    """Log of ``pi^{-n d / 2} |S|^{nu / 2} Gamma_d((n + nu) / 2) / Gamma_d(nu / 2)``."""
     from scipy.special import gammaln
 
     nu = model.nu(d)

@@ -6,6 +6,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
+import numpy.typing as npt
 
 from besman.config_file import load_config
 from besman.robot.config import RobotConfig
@@ -14,6 +15,8 @@ from besman.robot.model import Robot, find_robot, find_urdf
 from besman.robot.mujoco_model import arm_spec
 from besman.robot.urdf_file import read_urdf
 from besman.simulation.camera import View
+
+FloatArray = npt.NDArray[np.float64]
 
 HIDDEN_GROUP = 5
 _EXTENT_M = 2.0
@@ -45,7 +48,7 @@ def arm_visuals(robot: Robot, view: View, width: int, height: int) -> mujoco.MjM
     """
     spec, _ = arm_spec(robot, 0.002)
     _set_quality(spec, width, height)
-    meshes = _meshes(robot)
+    meshes = robot_meshes(robot)
     meshed = {link for link, *_ in meshes}
     capsules = [geom for body in spec.bodies for geom in body.geoms]
     for link, geom in zip(_capsule_links(robot, spec), capsules, strict=True):
@@ -87,26 +90,47 @@ def _capsule_links(robot: Robot, spec: mujoco.MjSpec) -> list[str]:
     return [link for link in links if link != "tool"]
 
 
-def _meshes(robot: Robot) -> list[tuple[str, int, Any, Any]]:
-    """Read the meshes of the links: link, joint (-1: none), vertices (m), triangles."""
+def robot_meshes(robot: Robot) -> list[tuple[str, int, Any, Any]]:
+    """Read the meshes of an arm's links; see `besman.robot.link_shapes.link_meshes`."""
     path = find_robot(robot.source)
     urdf, folder = find_urdf(load_config(path, RobotConfig).urdf, path)
     return link_meshes(robot.model, read_urdf(urdf, folder), urdf)
 
 
-def _add_mount(spec: mujoco.MjSpec, robot: Robot) -> None:
-    """Join the tool, which stands in the task's scene, to the flange by a rod."""
+def mount_rod(robot: Robot) -> tuple[FloatArray, float] | None:
+    """Return the rod that joins the tool to the flange.
+
+    Returns
+    -------
+    pair of array, shape (2, 3), and float, or None
+        Ends in the last joint's frame and radius, metres; None where the tool is at the flange.
+    """
     tip = robot.chain.tip
     flange = (tip @ np.linalg.inv(robot.tool.tcp2flange))[:3, 3]
     way = tip[:3, 3] - flange
     length = float(np.linalg.norm(way))
     if length <= 2 * _ROD_SHORT_M:
+        return None
+    return np.stack([flange, flange + way * (1.0 - _ROD_SHORT_M / length)]), _ROD_M
+
+
+def pedestal_radius(robot: Robot) -> float | None:
+    """Return the radius of the column below the base, metres; None where there is none."""
+    links = list(robot.chain.capsule_links)
+    if "pedestal" not in links or robot.base_height <= 0:
+        return None
+    return float(robot.chain.capsule_radii[links.index("pedestal")])
+
+
+def _add_mount(spec: mujoco.MjSpec, robot: Robot) -> None:
+    """Join the tool, which stands in the task's scene, to the flange by a rod."""
+    rod = mount_rod(robot)
+    if rod is None:
         return
-    end = flange + way * (1.0 - _ROD_SHORT_M / length)
     spec.body(robot.joint_names[-1]).add_geom(
         type=mujoco.mjtGeom.mjGEOM_CAPSULE,
-        fromto=[*flange, *end],
-        size=[_ROD_M, 0.0, 0.0],
+        fromto=rod[0].ravel(),
+        size=[rod[1], 0.0, 0.0],
         rgba=_PEDESTAL,
         mass=0.0,
     )
@@ -114,10 +138,9 @@ def _add_mount(spec: mujoco.MjSpec, robot: Robot) -> None:
 
 def _add_pedestal(spec: mujoco.MjSpec, robot: Robot) -> None:
     """Put the base on a column."""
-    links = list(robot.chain.capsule_links)
-    if "pedestal" not in links or robot.base_height <= 0:
+    radius = pedestal_radius(robot)
+    if radius is None:
         return
-    radius = robot.chain.capsule_radii[links.index("pedestal")]
     half = robot.base_height / 2
     spec.worldbody.add_geom(
         type=mujoco.mjtGeom.mjGEOM_CYLINDER,

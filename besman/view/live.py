@@ -1,0 +1,50 @@
+"""The page of a run, served to this machine."""
+
+from __future__ import annotations
+
+from besman.exceptions import WebError
+from besman.view.assets import PAGE, WEB
+from besman.view.run_content import RunContent
+from besman.web.loopback import Answer, LoopbackServer, Request, find_assets
+
+
+def open_view(
+    content: RunContent, motion: str | None = None, port: int | None = None
+) -> LoopbackServer:
+    """Open the server of a run's page.
+
+    Parameters
+    ----------
+    content : RunContent
+        What the run has to show.
+    motion : str, optional
+        The demonstration to begin with.
+    port : int, optional
+        Any free one if not given.
+
+    Returns
+    -------
+    LoopbackServer
+        Not started yet. Demonstrations are simulated when they are asked for.
+
+    Raises
+    ------
+    RunError
+        If there is no such demonstration.
+    WebError
+        If the port is in use or not allowed.
+    """
+    first = content.first if motion is None else content.find(motion)
+
+    def overview(_: Request) -> Answer:
+        return Answer(content.overview(first=first))
+
+    def demonstration(request: Request) -> Answer:
+        index = request.query.get("index", "")
+        if not index.isdecimal():
+            raise WebError(f"demonstration: got the index {index!r}, expected a whole number")
+        return Answer(content.demonstration(int(index)))
+
+    assets = find_assets(PAGE) | find_assets(WEB, "web/")
+    routes = {"GET overview": overview, "GET demonstration": demonstration}
+    return LoopbackServer(assets, routes, port)

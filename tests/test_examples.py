@@ -1,0 +1,94 @@
+"""The examples of the tutorial run, and print what the documentation says they show."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+TOP = Path(__file__).parents[1]
+EXAMPLES = TOP / "examples"
+
+
+def run(name: str) -> str:
+    """Return what an example prints."""
+    done = subprocess.run(
+        [sys.executable, str(EXAMPLES / name)],
+        capture_output=True,
+        text=True,
+        env=os.environ | {"PYTHONPATH": str(TOP), "OPENBLAS_NUM_THREADS": "1"},
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    return done.stdout
+
+
+def figures(pattern: str, text: str) -> list[float]:
+    """Return the numbers that a pattern with one group finds."""
+    found = [float(number) for number in re.findall(pattern, text)]
+    assert found, text
+    return found
+
+
+def test_all_examples_are_tested_and_in_the_tutorial():
+    names = sorted(path.name for path in EXAMPLES.glob("*.py"))
+    assert len(names) == 6
+    page = (TOP / "docs/tutorial.md").read_text()
+    here = Path(__file__).read_text()
+    for name in names:
+        assert f'"{name}"' in here
+        assert f"../examples/{name}" in page
+        assert f"{{example-output}} {name}" in page
+
+
+def test_segment_a_recording():
+    text = run("01_segment_a_recording.py")
+    # Eight throws of three movements each, and a rest before, between and after them.
+    assert "33 pieces, 9 of them rests" in text
+    assert figures(r"F1 ([\d.]+)", text)[0] > 0.99
+
+
+def test_name_markers():
+    text = run("02_name_markers.py")
+    right, wrong = (figures(rf"([\d.]+)% {word}", text)[0] for word in ("named right", "wrong"))
+    assert right > 95
+    assert wrong < 0.5
+
+
+def test_recognize_movements():
+    text = run("03_recognize_movements.py")
+    assert "33 of 33 manual segments have their label" in text
+    assert "read back: True" in text
+
+
+@pytest.mark.slow
+def test_map_to_a_robot():
+    text = run("04_map_to_a_robot.py")
+    assert text.count("4 of 4 transferred") == 3
+    assert figures(r"(\d+) beyond a limit", text) == [0, 0, 0]
+    # 5 mm are allowed, and a little for the joints' smoothing.
+    assert max(figures(r"mean [\d.]+ mm, most ([\d.]+) mm", text)) < 6
+    _, changed, kept = figures(r"person's: median ([\d.]+)", text)
+    assert kept > changed + 0.2
+
+
+@pytest.mark.slow
+def test_imitate_and_refine():
+    text = run("05_imitate_and_refine.py")
+    assert text.count(": hit") == 2
+    assert max(figures(r"([\d.]+) cm from the target: hit", text)) <= 5
+    assert "0 of" in text.split("another goal:")[1].splitlines()[0]
+
+
+@pytest.mark.slow
+def test_own_robot_task_and_template():
+    text = run("06_own_robot_task_template.py")
+    assert figures(r"refined: ([\d.]+) cm", text)[0] < 10
+    assert max(figures(r"misses by ([\d.]+) cm", text)[:2]) < 15
+    assert "outside the region that was learnt" in text
+    assert text.index("outside") > text.index("target 2.5")

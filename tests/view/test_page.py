@@ -1,0 +1,227 @@
+"""The real page in Chromium."""
+
+import re
+
+import numpy as np
+import pinocchio
+import pytest
+
+from besman.robot.model import load_robot
+from besman.view.export import write_replay
+from besman.view.live import open_view
+from besman.view.run_content import RunContent
+
+READY = "html[data-ready]"
+
+
+@pytest.fixture(scope="module")
+def content(small_run):
+    return RunContent(small_run)
+
+
+@pytest.fixture(scope="module")
+def served(content):
+    server = open_view(content)
+    server.start()
+    yield server.url
+    server.stop()
+
+
+@pytest.fixture(scope="module")
+def replay(content, tmp_path_factory):
+    path = tmp_path_factory.mktemp("replay") / "replay.html"
+    write_replay(content, path)
+    return path
+
+
+@pytest.fixture(params=["served", "replay"])
+def page(request, open_page):
+    """The page of the small run, from the server and from the file."""
+    found = request.getfixturevalue(request.param)
+    opened = open_page(found if isinstance(found, str) else found.as_uri())
+    opened.wait_for_selector(READY)
+    return opened
+
+
+def pixels(page):
+    """Return the solids' layer as drawn now."""
+    return page.evaluate("solids.toDataURL()")
+
+
+def shown_time(page):
+    return float(re.match(r"([\d.]+) s of", page.inner_text("#time"))[1])
+
+
+def test_both_are_drawn_side_by_side(page):
+    half = """left => {
+        const {width, height} = solids, data = solids.getContext("2d").getImageData(
+            left ? 0 : width / 2, 0, width / 2, height).data;
+        let n = 0;
+        for (let k = 3; k < data.length; k += 4) n += data[k] > 0;
+        return n / (data.length / 4);
+    }"""
+    assert page.evaluate(half, True) > 0.003
+    assert page.evaluate(half, False) > 0.02
+
+
+def test_scrubbing_moves_the_robot(page):
+    before = pixels(page)
+    page.fill("#scrubber", "0.4")
+    page.wait_for_function("before => solids.toDataURL() !== before", arg=before)
+    assert shown_time(page) == pytest.approx(0.4, abs=0.006)
+
+
+def test_play_and_pause(page):
+    page.click("#play")
+    assert page.get_attribute("#play", "aria-label") == "Pause"
+    page.wait_for_function("() => Number(scrubber.value) > 0.05")
+    page.click("#play")
+    stopped = page.input_value("#scrubber")
+    page.wait_for_timeout(100)
+    assert page.input_value("#scrubber") == stopped
+    assert page.get_attribute("#play", "aria-label") == "Play"
+
+
+def test_the_keyboard_alone(page):
+    page.keyboard.press("ArrowRight")
+    page.keyboard.press("Shift+ArrowRight")
+    assert shown_time(page) == pytest.approx(0.11)
+    page.keyboard.press("End")
+    assert page.input_value("#scrubber") == page.get_attribute("#scrubber", "max")
+    page.keyboard.press("Home")
+    assert float(page.input_value("#scrubber")) == 0
+    page.keyboard.press("+")
+    assert page.input_value("#speed") == "1"
+    page.keyboard.press("b")
+    assert page.get_attribute("#together", "aria-pressed") == "true"
+    page.keyboard.press("n")
+    assert page.get_attribute("#names", "aria-pressed") == "true"
+    n = page.locator("#takes button").count()
+    page.keyboard.press("[")
+    chosen = page.locator("#takes button[aria-checked=true]")
+    assert chosen.inner_text() == page.locator("#takes button").nth(n - 2).inner_text()
+    page.keyboard.press(" ")
+    page.wait_for_selector("#play[aria-label=Pause]")
+
+
+def test_another_demonstration(page, content):
+    first = int(page.input_value("#demonstration"))
+    other = (first + 1) % len(content.names)
+    page.select_option("#demonstration", str(other))
+    page.wait_for_selector("#demonstration:not([aria-busy])")
+    assert content.names[other] in page.locator("#demonstration option").nth(other).inner_text()
+    motion = load_record_of(content, other)
+    assert f"{100 * motion.miss:.1f} cm" in page.inner_text("#outcome")
+    assert f"{100 * motion.miss_before:.1f} cm" in page.inner_text("#outcome")
+
+
+def distance(point, path):
+    """Return how far a point is from a path of straight pieces."""
+    a, way = path[:-1], np.diff(path, axis=0)
+    along = np.einsum("fi,fi->f", point - a, way) / np.maximum((way**2).sum(axis=1), 1e-18)
+    nearest = a + np.clip(along, 0, 1)[:, None] * way
+    return np.linalg.norm(point - nearest, axis=1).min()
+
+
+def load_record_of(content, index):
+    return content._arms[0].motions[content.names[index]]
+
+
+def test_the_generations_are_the_search_s_own(page, content):
+    motion = load_record_of(content, int(page.input_value("#demonstration")))
+    words = page.locator("#takes button").all_inner_texts()
+    assert len(words) == 1 + len(motion.milestones)
+    assert words[0].startswith("mapped")
+    for text, (episode, _) in zip(words[1:], motion.milestones, strict=True):
+        assert f"generation {motion.generations[episode]} " in text
+    assert words[1].startswith("imitated")
+    page.locator("#takes button").nth(1).click()
+    assert "imitated" in page.inner_text("#robot-caption")
+
+
+def test_dragging_turns_and_reset_turns_back(page):
+    # The picture at rest is the one without jagged edges.
+    page.wait_for_timeout(300)
+    before = pixels(page)
+    page.mouse.move(400, 400)
+    page.mouse.down()
+    page.mouse.move(460, 420, steps=3)
+    page.mouse.up()
+    page.wait_for_function("before => solids.toDataURL() !== before", arg=before)
+    page.click("#reset")
+    page.wait_for_function("before => solids.toDataURL() === before", arg=before)
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_the_theme_is_the_system_s_until_it_is_switched(open_page, served, theme):
+    page = open_page(served, color_scheme=theme)
+    page.wait_for_selector(READY)
+    colour = "() => getComputedStyle(document.body).backgroundColor"
+    before = page.evaluate(colour)
+    assert (before == "rgb(255, 255, 255)") == (theme == "light")
+    page.click("#theme")
+    assert page.evaluate(colour) != before
+
+
+def test_forward_kinematics_is_pinocchio_s(open_page, served):
+    page = open_page(served)
+    page.wait_for_selector(READY)
+    for name in ("ur5", "iiwa7", "rh5_left"):
+        robot = load_robot(name)
+        rng = np.random.default_rng(0)
+        angles = rng.uniform(robot.limits.position_min, robot.limits.position_max, (20, robot.n))
+        chain = robot.chain
+        found = page.evaluate(
+            """async ([robot, angles]) => {
+                const {forwardKinematics} = await import("./kinematics.js");
+                return angles.map(row => [...forwardKinematics(robot, row).tip]);
+            }""",
+            [
+                {
+                    "placements": [one.ravel().tolist() for one in chain.placements],
+                    "axes": chain.axes.tolist(),
+                    "tip": chain.tip.ravel().tolist(),
+                },
+                angles.tolist(),
+            ],
+        )
+        data = robot.model.createData()
+        for row, tip in zip(angles, found, strict=True):
+            pinocchio.framesForwardKinematics(robot.model, data, row)
+            expected = data.oMf[robot.tip_frame].homogeneous[:3]
+            np.testing.assert_allclose(np.reshape(tip, (3, 4)), expected, atol=1e-9)
+
+
+def test_the_page_unpacks_what_was_packed(open_page, served, content):
+    page = open_page(served)
+    page.wait_for_selector(READY)
+    index = content.first
+    found = page.evaluate(
+        """async index => {
+            const {openSource} = await import("./source.js");
+            const one = await openSource().demonstration(index);
+            const take = one.arms[0].takes.at(-1);
+            const list = ({values}) => [...values];
+            return {object: list(take.object), joints: list(take.joints),
+                    markers: [...one.person.markers.values].slice(0, 27),
+                    hand: list(one.arms[0].hand)};
+        }""",
+        index,
+    )
+    motion = load_record_of(content, index)
+    path = np.reshape(found["object"], (-1, 3))
+    # Every frame of the page is on the record's path, and the last is where it landed.
+    assert max(distance(point, motion.object_path) for point in path) < 5e-4
+    np.testing.assert_allclose(path[-1], motion.object_path[-1], atol=2e-3)
+    hand = np.reshape(found["hand"], (-1, 3))
+    recorded = content._arms[0].demonstrations[content.names[index]].poses[:, :3]
+    np.testing.assert_allclose(np.diff(hand, axis=0), np.diff(recorded, axis=0), atol=2e-4)
+
+
+def test_a_demonstration_that_cannot_be_had_is_said_on_the_page(open_page, served, content):
+    page = open_page(served, expect_errors=True)
+    page.wait_for_selector(READY)
+    page.route("**/demonstration?*", lambda route: route.abort())
+    page.select_option("#demonstration", str((content.first + 1) % len(content.names)))
+    page.wait_for_selector("#message:not([hidden])")
+    assert "does not answer any more" in page.inner_text("#message")
