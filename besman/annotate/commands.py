@@ -26,6 +26,10 @@ def annotate(
     markers: Annotated[
         str | None, typer.Option(help="Marker set; default the first that fits.")
     ] = None,
+    learn_from: Annotated[
+        Path | None,
+        typer.Option(help="A recording with names, to name unnamed trajectories after."),
+    ] = None,
     port: Annotated[
         int | None, typer.Option(min=1, max=65535, help="Default any free one.")
     ] = None,
@@ -38,9 +42,14 @@ def annotate(
     from besman.annotate.session import Session
     from besman.annotate.sources import load_models, split_labels
 
-    session = Session(recordings, segments, split_labels(labels), markers, load_models(run, model))
+    session = Session(
+        recordings, segments, split_labels(labels), markers, load_models(run, model), learn_from
+    )
     server = make_server(session, port)
     for take in session.takes:
         typer.echo(f"{take.path.name}: segments in {take.document.path}")
+        if take.naming is not None:
+            n = len(take.naming.fragments)
+            typer.echo(f"{take.path.name}: {n} fragments without a name; {take.named_file.path}")
     typer.echo(f"open {server.url}\nstop with Ctrl+C")
     server.serve(browser=not no_browser)

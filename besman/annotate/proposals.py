@@ -12,6 +12,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from typing import NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import numpy.typing as npt
@@ -95,7 +96,9 @@ class Teacher:
     """Names stretches after what is labelled so far; keeps the features that it computed."""
 
     def __init__(self) -> None:
-        self._features: dict[tuple[int, Recipe, int, int], FloatArray] = {}
+        self._features: WeakKeyDictionary[
+            LabelledRecording, dict[tuple[Recipe, int, int], FloatArray]
+        ] = WeakKeyDictionary()
 
     def learn(
         self,
@@ -142,10 +145,11 @@ class Teacher:
     def _extract(
         self, recording: LabelledRecording, recipe: Recipe, bounds: tuple[int, int]
     ) -> FloatArray:
-        key = (id(recording), recipe, *bounds)
-        if key not in self._features:
-            self._features[key] = recipe.extract(recording, [bounds])
-        return self._features[key]
+        known = self._features.setdefault(recording, {})
+        key = (recipe, *bounds)
+        if key not in known:
+            known[key] = recipe.extract(recording, [bounds])
+        return known[key]
 
 
 def name_stretches(

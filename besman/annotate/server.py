@@ -48,6 +48,8 @@ def make_server(session: Session, port: int | None = None) -> LoopbackServer:
             "GET sketch": routes.sketch,
             "GET stretches": routes.stretches,
             "POST names": routes.names,
+            "POST candidates": routes.candidates,
+            "POST naming": routes.naming,
             "POST save": routes.save,
         },
         port,
@@ -103,6 +105,24 @@ class _Routes:
         layer = str(content.get("layer", ""))
         return json_answer(self._session.name(take, layer, content.get("segments"), bounds))
 
+    def candidates(self, request: Request) -> Answer:
+        """Return the names that a fragment may get."""
+        content = _content(request)
+        take = self._session.take(content.get("recording"))
+        names, fragment = _names(content.get("names")), content.get("fragment")
+        if take.naming is None or type(fragment) is not int:
+            raise AnnotationError(f"fragment: got {fragment!r:.20}, expected its number")
+        return json_answer({"candidates": take.naming.candidates(fragment, names)})
+
+    def naming(self, request: Request) -> Answer:
+        """Give names to fragments, and write the recording with them if that is asked."""
+        content = _content(request)
+        take = self._session.take(content.get("recording"))
+        take.give_names(_names(content.get("names")))
+        if content.get("write") is True:
+            take.write_names()
+        return json_answer(take.about())
+
     def save(self, request: Request) -> Answer:
         """Save segments; 409 if the file was changed underneath."""
         content = _content(request)
@@ -124,6 +144,15 @@ def _content(request: Request) -> dict[str, Any]:
     if not isinstance(content, dict):
         raise WebError(f"got {content!r:.80}, expected an object")
     return content
+
+
+def _names(content: Any) -> dict[int, str]:
+    """Check names of fragments."""
+    if not isinstance(content, dict) or not all(
+        key.isdecimal() and len(key) < 9 and isinstance(name, str) for key, name in content.items()
+    ):
+        raise AnnotationError(f"names: got {content!r:.80}, expected a name for each fragment")
+    return {int(key): name for key, name in content.items()}
 
 
 def _whole(request: Request, name: str) -> int:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from besman.annotate.proposals import Name, Teacher, name_stretches
 from besman.annotate.takes import Take, shares_side, side_of_layer
 from besman.exceptions import AnnotationError, BesmanError
-from besman.io.recordings import find_recordings
+from besman.io.recordings import find_recordings, read_recording
 from besman.manual_segments import LAYERS, drop_parts
 from besman.recognition.model import RecognitionModel
 from besman.records import LabelledSegments
@@ -31,6 +32,8 @@ class Session:
         Marker set; the first that fits if not given.
     models : sequence of RecognitionModel
         Trained models that name proposals too.
+    teacher : Path, optional
+        A recording with names, to name unnamed trajectories after.
 
     Raises
     ------
@@ -45,6 +48,7 @@ class Session:
         labels: Sequence[str] = (),
         markers: str | None = None,
         models: Sequence[RecognitionModel] = (),
+        teacher: Path | None = None,
     ) -> None:
         found = find_recordings(paths)
         if segments is not None and len(found) > 1:
@@ -52,7 +56,8 @@ class Session:
                 f"--segments {segments}: belongs to one recording, got {len(found)}; leave it out, "
                 "and every recording has its own beside it"
             )
-        self.takes = [Take(path, segments, markers) for path in found]
+        named = None if teacher is None else read_recording(teacher)
+        self.takes = [Take(path, segments, markers, named) for path in found]
         _refuse_shared_files(self.takes)
         self.labels = tuple(dict.fromkeys(labels))
         self._models = tuple(models)
@@ -106,19 +111,22 @@ class Session:
         Returns
         -------
         dict
-            ``names``: (label, confidence) or None for each; ``n_examples`` learnt from; ``note``:
-            why there are no names, "" if there are.
+            ``names``: (label, confidence) or None for each; ``n_examples`` learnt from.
 
         Raises
         ------
         BesmanError
-            If the segments are none, or the recording cannot be named.
+            If the segments are none of this recording.
         """
         now = take.document.parse(rows)
-        recording, _ = take.labelled()
         side = side_of_layer(layer)
         names: list[Name | None] = [None] * len(bounds)
         n_examples = 0
+        try:
+            recording, _ = take.labelled()
+        except BesmanError:
+            # What is the matter stands where the borders would be.
+            side = None
         if side is not None:
             labelled, truth = [], []
             for one in self.takes:
@@ -126,7 +134,7 @@ class Session:
                 if one is take or len(segments.labels):
                     try:
                         labelled.append(one.labelled()[0])
-                        truth.append(segments)
+                        truth.append(replace(segments, source=str(one.path)))
                     except BesmanError:
                         # It teaches nothing; its own page says why.
                         continue

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import threading
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from besman.annotate.document import Document
+from besman.annotate.named_file import NamedFile
+from besman.annotate.naming import Names, Naming, View
 from besman.annotate.proposals import Stretch, propose_stretches
 from besman.annotate.signals import Signals
 from besman.annotate.skeleton import find_bones
@@ -45,6 +48,17 @@ class Take:
         Its segments file; beside it if not given.
     markers : str, optional
         Marker set; the first that fits if not given.
+    teacher : Recording, optional
+        A recording with names, to name unnamed trajectories after.
+
+    Attributes
+    ----------
+    shown : Recording
+        The recording with the names that were found or given.
+    naming : Naming or None
+        What has no name, None if everything has.
+    names : dict of int to str
+        Names given to its fragments.
 
     Raises
     ------
@@ -53,7 +67,13 @@ class Take:
         written or belongs to another recording.
     """
 
-    def __init__(self, path: Path, segments: Path | None = None, markers: str | None = None):
+    def __init__(
+        self,
+        path: Path,
+        segments: Path | None = None,
+        markers: str | None = None,
+        teacher: Recording | None = None,
+    ) -> None:
         self.path = path
         self.recording = read_recording(path)
         if not np.isfinite(self.recording.positions).all(axis=2).any():
@@ -63,10 +83,47 @@ class Take:
             )
         self.markers = markers
         self.document = Document(segments or segments_path(path), self.recording)
-        self.signals = Signals(
-            self.recording.time, self.recording.positions, self.recording.rate_hz
-        )
+        self.naming: Naming | None = None
+        self.names: dict[int, str] = {}
+        self.named_file = NamedFile(path)
         self._lock = threading.Lock()
+        if None in self.recording.names:
+            marker_set = load_marker_set(markers or _guess_set(self.recording, teacher))
+            self.naming = Naming(self.recording, marker_set, teacher)
+            self._show(self.naming.view({}))
+        else:
+            self._show(View(self.recording, {}))
+
+    def give_names(self, names: Names) -> None:
+        """Give names to fragments; those not mentioned have none.
+
+        Raises
+        ------
+        AnnotationError
+            If nothing is unnamed, or a name cannot be given; then all stays as it is.
+        """
+        if self.naming is None:
+            raise AnnotationError(f"{self.path.name}: every trajectory has a name")
+        with self._lock:
+            self._show(self.naming.view(names))
+            self.names = dict(names)
+
+    def write_names(self) -> Path:
+        """Write the recording with the names given, beside the one that was read.
+
+        Raises
+        ------
+        BesmanError
+            If it cannot be written.
+        """
+        with self._lock:
+            return self.named_file.write(self.shown)
+
+    def _show(self, view: View) -> None:
+        """Show a recording; what was computed of another is forgotten."""
+        self.shown, self._columns = view
+        shown = self.shown
+        self.signals = Signals(shown.time, shown.positions, shown.rate_hz)
         self._labelled: tuple[LabelledRecording, MarkerSet] | BesmanError | None = None
         self._stretches: dict[str, list[Stretch]] = {}
 
@@ -113,7 +170,7 @@ class Take:
 
     def about(self) -> dict[str, Any]:
         """Return what the page needs to know of the recording."""
-        recording = self.recording
+        recording = self.shown
         names = [trajectory_name(recording, k) for k in range(len(recording.names))]
         first = recording.time[0]
         return {
@@ -130,6 +187,21 @@ class Take:
             "n_levels": self.signals.n_levels,
             "revision": self.document.revision,
             "segments": self.document.page_rows(),
+            "naming": self._about_naming(),
+        }
+
+    def _about_naming(self) -> dict[str, Any] | None:
+        """Return the fragments without a name, None if everything has one."""
+        if self.naming is None:
+            return None
+        return {
+            "fragments": [
+                {**one._asdict(), "column": self._columns.get(one.column)}
+                for one in self.naming.fragments
+            ],
+            "names": {str(number): name for number, name in self.names.items()},
+            "note": self.naming.note,
+            "path": str(self.named_file.path),
         }
 
     def _label(self) -> tuple[LabelledRecording, MarkerSet] | BesmanError:
@@ -139,8 +211,9 @@ class Take:
             marker_set = load_marker_set(name)
             try:
                 label = LabelConfig(markers=name, longest_gap_s=_LONGEST_GAP_S)
-                (labelled,) = label.run((self.recording,), marker_set)
-                return labelled, marker_set
+                (labelled,) = label.run((self.shown,), marker_set)
+                # Files of one name in several folders are not to be taken for each other.
+                return replace(labelled, source=str(self.path)), marker_set
             except LabellingError as failure:
                 # Of sets that do not fit, that of one arm says best what is missing.
                 if error is None or name == "right_arm" or self._fits(marker_set):
@@ -149,16 +222,25 @@ class Take:
 
     def _fits(self, marker_set: MarkerSet) -> bool:
         try:
-            marker_set.match(self.recording.names, self.recording.source)
+            marker_set.match(self.shown.names, self.shown.source)
         except LabellingError:
             return False
         return True
+
+
+def _guess_set(recording: Recording, teacher: Recording | None) -> str:
+    """Return the marker set to name trajectories by: that of the names there are."""
+    named = recording if teacher is None else teacher
+    for name in MARKER_SETS:
+        try:
+            load_marker_set(name).match(named.names, named.source)
+        except LabellingError:
+            continue
+        return name
+    return "right_arm"
 
 
 def shares_side(layer: str, other: str) -> bool:
     """Tell whether segments of one layer teach the names of another: blocks of the same arm."""
     side = side_of_layer(layer)
     return side is not None and side == side_of_layer(other)
-
-
-__all__ = ["MARKER_SETS", "Recording", "Take", "shares_side", "side_of_layer"]

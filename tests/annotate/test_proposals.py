@@ -69,7 +69,8 @@ def test_segments_of_the_other_arm_teach_nothing(recording_path, truth):
 
 
 def test_what_is_labelled_in_one_recording_names_the_next(recording_path, truth_path, truth):
-    other = recording_path.with_name("other.tsv")
+    other = recording_path.parent / "more" / recording_path.name
+    other.parent.mkdir()
     write_recording(read_recording(recording_path), other)
     own = recording_path.with_name("throws_manually_segmented.json")
     own.write_bytes(truth_path.read_bytes())

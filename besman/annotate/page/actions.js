@@ -164,13 +164,26 @@ export class Actions {
     }
   }
 
+  /** Tell whether keys are about names of markers. */
+  get naming() {
+    return this.app.panel.tab === "names" && this.app.naming;
+  }
+
   digit(k) {
+    if (this.naming) {
+      this.naming.digit(k);
+      return;
+    }
     const { app } = this, label = app.labels[(k + 9) % 10];
     if (label === undefined) app.say("no label has this digit yet: L makes one");
     else this.applyLabel(label);
   }
 
   accept(label = null) {
+    if (this.naming) {
+      this.naming.accept();
+      return;
+    }
     const { app } = this;
     const item = this.selected;
     if (item?.kind !== "proposal") {
@@ -190,6 +203,10 @@ export class Actions {
   }
 
   reject() {
+    if (this.naming) {
+      this.naming.reject();
+      return;
+    }
     const { app } = this, item = this.selected;
     if (item?.kind !== "proposal") {
       app.say("no proposal is selected: P goes to one");
@@ -202,6 +219,10 @@ export class Actions {
   }
 
   nextProposal() {
+    if (this.naming) {
+      this.naming.next();
+      return;
+    }
     const { app } = this, queue = app.proposals.queue();
     if (!queue.length) {
       app.say("no proposal is left");

@@ -5,6 +5,7 @@ import { Actions } from "./actions.js";
 import { Detail } from "./detail.js";
 import { Document } from "./document.js";
 import { fillHelp, keyTable, listenToKeys } from "./keys.js";
+import { Naming } from "./naming.js";
 import { Panel } from "./panel.js";
 import { View, clock, readTheme } from "./plot.js";
 import { Proposals } from "./proposals.js";
@@ -47,6 +48,7 @@ class App {
     this.document = new Document(() => this.edited());
     this.actions = new Actions(this);
     this.proposals = new Proposals(this);
+    this.naming = new Naming(this);
     this.saving = new Saving(this);
     this.panel = new Panel(this);
     this.timeline = new Timeline(find("timeline"), this);
@@ -71,7 +73,8 @@ class App {
     this.mark = null;
     this.selection = { id: null, edge: null };
     const items = toItems(about.segments);
-    this.document.reset(items);
+    this.naming.open(about);
+    this.document.reset(items, about.naming?.names ?? {});
     for (const item of items) this.useLabel(item.label, false);
     this.label = this.labels[0] ?? "";
     const used = new Set(items.map((item) => item.layer));
@@ -128,6 +131,7 @@ class App {
     if (missing.length) this.showLanes(missing);
     this.saving.touch();
     this.proposals.refresh();
+    this.naming.touch();
     find("undo").disabled = !this.document.past.length;
     find("redo").disabled = !this.document.future.length;
     this.draw("items");
@@ -196,6 +200,24 @@ class App {
 
   pickDot(marker) {
     this.setMarker(marker);
+    if (!this.about.named[marker]) {
+      this.showTab("names");
+      this.naming.selectDot(marker);
+    }
+  }
+
+  /** Show what the server made of names that were given. */
+  async showNamed(about) {
+    const marker = Math.max(0, about.markers.indexOf(this.about.markers[this.marker]));
+    const signals = new Signals(this.index, about, () => this.draw("signals"));
+    await signals.open(marker);
+    this.about = about;
+    this.signals = signals;
+    this.marker = marker;
+    this.scene.screen = new Float32Array(3 * about.markers.length);
+    this.fillMarkers();
+    this.proposals.reload(this.layer);
+    this.draw("all");
   }
 
   cycleMarker(direction) {
@@ -366,7 +388,7 @@ class App {
   }
 
   async switchTo(index) {
-    if (!(await this.saving.flush())) {
+    if (!(await this.saving.flush({ names: true }))) {
       find("recording").value = String(this.index);
       return;
     }

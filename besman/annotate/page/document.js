@@ -1,6 +1,7 @@
 // Segments and proposals of one recording, with every step of their history.
 //
-// A state is { items, names }, never changed in place. An item is
+// A state is { items, names }, never changed in place; names are those of unnamed fragments, by
+// their number. An item is
 // { id, kind: "segment" | "proposal", start, end, label, layer }: half-open rows. Of a proposal,
 // label is what the user chose for it ("" if nothing), and confidence that of its borders.
 
@@ -23,8 +24,8 @@ export class Document {
   }
 
   /** Start anew with these items, without history. */
-  reset(items) {
-    this.state = { items: [...items].sort(byTime), names: {} };
+  reset(items, names = {}) {
+    this.state = { items: [...items].sort(byTime), names };
     this.past = [];
     this.future = [];
     this.before = null;

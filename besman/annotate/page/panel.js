@@ -50,6 +50,11 @@ export class Panel {
     this.app.draw("panel");
   }
 
+  nextTab() {
+    const tabs = ["proposals", "segments", ...(this.app.naming.about ? ["names"] : [])];
+    this.showTab(tabs[(tabs.indexOf(this.tab) + 1) % tabs.length]);
+  }
+
   /** Ask for a label; what is typed is applied to what is selected, or given to `done`. */
   askLabel(prompt, done) {
     this.labelDone = done ?? null;
@@ -75,6 +80,7 @@ export class Panel {
   }
 
   draw() {
+    if (this.tab === "names" && !this.app.naming.about) this.tab = "proposals";
     this.drawSelected();
     this.drawLabels();
     this.drawLayers();
@@ -84,6 +90,9 @@ export class Panel {
     const { app } = this, queue = app.proposals.queue();
     const segments = app.document.of(app.layer, "segment");
     find("tab-proposals").textContent = `Proposals ${queue.length || ""}`;
+    if (app.naming.about) {
+      find("tab-names").textContent = `Names ${app.naming.undecided().length || ""}`;
+    }
     find("tab-segments").textContent = `Segments ${segments.length || ""}`;
     if (this.tab === "names") {
       app.naming.drawList(find("list"), find("note"));
@@ -113,6 +122,10 @@ export class Panel {
   drawSelected() {
     const { app } = this, { actions, about } = app, item = app.document.find(app.selection.id);
     const place = find("selected");
+    if (this.tab === "names") {
+      app.naming.drawSelected(place);
+      return;
+    }
     if (!item) {
       const hint = app.proposals.queue().length
         ? "Enter goes to the least certain proposal."

@@ -58,6 +58,13 @@ export class Proposals {
     app.draw("items");
   }
 
+  /** Ask again for borders that there were none of before: markers got names. */
+  reload(layer) {
+    if (this.app.document.of(layer, "proposal").length) return;
+    this.loaded.delete(layer);
+    this.load(layer);
+  }
+
   /** Ask for names again, after what is labelled by now. */
   refresh(wait = WAIT_MS) {
     clearTimeout(this.timer);

@@ -24,7 +24,7 @@ export class Saving {
     find("changed-keep").addEventListener("click", () => this.keepMine());
     find("changed-later").addEventListener("click", () => this.dialog.close());
     addEventListener("beforeunload", (event) => {
-      if (this.dirty) event.preventDefault();
+      if (this.dirty || this.app.naming.dirty) event.preventDefault();
     });
     document.addEventListener("visibilitychange", () => {
       if (document.hidden) this.flush();
@@ -40,7 +40,7 @@ export class Saving {
     this.path = about.segments_path;
     this.conflict = false;
     this.stored = this.text();
-    this.show("saved", about.revision ? "saved" : "nothing to save yet");
+    this.showSaved();
   }
 
   /** Return the segments as the server takes them. */
@@ -57,6 +57,13 @@ export class Saving {
     return this.stored !== this.text();
   }
 
+  /** Say that all is saved, or that names of markers are still on their way. */
+  showSaved() {
+    const { naming } = this.app;
+    if (naming.dirty) this.show("saving", "saving names");
+    else this.show("saved", this.revision || naming.about ? "saved" : "nothing to save yet");
+  }
+
   show(state, text) {
     const element = find("saved");
     element.dataset.state = state;
@@ -68,7 +75,7 @@ export class Saving {
   touch() {
     clearTimeout(this.timer);
     if (!this.dirty) {
-      if (!this.conflict) this.show("saved", this.revision ? "saved" : "nothing to save yet");
+      if (!this.conflict) this.showSaved();
       return;
     }
     if (this.conflict) return;
@@ -89,8 +96,15 @@ export class Saving {
       return false;
     }
     while (this.going) await this.going;
+    if ((options.milestone || options.names) && !(await this.app.naming.flush())) {
+      this.show("failed", "names not written");
+      return false;
+    }
     if (!this.dirty && !options.milestone && !options.replace) return true;
-    if (!this.revision && !this.rows().length) return true;
+    if (!this.revision && !this.rows().length) {
+      this.showSaved();
+      return true;
+    }
     this.going = this.send(options);
     const done = await this.going;
     this.going = null;
@@ -103,12 +117,13 @@ export class Saving {
     this.show("saving", "saving");
     try {
       const { revision } = await postJson("save", {
-        recording: index, segments: JSON.parse(text), revision: this.revision, ...options,
+        recording: index, segments: JSON.parse(text), revision: this.revision,
+        milestone: Boolean(options.milestone), replace: Boolean(options.replace),
       });
       this.revision = revision;
       this.stored = text;
       this.conflict = false;
-      this.show("saved", "saved");
+      this.showSaved();
       app.failed(null);
       return true;
     } catch (error) {

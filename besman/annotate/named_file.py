@@ -1,0 +1,59 @@
+"""A recording written with the names given on the page, beside the one that was read."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from besman.exceptions import AnnotationError
+from besman.io.recordings import write_recording
+from besman.records import Recording
+
+_WRITTEN = (".tsv", ".c3d")
+
+
+class NamedFile:
+    """``STEM_named.tsv``; no file that was there before is overwritten.
+
+    Parameters
+    ----------
+    source : Path
+        The recording that was read; a C3D file is written as C3D.
+
+    Attributes
+    ----------
+    path : Path
+        ``STEM_named_2`` and so on, where the first is taken.
+    """
+
+    def __init__(self, source: Path) -> None:
+        ending = source.suffix.lower() if source.suffix.lower() in _WRITTEN else ".tsv"
+        number = 1
+        while True:
+            more = "" if number == 1 else f"_{number}"
+            self.path = source.with_name(f"{source.stem}_named{more}{ending}")
+            if not self.path.exists():
+                break
+            number += 1
+        self._own = False
+
+    def write(self, recording: Recording) -> Path:
+        """Write the recording under a temporary name, then rename it.
+
+        Raises
+        ------
+        BesmanError
+            If it cannot be written, or another wrote such a file in the meantime.
+        """
+        if self.path.exists() and not self._own:
+            raise AnnotationError(
+                f"{self.path}: was written by another in the meantime and is not overwritten; "
+                "start besman annotate again for another name"
+            )
+        temporary = self.path.with_name(f".{self.path.stem}.tmp{self.path.suffix}")
+        write_recording(recording, temporary)
+        with temporary.open("rb") as file:
+            os.fsync(file.fileno())
+        temporary.replace(self.path)
+        self._own = True
+        return self.path
