@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from besman.exceptions import RecognitionError
 from besman.manual_segments import IDLE, Side
-from besman.recognition.examples import find_candidates
+from besman.recognition.examples import Candidate, find_candidates
 from besman.recognition.model import (
     Examples,
     Recipe,
@@ -132,24 +132,25 @@ class Teacher:
         if not candidates:
             return None
         recipe = stage.make_recipe([one.recording for one in candidates], [2], side)
-        values = [self._extract(one.recording, recipe, one.bounds) for one in candidates]
+        values = self._extract(candidates, recipe)
         examples = Examples(
             labels=tuple(one.label for one in candidates),
             sources=tuple(one.recording.source for one in candidates),
             bounds=np.array([one.bounds for one in candidates]),
         )
-        return fit_model(
-            np.concatenate(values), examples, recipe, stage.method, stage.settings, 1.0
-        )
+        return fit_model(values, examples, recipe, stage.method, stage.settings, 1.0)
 
-    def _extract(
-        self, recording: LabelledRecording, recipe: Recipe, bounds: tuple[int, int]
-    ) -> FloatArray:
-        known = self._features.setdefault(recording, {})
-        key = (recipe, *bounds)
-        if key not in known:
-            known[key] = recipe.extract(recording, [bounds])
-        return known[key]
+    def _extract(self, candidates: Sequence[Candidate], recipe: Recipe) -> FloatArray:
+        """Return the features of examples; those of one recording are computed at once."""
+        missing: dict[LabelledRecording, list[tuple[int, int]]] = {}
+        for recording, bounds, _ in candidates:
+            if (recipe, *bounds) not in self._features.setdefault(recording, {}):
+                missing.setdefault(recording, []).append(bounds)
+        for recording, rows in missing.items():
+            values = recipe.extract(recording, rows)
+            for bounds, one in zip(rows, values, strict=True):
+                self._features[recording][recipe, *bounds] = one
+        return np.stack([self._features[one.recording][recipe, *one.bounds] for one in candidates])
 
 
 def name_stretches(

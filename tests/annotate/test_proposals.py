@@ -1,4 +1,5 @@
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -101,7 +102,7 @@ def test_nearest_class_is_the_label_and_its_distance_the_uncertainty(
 
     recording, _ = Session([recording_path]).takes[0].labelled()
     stage = RecognizeConfig(examples_per_class=1, unknown_factor=None)
-    model = stage.train((recording,), (truth,))
+    model = stage.train((recording,), (replace(truth, source=recording.source),))
     labels, distances = name_segments(model, recording, truth.bounds)
     apart = rank_classes(model, recording, truth.bounds)
     assert [model.classes[k] for k in apart.argmin(axis=1)] == list(labels)

@@ -1,5 +1,6 @@
 // What the user can do, by mouse or keyboard.
 
+import { isPart } from "./document.js";
 import * as editing from "./editing.js";
 import { layerName } from "./lanes.js";
 import { clock } from "./plot.js";
@@ -235,7 +236,7 @@ export class Actions {
 
   /** Select the next or previous segment of the layer. */
   go(direction) {
-    const { app } = this, all = this.document.of(app.layer, "segment");
+    const { app } = this, all = this.document.of(app.layer, "segment").filter((one) => !isPart(one));
     if (!all.length) {
       app.say("no segment in this layer yet");
       return;

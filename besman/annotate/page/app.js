@@ -179,6 +179,7 @@ class App {
     this.layer = layer;
     this.selection = { id: null, edge: null };
     if (!this.lanes.includes(layer)) this.showLanes([layer]);
+    this.showHand(layer);
     this.proposals.load(layer);
     this.proposals.refresh();
     this.draw("all");
@@ -196,6 +197,17 @@ class App {
     find("marker").value = String(marker);
     this.showChosen();
     this.draw("all");
+  }
+
+  /** With the layer of a hand choose its marker, where that of the other was chosen. */
+  showHand(layer) {
+    const { markers } = this.about, chosen = markers[this.marker];
+    const isLeft = /^left/i.test(chosen), toLeft = layer === "left_hand";
+    if (!layer.endsWith("_hand") || isLeft === toLeft) return;
+    const part = (name) => name.toLowerCase().replace(/^(left|right)?[ _-]*/, "");
+    const other = markers.findIndex(
+      (name) => part(name) === part(chosen) && /^left/i.test(name) === toLeft);
+    if (other >= 0) this.setMarker(other);
   }
 
   pickDot(marker) {

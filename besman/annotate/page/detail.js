@@ -31,7 +31,10 @@ export class Detail {
     const { values, digits } = ticks(range[0], range[1], (bottom - TOP) / 40);
     context.fillStyle = theme.soft;
     context.textAlign = "right";
-    for (const value of values) context.fillText(value.toFixed(digits), LEFT - 6, toY(value) + 4);
+    for (const value of values) {
+      context.fillText((Math.abs(value) < 1e-9 ? 0 : value).toFixed(digits), LEFT - 6,
+        toY(value) + 4);
+    }
     context.fillText(group === "positions" ? "m" : "m/s", LEFT - 6, TOP + 8);
     context.textAlign = "left";
     context.save();

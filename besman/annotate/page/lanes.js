@@ -55,7 +55,7 @@ function drawItem(context, app, item, left, width, y) {
   context.strokeStyle = selected ? theme.ink : tint;
   context.lineWidth = selected ? 2 : 1;
   context.setLineDash(proposal ? [4, 3] : []);
-  context.strokeRect(x0 + 0.5, top + 0.5, Math.max(1, x1 - x0 - 1), height - 1);
+  if (selected || x1 - x0 > 7) context.strokeRect(x0 + 0.5, top + 0.5, Math.max(1, x1 - x0 - 1), height - 1);
   context.setLineDash([]);
   context.lineWidth = 1;
   if (proposal && !quiet && x1 - x0 > 6) {

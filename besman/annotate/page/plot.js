@@ -88,6 +88,15 @@ export function ticks(low, high, most) {
   return { values, digits: Math.max(0, -Math.floor(Math.log10(step) + 1e-9)) };
 }
 
+/** Return round times between two, and how many digits they need. */
+function timeTicks(low, high, most) {
+  const step = [10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600].find((k) => k >= (high - low) / most);
+  if (!step || (high - low) / most < 5) return ticks(low, high, most);
+  const values = [];
+  for (let v = Math.ceil(low / step) * step; v <= high; v += step) values.push(v);
+  return { values, digits: 0 };
+}
+
 /** Return a time as text: 12.34 s, 2:03.5, 1:02:03. */
 export function clock(seconds, digits = 2) {
   const total = Math.max(0, seconds);
@@ -100,7 +109,7 @@ export function clock(seconds, digits = 2) {
 
 /** Draw ticks of time along a plot. */
 export function drawTimeAxis(context, view, rate, left, width, top, height) {
-  const { values, digits } = ticks(view.from / rate, view.to / rate, width / 90);
+  const { values, digits } = timeTicks(view.from / rate, view.to / rate, width / 90);
   context.fillStyle = theme.soft;
   context.strokeStyle = theme.line;
   context.globalAlpha = 0.7;

@@ -108,7 +108,9 @@ export class Proposals {
     const open = app.document.of(app.layer, "proposal").filter((item) => !app.isRest(item));
     const named = open.some((item) => this.nameOf(item));
     if (this.byTime || !named) return open;
-    return open.sort((a, b) => app.confidenceOf(a) - app.confidenceOf(b) || a.start - b.start);
+    // What has no name yet, in a long recording, gets it when it comes near.
+    const rank = (item) => (app.labelOf(item) ? app.confidenceOf(item) : 2);
+    return open.sort((a, b) => rank(a) - rank(b) || a.start - b.start);
   }
 
   /** Return the one to decide after this one. */
