@@ -132,7 +132,7 @@ class Configuration(SphinxDirective):
         written: list[Any] = []
         for path, configs in found:
             for config in configs:
-                chosen = _method(config) if len(configs) > 1 else ""
+                chosen = method_of(config) if len(configs) > 1 else ""
                 title = ".".join(path) + (f": {{method: {chosen}}}" if chosen else "")
                 section = nodes.section(ids=[_place(path, chosen)], names=[title])
                 section += nodes.title("", "", nodes.literal(text=title))
@@ -175,10 +175,11 @@ class Configuration(SphinxDirective):
         return listed, below
 
 
-def _method(config: type[BaseModel]) -> str:
+def method_of(config: type[BaseModel]) -> str:
     """Return which method a section stands for."""
     field = config.model_fields.get("method")
-    return "" if field is None else str(field.default)
+    # Some have no default: what is allowed is one word.
+    return "" if field is None else str(get_args(field.annotation)[0])
 
 
 def _place(path: tuple[str, ...], method: str) -> str:
@@ -190,7 +191,7 @@ def _links(path: tuple[str, ...], configs: list[type[BaseModel]]) -> nodes.parag
     """Write links to the sections of a key."""
     links = nodes.paragraph(text="See ")
     for index, config in enumerate(configs):
-        method = _method(config) if len(configs) > 1 else ""
+        method = method_of(config) if len(configs) > 1 else ""
         links += nodes.Text(", " if index else "")
         place = _place(path, method)
         links += nodes.reference("", "", nodes.literal(text=method or ".".join(path)), refid=place)
