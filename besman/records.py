@@ -578,8 +578,8 @@ class RefinedMotion(Record):
     generations : int array, shape (E,)
         Generation of every episode; 0 is the imitation alone.
     milestones : tuple of (int, MotionPlan or CartesianPlan)
-        Episodes that were the best so far, each with its plan: the imitation, one about halfway
-        to the best, the best. Fewer where the search went another way.
+        Episodes that were the best so far, each with its plan: the imitation, up to three on the
+        way, the best.
     """
 
     plan: AnyPlan

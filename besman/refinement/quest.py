@@ -23,6 +23,8 @@ FloatArray = npt.NDArray[np.float64]
 
 # A search ends when the outcome is this much better than the task asks for.
 _MARGIN = 0.5
+# How many episodes on the way are kept with their plans.
+_MILESTONES = 5
 
 
 class Quest:
@@ -198,10 +200,11 @@ class Quest:
         )
 
     def _milestones(self) -> list[int]:
-        """Return the first, the middle and the last of the episodes that were the best so far."""
+        """Return some of the episodes that were the best so far, first and last among them."""
         ranks = [(trial.success, trial.reward) for trial in self._trials]
         best = [at for at in range(len(ranks)) if not at or ranks[at] > max(ranks[:at])]
-        return sorted({best[0], best[len(best) // 2], best[-1]})
+        rows = np.rint(np.linspace(0, len(best) - 1, min(len(best), _MILESTONES))).astype(int)
+        return [best[row] for row in rows]
 
 
 def succeeds(trial: Trial, task: Task, share: float) -> bool:

@@ -148,8 +148,9 @@ def _choose(motions: tuple[RefinedMotion, ...], name: str | None) -> RefinedMoti
 
 
 def _shown(motion: RefinedMotion) -> tuple[tuple[int, Any], ...]:
-    """Return the episodes to show with their plans; of an older record the best alone."""
-    return motion.milestones or ((-1, motion.plan),)
+    """Return up to three episodes with their plans; of an older record the best alone."""
+    found = motion.milestones or ((-1, motion.plan),)
+    return tuple(found[row] for row in sorted({0, len(found) // 2, len(found) - 1}))
 
 
 def _panel(motion: RefinedMotion, index: int, robot: Robot, task: Task) -> Panel:

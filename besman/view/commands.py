@@ -50,7 +50,7 @@ def _export(content: object, run: Path, motion: str | None, out: Path) -> None:
     assert isinstance(content, RunContent)
     with stage_display() as display:
         progress, end = display("replay")
-        shown, total = write_replay(content, out, motion, progress)
+        shown, total = write_replay(content, out, motion, progress=progress)
         end(True)
     if out.resolve() == (run / "replay.html").resolve():
         write_page(run)

@@ -16,7 +16,6 @@ from besman.view.assets import read_asset
 from besman.view.run_content import RATE_HZ, RunContent
 
 _WANTED_BYTES, _LARGEST_BYTES = 1_000_000, 3_000_000
-_SLOWER_HZ = (RATE_HZ, 50.0)
 _IMPORT = re.compile(r'^import \{([^}]*)\} from "\./([\w/]+)\.js";\n', re.MULTILINE)
 _EXPORT = re.compile(r"^export (?=(?:async )?(?:function|class|const) (\w+))", re.MULTILINE)
 
@@ -25,6 +24,7 @@ def write_replay(
     content: RunContent,
     out: Path,
     motion: str | None = None,
+    rate_hz: float = RATE_HZ,
     progress: Callable[[float], None] = lambda done: None,
 ) -> tuple[int, int]:
     """Write a run as one HTML file, of at most three megabytes.
@@ -38,6 +38,8 @@ def write_replay(
     motion : str, optional
         The one demonstration to show; all if not given. Where all are too much, they have half as
         many frames; where that is too much still, some are left out, evenly in their order.
+    rate_hz : float
+        Frames per second, at most.
     progress : callable
         Told the share that is done.
 
@@ -56,7 +58,7 @@ def write_replay(
     first = content.first if motion is None else content.find(motion)
     chosen = list(range(len(content.names))) if motion is None else [first]
     empty = len(_page(content.overview(chosen, first), []))
-    chosen, bundles = _fit(content, chosen, first, empty, progress)
+    chosen, bundles = _fit(content, chosen, first, empty, rate_hz, progress)
     page = _page(content.overview(chosen, first), bundles)
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
@@ -71,10 +73,11 @@ def _fit(
     chosen: list[int],
     first: int,
     empty: int,
+    most_hz: float,
     progress: Callable[[float], None],
 ) -> tuple[list[int], list[bytes]]:
     """Pack so many demonstrations with so many frames that they fit beside `empty` bytes."""
-    for rate_hz in _SLOWER_HZ:
+    for rate_hz in (most_hz, most_hz / 2):
         one = _encoded([content.demonstration(first, rate_hz)])
         if empty + one * len(chosen) <= _WANTED_BYTES:
             break

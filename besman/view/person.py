@@ -14,6 +14,8 @@ from besman.records import FloatArray, LabelledRecording
 from besman.view.packing import Packer
 
 _BEFORE_S, _AFTER_S = 0.6, 1.2
+# A back is not lower above the floor, sitting on a chair, and nothing is below the floor.
+_LOWEST_BACK_M, _BELOW_M = 0.6, 0.03
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +38,8 @@ class Person:
         Markers of back and hands: three each.
     thrown : int
         Marker of the object; -1 if there is none.
+    on_floor : bool
+        Whether the height 0 of the laboratory can be the floor that the person stands on.
     """
 
     names: tuple[str, ...]
@@ -46,6 +50,7 @@ class Person:
     limbs: list[list[int]]
     patches: list[list[int]]
     thrown: int
+    on_floor: bool
 
     def content(self, packer: Packer) -> dict[str, Any]:
         """Return the person as a page is given it."""
@@ -56,6 +61,7 @@ class Person:
             "limbs": self.limbs,
             "patches": self.patches,
             "thrown": self.thrown,
+            "onFloor": self.on_floor,
             "markers": packer.add(self.markers),
         }
 
@@ -98,7 +104,14 @@ def find_person(
         limbs=limbs,
         patches=patches,
         thrown=names.index(thrown) if thrown in names else -1,
+        on_floor=bool(origin[2] > _LOWEST_BACK_M and _lowest(recording) > -_BELOW_M),
     )
+
+
+def _lowest(recording: LabelledRecording) -> float:
+    """Return the least height in a recording, metres."""
+    heights = recording.positions[..., 2]
+    return float(heights[np.isfinite(heights)].min(initial=np.inf))
 
 
 def _back(recording: LabelledRecording, start: int) -> tuple[FloatArray, FloatArray]:

@@ -125,12 +125,16 @@ class RunContent:
         packer = Packer()
         chosen = list(range(len(self.names))) if chosen is None else chosen
         first = self.first if first is None else first
+        robots = [arm.robot for arm in self._arms]
         return packer.bundle(
             {
                 "run": self._name,
                 "task": self._task.kind,
                 "radius": self._task.success_radius_m,
-                "robots": [robot_content(arm.robot, packer) for arm in self._arms],
+                "robots": [
+                    robot_content(robot, packer, [one for one in robots if one is not robot])
+                    for robot in robots
+                ],
                 "sides": [arm.records.side for arm in self._arms],
                 "demonstrations": [self._line(self.names[index]) for index in chosen],
                 "total": len(self.names),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import mujoco
@@ -26,7 +27,7 @@ _PRIMITIVES = {
 }
 
 
-def robot_content(robot: Robot, packer: Packer) -> dict[str, Any]:
+def robot_content(robot: Robot, packer: Packer, others: Sequence[Robot] = ()) -> dict[str, Any]:
     """Describe an arm for the page.
 
     Parameters
@@ -35,6 +36,8 @@ def robot_content(robot: Robot, packer: Packer) -> dict[str, Any]:
         The arm with its tool.
     packer : Packer
         Takes its meshes.
+    others : sequence of Robot
+        Other arms of the same robot, which are shown too: links that they move are left out.
 
     Returns
     -------
@@ -51,13 +54,23 @@ def robot_content(robot: Robot, packer: Packer) -> dict[str, Any]:
         "axes": chain.axes.tolist(),
         "tip": chain.tip.ravel().tolist(),
         "home": robot.home.tolist(),
-        "shapes": _link_shapes(robot, packer),
+        "shapes": _link_shapes(robot, packer, _moved_links(others)),
     }
 
 
-def _link_shapes(robot: Robot, packer: Packer) -> list[dict[str, Any]]:
+def _moved_links(robots: Sequence[Robot]) -> set[str]:
+    """Return the links that some joint of the arms moves."""
+    return {
+        link
+        for robot in robots
+        for link, joint in zip(robot.chain.capsule_links, robot.chain.capsule_joints, strict=True)
+        if joint >= 0
+    }
+
+
+def _link_shapes(robot: Robot, packer: Packer, elsewhere: set[str]) -> list[dict[str, Any]]:
     """List meshes of the links, capsules of those that have none, column and mount."""
-    meshes = robot_meshes(robot)
+    meshes = [one for one in robot_meshes(robot) if one[0] not in elsewhere]
     fewer = decimate([Mesh(*rest) for _, _, *rest in meshes], _MOST_TRIANGLES)
     shapes = [
         {
@@ -69,7 +82,7 @@ def _link_shapes(robot: Robot, packer: Packer) -> list[dict[str, Any]]:
         }
         for (_, joint, *_), mesh in zip(meshes, fewer, strict=True)
     ]
-    meshed = {link for link, *_ in meshes} | {"tool", "pedestal"}
+    meshed = {link for link, *_ in meshes} | {"tool", "pedestal"} | elsewhere
     chain = robot.chain
     for link, joint, ends, radius in zip(
         chain.capsule_links,

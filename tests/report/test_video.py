@@ -42,13 +42,14 @@ def test_a_video_has_its_size_its_frames_and_something_that_moves(small_run, mot
     assert done[-1] == 1.0
     reader = imageio_ffmpeg.read_frames(str(out))
     about = next(reader)
-    n = len(motion.milestones)
+    shown = video._shown(motion)
+    n = len(shown)
     width = {1: 640, 2: 1280, 3: 1296}[n]
     assert about["size"] == (width, 448 + 2 * BAND)
     assert about["fps"] == 25
     frames = [np.frombuffer(frame, np.uint8).reshape(-1, width, 3) for frame in reader]
     robot, task = load_robot("ur5", "stick_holder"), load_task("stick_throw")
-    longest = max(len(task.play(robot, plan).states) for _, plan in motion.milestones)
+    longest = max(len(task.play(robot, plan).states) for _, plan in shown)
     shown_s = len(frames) / 25 - 1.2
     assert shown_s == pytest.approx(2 * longest * task.simulation.time_step_s, abs=0.05)
     moved = np.abs(frames[0].astype(int) - frames[-1])[BAND:-BAND]
@@ -63,7 +64,7 @@ def test_captions_say_episode_and_miss(motions):
     robot, task = load_robot("ur5", "stick_holder"), load_task("stick_throw")
     for motion in motions:
         captions = [
-            video._caption(motion, index, robot, task) for index in range(len(motion.milestones))
+            video._caption(motion, index, robot, task) for index in range(len(video._shown(motion)))
         ]
         assert captions[0].startswith("imitated · episode 0 · ")
         if len(captions) > 1:

@@ -2,7 +2,9 @@
 
 import { Raster, pixel, shadesOf } from "./raster.js";
 
-const LIGHT = [0.36, -0.46, 0.81];
+// The light comes from above, from the left of who looks.
+const LIGHT_LEFT = 0.6;
+const LIGHT_UP = 0.95;
 const GRID_M = 0.5;
 const GRID_LINES = 16;
 const PIECE_M = 1;
@@ -26,6 +28,13 @@ export class Renderer {
     [this.floor, this.solids, this.ink] = contexts;
     this.raster = new Raster();
     this.shades = new Map();
+    this.lightFrom(0);
+  }
+
+  /** Let the light come from the left of who looks from an azimuth (rad). */
+  lightFrom(azimuth) {
+    const around = azimuth - LIGHT_LEFT, level = Math.cos(LIGHT_UP);
+    this.light = [level * Math.cos(around), level * Math.sin(around), Math.sin(LIGHT_UP)];
   }
 
   /** Take over triangles of geometry.js. */
@@ -76,7 +85,7 @@ export class Renderer {
       context.save();
       clip(context, part);
       drawGrid(context, part, camera, colours.grid);
-      for (const one of picture.targets) if (one.place[2] <= 1e-6) drawDisc(context, part, camera, one);
+      picture.targets.filter(onFloor).forEach((one) => drawDisc(context, part, camera, one));
       context.restore();
     }
   }
@@ -94,10 +103,10 @@ export class Renderer {
       const bottom = Math.min(height, Math.round(scale * (part.y + part.height)));
       raster.look({ x, y, width: right - x, height: bottom - y }, camera);
       if (raster.place[2] > 0) {
-        for (const { mesh, pose } of picture.solids) raster.drawShadow(mesh, pose, shadow, LIGHT);
+        for (const { mesh, pose } of picture.solids) raster.drawShadow(mesh, pose, shadow, this.light);
       }
       for (const { mesh, pose, colour } of picture.solids) {
-        raster.draw(mesh, pose, this.shadesOf(colour), LIGHT);
+        raster.draw(mesh, pose, this.shadesOf(colour), this.light);
       }
     }
     const left = Math.min(low[0], raster.low[0]), top = Math.min(low[1], raster.low[1]);
@@ -117,14 +126,12 @@ export class Renderer {
     context.save();
     clip(context, part);
     context.lineCap = context.lineJoin = "round";
-    for (const { place, radius, colour } of picture.targets) {
-      if (place[2] > 1e-6) this.drawBall(part, camera, place, radius, colour, scale);
-    }
+    for (const one of picture.targets) if (!onFloor(one)) this.drawBall(part, camera, one, scale);
     for (const one of picture.lines) this.drawLine(part, camera, one, scale);
     context.restore();
   }
 
-  /** Draw a path up to a row as it is, and the rest of it thin; fainter where something hides it. */
+  /** Draw a path up to a row as it is, the rest of it thin; fainter where it is hidden. */
   drawLine(part, camera, { line, colour, width, count = line.count }, scale) {
     const { points, seen } = line, n = points.length / 3;
     camera.project(points, part.width, part.height, seen);
@@ -149,7 +156,7 @@ export class Renderer {
   }
 
   /** Draw a ball that may be seen through. */
-  drawBall(part, camera, place, radius, colour, scale) {
+  drawBall(part, camera, { place, radius, colour }, scale) {
     const [x, y, depth] = camera.project(place, part.width, part.height);
     if (!Number.isFinite(x)) return;
     const pixels = Math.max(2, radius * camera.pixelsPerMetre(depth, part.height));
@@ -169,6 +176,10 @@ export class Renderer {
 export function css([red, green, blue, opacity = 1]) {
   const [r, g, b] = [red, green, blue].map((one) => Math.round(255 * one));
   return `rgba(${r}, ${g}, ${b}, ${opacity})`;
+}
+
+function onFloor({ place }) {
+  return place[2] < 1e-6;
 }
 
 function fit(canvas, width, height) {

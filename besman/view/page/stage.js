@@ -91,7 +91,8 @@ export class Stage {
   /** Bring points of the person's frame to the robot; standing on the floor unless `together`. */
   placed(points, together) {
     const { yaw, shift } = this.mapped, out = new Float32Array(points.length);
-    const c = Math.cos(yaw), s = Math.sin(yaw), up = this.lowered(false) - this.lowered(together);
+    const c = Math.cos(yaw), s = Math.sin(yaw);
+    const up = shift[2] - this.mapped.backHeight - this.lowered(together);
     for (let at = 0; at < points.length; at += 3) {
       out[at] = shift[0] + c * points[at] - s * points[at + 1];
       out[at + 1] = shift[1] + s * points[at] + c * points[at + 1];
@@ -155,7 +156,7 @@ export class Stage {
       });
     }
     const back = person.patches[0];
-    if (back && back.every(seen) && !together) {
+    if (back && back.every(seen) && !together && person.onFloor) {
       const middle = [0, 1, 2].map((k) => back.reduce((sum, one) => sum + at(one)[k], 0) / 3);
       const foot = [middle[0], middle[1], 0.004];
       solids.push(cast.bar(middle, foot, 0.012, colours.stand));
@@ -192,7 +193,8 @@ export class Stage {
     if (take) {
       const places = between(take.bodies, row), turns = between(take.turns, row);
       for (let at = 0; 3 * at < places.length; at++) {
-        frames.push(pose(...places.subarray(3 * at, 3 * at + 3), ...turns.subarray(4 * at, 4 * at + 4)));
+        const turn = turns.subarray(4 * at, 4 * at + 4);
+        frames.push(pose(...places.subarray(3 * at, 3 * at + 3), ...turn));
       }
     }
     for (const { mesh, frame, place, role } of [...links, ...actor.solids]) {
@@ -208,9 +210,10 @@ export class Stage {
     }
   }
 
-  /** Return by how much (m) the person stands lower than the mapping put them. */
+  /** Return by how much (m) the person stands lower than the mapping put them: on the floor. */
   lowered(together) {
-    return together ? 0 : this.mapped.shift[2] - this.mapped.backHeight;
+    const { mapped, demonstration: { person } } = this;
+    return together || !person.onFloor ? 0 : mapped.shift[2] - mapped.backHeight;
   }
 
   /** Return where targets are, as large as what counts as success, lowered by some metres. */
@@ -218,8 +221,8 @@ export class Stage {
     const radius = Math.max(this.cast.overview.radius, 0.015);
     const places = this.demonstration.arms.map(({ target }) => target).filter(Boolean);
     return places.map(([x, y, z]) => ({
-      // What lies on a floor lies on this one, whatever the rounding.
-      place: [x, y, Math.abs(z - lower) < 1e-3 ? 0 : z - lower], radius, colour: colours.target,
+      // What lies on the robot's floor lies on the person's.
+      place: [x, y, z < 1e-6 ? 0 : z - lower], radius, colour: colours.target,
     }));
   }
 

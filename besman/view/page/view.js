@@ -103,17 +103,29 @@ function caption(id, title, line) {
 }
 
 function write(views, pictures) {
-  const context = renderer.ink;
+  const context = renderer.ink, said = [];
   context.font = "12px system-ui, sans-serif";
   const ink = color("--ink"), halo = color("--scene");
   const say = ({ x: left, y: top, width, height }, point, words, dx = 8) => {
     const [x, y] = camera.project(point, width, height);
     if (!(x >= 0 && x <= width && y >= 0 && y <= height)) return;
+    const box = { x: left + x + dx, y: top + y + 4, width: context.measureText(words).width };
+    // What would be written over other words goes below them, with a line to where it belongs.
+    while (said.some((one) => overlap(one, box))) box.y += 3;
+    said.push(box);
+    if (box.y - (top + y) > 14) {
+      context.lineWidth = 1;
+      context.strokeStyle = color("--soft");
+      context.beginPath();
+      context.moveTo(left + x, top + y);
+      context.lineTo(box.x - 2, box.y - 4);
+      context.stroke();
+    }
     context.lineWidth = 3;
     context.strokeStyle = halo;
-    context.strokeText(words, left + x + dx, top + y + 4);
+    context.strokeText(words, box.x, box.y);
     context.fillStyle = ink;
-    context.fillText(words, left + x + dx, top + y + 4);
+    context.fillText(words, box.x, box.y);
   };
   const { person } = demonstration, points = stage.markers(state.time, state.together);
   person.names.forEach((name, k) => {
@@ -132,6 +144,10 @@ function write(views, pictures) {
   context.stroke();
 }
 
+function overlap(a, b) {
+  return Math.abs(a.y - b.y) < 13 && a.x < b.x + b.width && b.x < a.x + a.width;
+}
+
 function place() {
   const { clientWidth: width, clientHeight: height } = $("picture"), beside = width >= height;
   const other = $("robot-caption");
@@ -143,6 +159,7 @@ function place() {
 function frame() {
   const [view] = parts();
   camera.azimuth = stage.heading() + SIGHT;
+  renderer.lightFrom(camera.azimuth);
   camera.elevation = 0.26;
   camera.frame(stage.extent(), view.width / view.height);
   camera.remember();
@@ -157,6 +174,8 @@ function buildStage() {
     button.setAttribute("aria-pressed", String(k === state.choice));
     button.setAttribute("aria-checked", String(k === state.choice));
   });
+  const chosen = $("takes").children[state.choice];
+  if (chosen) chosen.scrollIntoView({ block: "nearest", inline: "nearest" });
   showTime();
   ask();
 }
@@ -211,7 +230,7 @@ async function choose(index) {
   buildStage();
   const { object, target } = stage.holds;
   legend($("legend"), [
-    ["--person", true, "person, as recorded"], ["--robot", true, "robot, as simulated"],
+    ["--person", true, "person"], ["--robot", true, "robot"],
     ["--path-person", false, "demonstrated path"], ["--path-robot", false, "path of the tool"],
     ...(object ? [["--object", true, "object"], ["--trail", false, "path of the object"]] : []),
     ...(target ? [["--target", true, "target, as large as success"]] : []),
