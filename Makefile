@@ -30,7 +30,8 @@ bench: $(VENV)/.test
 
 # Warnings are errors. The pages are in docs/_build/html and need no network.
 docs: $(VENV)/.docs
-	$(BIN)/sphinx-build --builder html --fail-on-warning --keep-going --quiet docs docs/_build/html
+	$(BIN)/sphinx-build --builder html --fail-on-warning --keep-going --quiet \
+		--doctree-dir docs/_build/doctrees docs docs/_build/html
 
 $(VENV)/bin/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \

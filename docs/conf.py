@@ -46,5 +46,6 @@ html_show_copyright = False
 html_show_sphinx = False
 html_copy_source = False
 html_theme_options = {"sidebar_hide_name": False}
+highlight_language = "text"
 pygments_style = "friendly"
 pygments_dark_style = "github-dark"

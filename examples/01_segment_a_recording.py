@@ -1,7 +1,7 @@
 """1. Segment a recording: find where one movement ends and the next begins.
 
-The recording is one of the embedded sample: a simulated person who throws a stick eight times,
-seen by a motion capture system that knows the markers' names.
+The recording is one of the embedded sample: a simulated person who throws a stick eight
+times, seen by a motion capture system that knows the markers' names.
 """
 
 from besman.io.recordings import read_recording
@@ -24,27 +24,26 @@ print(f"trajectories: {', '.join(name or 'unnamed' for name in recording.names)}
 markers = load_marker_set("right_arm")
 (labelled,) = LabelConfig().run((recording,), markers)
 
-# The algorithm takes arrays: seconds (T,), and positions (T, m, 3) of one or more markers, metres.
+# The algorithm takes arrays: seconds (T,), and positions (T, m, 3) of m markers, metres.
 hand = labelled.marker("hand_top")
 found = find_movements(labelled.time, hand[:, None])
 print(f"\n{len(found.rests)} pieces, {found.rests.sum()} of them rests; the first eight:")
-for start, end, rest in list(zip(found.borders_s, found.borders_s[1:], found.rests, strict=False))[
-    :8
-]:
-    print(f"  {start:5.2f} to {end:5.2f} s  {'rest' if rest else 'movement'}")
+for number in range(8):
+    start, end = found.borders_s[number : number + 2]
+    kind = "rest" if found.rests[number] else "movement"
+    print(f"  {start:5.2f} to {end:5.2f} s  {kind}")
 
 # Every valley of the speed has a probability of being a border.
 sure = (found.candidate_probability > 0.99).sum()
 print(f"{sure} of {len(found.candidates_s)} valleys are borders with more than 99 % probability")
 
-# The same as a stage of the pipeline: records in, records out. A stage's fields are the keys of
-# the pipeline's YAML file; `method` chooses among six.
+# The same as a stage of the pipeline: records in, records out. A stage's fields are the
+# keys of the pipeline's YAML file, where `method` chooses among seven.
 (segments,) = ValleyVmciConfig(markers=("hand_top",)).run((labelled,))
 
 # The segments file beside the recording holds what a person (here: the simulation) says.
 manual = read_segments(find_segments(path), recording)
 score = mean_score((segments,), (manual,), margin_s=0.2)
-print(
-    f"\nF1 {score.f1:.3f}: {score.tp:g} borders found, {score.fp:g} too many, {score.fn:g} missed"
-)
+print(f"\nF1 {score.f1:.3f}")
+print(f"{score.tp:g} borders found, {score.fp:g} too many, {score.fn:g} missed")
 print(f"median offset {1000 * score.median_offset_s:.0f} ms")

@@ -11,7 +11,11 @@ from besman.io.recordings import read_recording
 from besman.io.true_names import find_true_names, read_true_names
 from besman.labelling.marker_set import load_marker_set
 from besman.labelling.results import count_names
-from besman.labelling.trajectories import fill_markers, learn_from_recording, name_trajectories
+from besman.labelling.trajectories import (
+    fill_markers,
+    learn_from_recording,
+    name_trajectories,
+)
 from besman.resources import resource_folder
 
 data = resource_folder("data")

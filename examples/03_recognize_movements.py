@@ -33,11 +33,10 @@ print(f"unknown beyond a distance of {model.threshold:.2f} spreads of a feature"
 (segments,) = ValleyVmciConfig().run((two,))
 (named,) = stage.run((two,), (segments,), model)
 print(f"\n{two.source}: {dict(Counter(named.labels))}")
-for (start, end), label, distance in list(
-    zip(named.bounds, named.labels, named.distances, strict=True)
-)[:6]:
-    times = f"{start / named.rate_hz:5.2f} to {end / named.rate_hz:5.2f} s"
-    print(f"  {times}  {label:10}  distance {distance:.2f}")
+for number in range(6):
+    start, end = named.bounds[number] / named.rate_hz
+    label, distance = named.labels[number], named.distances[number]
+    print(f"  {start:5.2f} to {end:5.2f} s  {label:10}  distance {distance:.2f}")
 
 # How many are right? Compare with the manual segments, each with the segment that overlaps it most.
 right, manual = 0, inputs.truth[1]

@@ -141,6 +141,16 @@ def test_every_pipeline_key_is_described():
     assert missing == []
 
 
+def test_methods_are_named_as_in_a_pipeline():
+    from besman.pipeline import PipelineConfig
+
+    inside, method_of = (
+        getattr(extension("configuration"), n) for n in ("sections_of", "method_of")
+    )
+    names = [method_of(config) for config in inside(PipelineConfig.model_fields["refine"])]
+    assert names == ["cma_es", "reps", "pi2", "pi2_cma", "cem"]
+
+
 def test_every_command_and_option_is_described():
     from typer.main import get_command
 

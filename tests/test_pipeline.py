@@ -80,6 +80,17 @@ def test_every_stage_did_its_work(finished):
     assert found["refine"]["miss_m"]["max"] < 0.05
 
 
+def test_every_figure_is_in_the_documentation(finished):
+    page = Path(__file__).parents[1] / "docs/reference/results.md"
+    known = set(re.findall(r"`(\w+)`", page.read_text()))
+    for stage, figures in results(finished).items():
+        assert stage in known
+        names = {name.removesuffix("_manual") for name in figures}
+        assert names <= known, stage
+    robustness = results(finished)["refine"]["robustness"]
+    assert set(robustness) | set(robustness["miss_m"]) <= known
+
+
 def test_the_files_of_the_design_are_there(finished):
     assert {
         "run.json",

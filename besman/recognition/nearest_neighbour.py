@@ -89,8 +89,8 @@ def classify(
     labels : tuple of str, length S
         Of equally near examples the first one counts.
     distances : array, shape (S,)
-        Root mean square difference to the nearest example, in units of the range of a feature over
-        the training examples.
+        Root mean square difference to the nearest example, in units of the scaled features: ranges
+        after `fit_scale`, spreads after `fit_spread`.
 
     Raises
     ------

@@ -132,11 +132,9 @@ class Configuration(SphinxDirective):
         written: list[Any] = []
         for path, configs in found:
             for config in configs:
-                method = config.model_fields.get("method") or config.model_fields.get("kind")
-                chosen = str(method.default) if method is not None and len(configs) > 1 else ""
+                chosen = method_of(config) if len(configs) > 1 else ""
                 title = ".".join(path) + (f": {{method: {chosen}}}" if chosen else "")
-                key = "-".join((*path, chosen)) if chosen else "-".join(path)
-                section = nodes.section(ids=[f"key-{key}".replace("_", "-")], names=[title])
+                section = nodes.section(ids=[_place(path, chosen)], names=[title])
                 section += nodes.title("", "", nodes.literal(text=title))
                 text = inspect.cleandoc(config.__doc__ or "").split("\n\n")[0]
                 section += self.parse_text_to_nodes(" ".join(text.split()))
@@ -169,12 +167,35 @@ class Configuration(SphinxDirective):
             fact = nodes.paragraph("", "", nodes.emphasis(text="; ".join(filter(None, facts))))
             item += nodes.definition("", fact)
             meaning = meanings.get(key, "")
-            if meaning == "The stages.":
-                meaning = "Below."
-            if meaning:
+            if meaning and meaning != "The stages.":
                 item[-1] += self.parse_text_to_nodes(meaning)
+            if sections:
+                item[-1] += _links((*path, key), sections)
             listed += item
         return listed, below
+
+
+def method_of(config: type[BaseModel]) -> str:
+    """Return which method a section stands for."""
+    field = config.model_fields.get("method")
+    # Some have no default: what is allowed is one word.
+    return "" if field is None else str(get_args(field.annotation)[0])
+
+
+def _place(path: tuple[str, ...], method: str) -> str:
+    """Return the anchor of a section."""
+    return "-".join(("key", *path, *filter(None, [method]))).replace("_", "-")
+
+
+def _links(path: tuple[str, ...], configs: list[type[BaseModel]]) -> nodes.paragraph:
+    """Write links to the sections of a key."""
+    links = nodes.paragraph(text="See ")
+    for index, config in enumerate(configs):
+        method = method_of(config) if len(configs) > 1 else ""
+        links += nodes.Text(", " if index else "")
+        place = _place(path, method)
+        links += nodes.reference("", "", nodes.literal(text=method or ".".join(path)), refid=place)
+    return links
 
 
 def setup(app: Any) -> dict[str, bool]:

@@ -70,8 +70,8 @@ def written(value: Any, column: Row, *, raw: bool = False) -> str:
     """Write a value; `raw` ones are in the column's unit already."""
     if value is None:
         return MISSING
-    if isinstance(value, str):
-        return value
+    if isinstance(value, str) or (raw and isinstance(value, int)):
+        return str(value)
     if not raw:
         value = value * (100 if column.get("percent") else column.get("scale", 1))
     return f"{value:.{column.get('digits', 0)}f}"

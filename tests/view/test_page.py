@@ -225,3 +225,47 @@ def test_a_demonstration_that_cannot_be_had_is_said_on_the_page(open_page, serve
     page.select_option("#demonstration", str((content.first + 1) % len(content.names)))
     page.wait_for_selector("#message:not([hidden])")
     assert "does not answer any more" in page.inner_text("#message")
+
+
+def test_triangles_are_filled_where_the_camera_sees_them(open_page, served):
+    page = open_page(served)
+    page.wait_for_selector(READY)
+    found = page.evaluate(
+        """async () => {
+            const {Raster, shadesOf} = await import("./raster.js");
+            const {sphere} = await import("./geometry.js");
+            const {pose} = await import("./kinematics.js");
+            const {OrbitCamera} = await import("./web/camera.js");
+            const camera = new OrbitCamera({target: [0, 0, 1], azimuth: 0.4, distance: 3});
+            const part = {x: 100, y: 20, width: 300, height: 200};
+            const raster = new Raster();
+            raster.resize(420, 240);
+            raster.look(part, camera);
+            const near = [0.6, 0.3, 1.1], far = [-0.5, -0.2, 0.9];
+            const draw = (place, colour) => raster.draw(
+                sphere(0.1, 40), pose(...place, 1, 0, 0, 0), shadesOf(colour), [0, 0, 1]);
+            draw(near, [1, 0, 0]);
+            draw(far, [0, 0, 1]);
+            return [near, far].map((place, channel) => {
+                let n = 0, x = 0, y = 0;
+                raster.pixels.forEach((pixel, k) => {
+                    const red = pixel & 255, blue = (pixel >> 16) & 255;
+                    if (!(pixel >>> 24) || (channel ? blue <= red : red <= blue)) return;
+                    n += 1;
+                    x += k % 420 + 0.5;
+                    y += Math.floor(k / 420) + 0.5;
+                });
+                const seen = camera.project(place, part.width, part.height);
+                const at = [part.x + seen[0], part.y + seen[1]];
+                const radius = 0.1 * camera.pixelsPerMetre(seen[2], part.height);
+                return {n, centre: [x / n, y / n], at, radius,
+                        front: raster.hides(...at, seen[2] - 0.15),
+                        behind: raster.hides(...at, seen[2] + 0.15)};
+            });
+        }"""
+    )
+    for one in found:
+        assert one["n"] == pytest.approx(np.pi * one["radius"] ** 2, rel=0.06)
+        np.testing.assert_allclose(one["centre"], one["at"], atol=1.0)
+        assert one["behind"]
+        assert not one["front"]

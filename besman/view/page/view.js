@@ -171,7 +171,6 @@ function buildStage() {
   Object.assign($("scrubber"), { min: stage.start, max: stage.end });
   state.time = Math.max(stage.start, Math.min(stage.end, state.time));
   [...$("takes").children].forEach((button, k) => {
-    button.setAttribute("aria-pressed", String(k === state.choice));
     button.setAttribute("aria-checked", String(k === state.choice));
   });
   const chosen = $("takes").children[state.choice];
