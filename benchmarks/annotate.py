@@ -1,6 +1,7 @@
 """The annotation page in Chromium: how soon, how smooth, and how many inputs a segment takes.
 
-Run as ``python benchmarks/annotate.py [FOLDER OF REAL RECORDINGS]``; needs Chromium and Playwright
+Run as ``python benchmarks/annotate.py [FOLDER OF REAL RECORDINGS]``, or with ``--picture FILE`` for
+the picture of docs/annotate.md; needs Chromium and Playwright
 (extra ``test``). Recordings are synthetic stick throws, end to end, with the 13 markers that the
 public recordings have. Times are taken in the page: until it is drawn and takes input, from the
 start of the navigation; of a drag, from the moment of the input event to the beginning of the frame
@@ -22,6 +23,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
+from PIL import Image
 from playwright.sync_api import Browser, Page, sync_playwright
 
 from besman.io.recordings import find_recordings, read_recording, write_recording
@@ -365,7 +367,34 @@ def measure_inputs(browser: Browser, folder: Path, real: Path | None) -> None:
         print_inputs(f"{len(paths)} real recordings", count_inputs(browser, paths, truth))
 
 
+def take_picture(browser: Browser, folder: Path, path: Path) -> None:
+    """Write the page's picture: two throws labelled, proposals for the others."""
+    write_synthetic("stick_throw_marked", folder, n_subjects=1, n_repetitions=13, seed=1)
+    (recording,) = find_recordings([folder])
+    segments = find_segments(recording)
+    assert segments is not None
+    content = json.loads(segments.read_text())
+    content["segments"] = content["segments"][:8]
+    segments.write_text(json.dumps(content))
+    with annotate(str(recording)) as (url, _):
+        page = open_page(browser, url)
+        until(page, "besman.proposals.loaded.get('') === 'here' && !besman.proposals.busy")
+        page.evaluate(
+            "besman.view.show(0.12 * besman.about.n_samples, 0.42 * besman.about.n_samples)"
+        )
+        item = "besman.proposals.queue().find((one) => one.start > 1500 && one.end < 2000)"
+        page.evaluate(f"besman.select({item}.id, null, false)")
+        page.evaluate("besman.moveTo(besman.document.find(besman.selection.id).start + 30)")
+        page.evaluate("besman.draw('all')")
+        page.set_viewport_size({"width": 1280, "height": 800})
+        page.wait_for_timeout(500)
+        page.screenshot(path=path)
+    # Few colours: a third of the size.
+    Image.open(path).quantize(colors=128).save(path, optimize=True)
+
+
 def main() -> None:
+    picture = sys.argv[2] if sys.argv[1:2] == ["--picture"] else None
     real = Path(sys.argv[1]) if len(sys.argv) > 1 else None
     chromium = next(filter(None, map(shutil.which, ("chromium", "google-chrome"))), None)
     if chromium is None:
@@ -373,6 +402,10 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name, sync_playwright() as playwright:
         folder = Path(name)
         browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+        if picture is not None:
+            take_picture(browser, folder, Path(picture))
+            browser.close()
+            return
         for what, seconds, repeats in (("60 s", 60, 7), ("one hour", 3600, 3)):
             path = folder / f"{what.replace(' ', '_')}.tsv"
             make_recording(seconds, path)

@@ -135,11 +135,18 @@ class Signals:
     def _velocities(self, marker: int) -> Float32:
         """Return central differences, shape (3, T); NaN where a position is missing."""
         x = self._positions[marker]
-        n = x.shape[1]
+        n, lag = x.shape[1], self._lag
+        velocities = np.empty_like(x)
+        if n > 2 * lag:
+            span = (self._time[2 * lag :] - self._time[: -2 * lag]).astype(np.float32)
+            velocities[:, lag:-lag] = (x[:, 2 * lag :] - x[:, : -2 * lag]) / span
         rows = np.arange(n)
-        after, before = np.minimum(rows + self._lag, n - 1), np.maximum(rows - self._lag, 0)
+        # At both ends with what there is.
+        ends = rows if n <= 2 * lag else np.concatenate([rows[:lag], rows[-lag:]])
+        after, before = np.minimum(ends + lag, n - 1), np.maximum(ends - lag, 0)
         span = (self._time[after] - self._time[before]).astype(np.float32)
-        return np.asarray((x[:, after] - x[:, before]) / span, dtype=np.float32)
+        velocities[:, ends] = (x[:, after] - x[:, before]) / span
+        return velocities
 
     def _speeds(self) -> Float32:
         """Return the speeds of all markers and their sum, shape (M + 1, T).
@@ -149,7 +156,8 @@ class Signals:
         """
         speeds = np.empty((self.n_markers + 1, self.n_samples), dtype=np.float32)
         for marker in range(self.n_markers):
-            speeds[marker] = np.sqrt((self._velocities(marker) ** 2).sum(axis=0))
+            x, y, z = self._velocities(marker)
+            speeds[marker] = np.sqrt(x * x + y * y + z * z)
         seen = np.isfinite(speeds[:-1])
         count = seen.sum(axis=0)
         total = np.where(seen, speeds[:-1], 0).sum(axis=0)

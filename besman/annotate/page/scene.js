@@ -167,10 +167,18 @@ export class Scene {
       context.lineWidth = 1.5;
       context.strokeStyle = app.about.named[k] ? theme.scene : theme.warn;
       context.stroke();
-      if (chosen || k === this.hover) {
-        context.fillStyle = theme.ink;
-        context.fillText(app.about.markers[k], x + radius + 6, y - 4);
-      }
+    }
+    // Names over all dots, readable on them.
+    context.font = "12px system-ui, sans-serif";
+    context.lineJoin = "round";
+    for (const k of new Set([app.marker, this.hover])) {
+      const x = screen[3 * k], y = screen[3 * k + 1];
+      if (k < 0 || x !== x) continue;
+      context.lineWidth = 4;
+      context.strokeStyle = theme.scene;
+      context.strokeText(app.about.markers[k], x + 13, y - 9);
+      context.fillStyle = theme.ink;
+      context.fillText(app.about.markers[k], x + 13, y - 9);
     }
   }
 
