@@ -47,9 +47,9 @@ PLAY = """(seconds) => new Promise((done) => {
   const paint = besman.scene.draw, times = [];
   besman.scene.draw = function () { times.push(performance.now()); return paint.call(this); };
   besman.moveTo(0);
-  besman.togglePlay();
+  besman.player.toggle();
   setTimeout(() => {
-    besman.togglePlay();
+    besman.player.toggle();
     delete besman.scene.draw;
     const drawn = times.slice(5);
     done((drawn.length - 1) / (drawn.at(-1) - drawn[0]) * 1000);

@@ -159,7 +159,8 @@ def test_fragments_are_named_on_the_page(serve, open_page, tmp_path, broken, nam
     page.wait_for_selector("#selected button:has-text('Elbow')")
     assert page.is_disabled("#selected button:has-text('Shoulder')")
     page.click("#selected button:has-text('Elbow')")
-    page.wait_for_selector("#selected button:has-text('Elbow'):not([disabled])")
+    while not page.evaluate("besman.naming.selected === 1 && besman.naming.candidates.length"):
+        page.wait_for_timeout(20)
     # By keyboard: what labelling takes the other for.
     page.keyboard.press("1")
     written = tmp_path / "a_named.tsv"

@@ -60,9 +60,15 @@ def drag(page, layer, start, end):
     page.mouse.up()
 
 
+def settle(page):
+    """Wait until what was changed is drawn."""
+    page.evaluate("new Promise((done) => requestAnimationFrame(() => setTimeout(done)))")
+
+
 def press(page, *keys):
     for key in keys:
         page.keyboard.press(key)
+    settle(page)
 
 
 def on_disk(path, recording_path):
@@ -92,13 +98,13 @@ def test_drag_label_undo_redo_save_reload(serve, annotate, recording_path, segme
     assert abs(rows(page)[1][1] - 250) <= 2
     page.click("#labels button:has-text('swing')")
     assert rows(page)[1][2] == "swing"
-    page.keyboard.press("2")
+    press(page, "2")
     assert rows(page)[1][2] == "throw"
     press(page, *["Control+z"] * 4)
     assert rows(page) == [[100, 160, "swing", ""], [160, 220, "throw", ""]]
     press(page, "Control+Shift+Z", "Control+y")
     assert rows(page)[0] == moved[0]
-    page.keyboard.press("Control+s")
+    press(page, "Control+s")
     wait_saved(page)
     assert on_disk(segments_path, recording_path) == rows(page)
     now = rows(page)
@@ -115,6 +121,7 @@ def test_borders_are_added_and_removed_by_mouse(serve, annotate, recording_path,
     first, second = rows(page)
     assert first[1] == second[0]
     assert abs(first[1] - 130) <= 2
+    settle(page)
     page.click("#selected button:has-text('Remove')")
     assert rows(page) == [first]
     # A drag from where nothing is makes a segment; it stops where the next begins.
@@ -142,21 +149,23 @@ def test_layers_do_not_disturb_each_other(serve, annotate, recording_path, segme
         "actions",
     ]
     assert all(abs(row[0] - 100) <= 2 and abs(row[1] - 200) <= 2 for row in found)
-    assert "not for this" not in page.inner_text("#note")
+    until(page, "besman.proposals.loaded.get('actions') === 'here'")
+    settle(page)
     assert "proposals are for the layers of hands" in page.inner_text("#note")
 
 
 def test_labels_are_text_whatever_they_hold(serve, annotate, recording_path, segments_path):
     write_rows(segments_path, (101, 161, NASTY))
     page = annotate(serve(recording_path, labels=("</script><i>",)).url)
-    page.keyboard.press("n")
+    press(page, "n")
     assert NASTY in page.inner_text("#labels")
     assert NASTY in page.inner_text("#selected")
     page.click("#tab-segments")
+    settle(page)
     assert NASTY in page.inner_text("#list")
-    page.keyboard.press("l")
+    press(page, "l")
     page.keyboard.type('"quoted" <i>é</i>')
-    page.keyboard.press("Enter")
+    press(page, "Enter")
     wait_saved(page)
     assert on_disk(segments_path, recording_path)[0][2] == '"quoted" <i>é</i>'
     assert page.evaluate("document.querySelectorAll('img, i:not(.dot, .bar i)').length") == 0
@@ -167,7 +176,7 @@ def test_everything_goes_by_keyboard(serve, annotate, recording_path, segments_p
     page = annotate(serve(recording_path).url)
     press(page, "Home", *["Shift+ArrowRight"] * 5, "i", *["Shift+ArrowRight"] * 4, "o")
     page.keyboard.type("swing")
-    page.keyboard.press("Enter")
+    press(page, "Enter")
     assert rows(page) == [[50, 90, "swing", ""]]
     # Its end is taken and moved, then its start.
     press(page, "e", "e", "ArrowRight", "ArrowRight", "Shift+ArrowRight", "Escape")
@@ -178,7 +187,7 @@ def test_everything_goes_by_keyboard(serve, annotate, recording_path, segments_p
     assert rows(page) == [[49, 70, "swing", ""], [70, 102, "swing", ""]]
     press(page, "l")
     page.keyboard.type("throw")
-    page.keyboard.press("Enter")
+    press(page, "Enter")
     assert [row[2] for row in rows(page)] == ["swing", "throw"]
     press(page, "b", "2", "m")
     assert rows(page) == [[49, 102, "throw", ""]]
@@ -189,10 +198,10 @@ def test_everything_goes_by_keyboard(serve, annotate, recording_path, segments_p
     press(page, "Control+y", "Control+y", "Control+y", "Control+s")
     wait_saved(page)
     assert on_disk(segments_path, recording_path) == rows(page) == [[49, 102, "swing", ""]]
-    page.keyboard.press("?")
+    press(page, "?")
     assert page.is_visible("#help-dialog")
     assert "these keys" in page.inner_text("#help-dialog")
-    page.keyboard.press("Escape")
+    press(page, "Escape")
     assert not page.is_visible("#help-dialog")
 
 
@@ -204,11 +213,11 @@ def test_proposals_are_accepted_mended_and_rejected_least_certain_first(
     n = page.evaluate("besman.proposals.queue().length")
     assert n >= len(truth) - 2
     # Nothing has a name yet: the first four get one.
-    page.keyboard.press("Enter")
+    press(page, "Enter")
     for k, (_, _, label, _) in enumerate(truth[:4]):
-        page.keyboard.press("l")
+        press(page, "l")
         page.keyboard.type(label)
-        page.keyboard.press("Enter")
+        press(page, "Enter")
         assert len(rows(page)) == k + 1
     until(page, "besman.proposals.examples >= 4")
     confidence = page.evaluate("besman.proposals.queue().map((one) => besman.confidenceOf(one))")
@@ -218,16 +227,16 @@ def test_proposals_are_accepted_mended_and_rejected_least_certain_first(
     first = page.evaluate("besman.document.find(besman.selection.id)")
     assert page.evaluate("besman.proposals.queue()[0].id") == first["id"]
     label = page.evaluate("besman.labelOf(besman.document.find(besman.selection.id))")
-    page.keyboard.press("Enter")
+    press(page, "Enter")
     assert [first["start"], first["end"], label, ""] in rows(page)
     # The next one is rejected, and comes back with undo.
     left = page.evaluate("besman.proposals.queue().length")
-    page.keyboard.press("r")
+    press(page, "r")
     assert page.evaluate("besman.proposals.queue().length") == left - 1
-    page.keyboard.press("Control+z")
+    press(page, "Control+z")
     assert page.evaluate("besman.proposals.queue().length") == left
     # Another label, and another end.
-    page.keyboard.press("p")
+    press(page, "p")
     wrong = page.evaluate("besman.document.find(besman.selection.id)")
     press(page, "e", "e", "ArrowLeft", "ArrowLeft", "1")
     label = page.evaluate("besman.labels[0]")
@@ -264,7 +273,7 @@ def test_two_tabs_on_one_file(serve, annotate, recording_path, segments_path):
     until(other, "!besman.saving.dialog.open")
     assert [row[2] for row in rows(other)] == ["a"]
     # What was there before is one undo away, and the first tab is told in its turn.
-    other.keyboard.press("Control+z")
+    press(other, "Control+z")
     assert [row[2] for row in rows(other)] == ["b"]
     wait_saved(other)
     page.evaluate("besman.saving.look()")
@@ -345,7 +354,7 @@ def test_markers_are_chosen_in_space_and_time_runs(serve, annotate, recording_pa
     assert "Elbow" in page.inner_text("#chosen-legend")
     press(page, "Home", ".", ".", "Space")
     until(page, "besman.row > 100")
-    page.keyboard.press("Space")
+    press(page, "Space")
     row = page.evaluate("besman.row")
     page.wait_for_timeout(100)
     assert page.evaluate("besman.row") == row

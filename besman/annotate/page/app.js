@@ -4,9 +4,11 @@ import { themeToggle } from "./web/theme.js";
 import { Actions } from "./actions.js";
 import { Detail } from "./detail.js";
 import { Document } from "./document.js";
+import { showFailure } from "./failure.js";
 import { fillHelp, keyTable, listenToKeys } from "./keys.js";
 import { Naming } from "./naming.js";
 import { Panel } from "./panel.js";
+import { Player } from "./player.js";
 import { View, clock, readTheme } from "./plot.js";
 import { Proposals } from "./proposals.js";
 import { Saving, toItems } from "./saving.js";
@@ -15,7 +17,6 @@ import { getJson } from "./server.js";
 import { Signals } from "./signals.js";
 import { Timeline } from "./timeline.js";
 
-const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4];
 const PARTS = {
   all: ["base", "lanes", "overview", "detail", "scene", "panel", "cursor"],
   view: ["base", "lanes", "overview", "detail", "cursor"],
@@ -37,8 +38,6 @@ class App {
     this.selection = { id: null, edge: null };
     this.row = 0;
     this.mark = null;
-    this.speed = 1;
-    this.playing = null;
     this.quantity = "positions";
     this.marker = 0;
     this.layer = "";
@@ -47,6 +46,7 @@ class App {
     this.opened = false;
     this.document = new Document(() => this.edited());
     this.actions = new Actions(this);
+    this.player = new Player(this);
     this.proposals = new Proposals(this);
     this.naming = new Naming(this);
     this.saving = new Saving(this);
@@ -298,49 +298,8 @@ class App {
     this.draw("view");
   }
 
-  togglePlay() {
-    if (this.playing) this.stop();
-    else this.play(this.row >= this.about.n_samples - 1.5 ? 0 : this.row, this.about.n_samples - 1);
-  }
-
-  playSelected() {
-    const item = this.document.find(this.selection.id);
-    if (item) this.play(item.start, item.end);
-    else this.togglePlay();
-  }
-
-  play(from, to) {
-    this.stop();
-    this.row = from;
-    const playing = { last: null, to };
-    this.playing = playing;
-    find("play").textContent = "❚❚";
-    find("play").setAttribute("aria-label", "Pause");
-    const step = (now) => {
-      if (this.playing !== playing) return;
-      const rows = ((now - (playing.last ?? now)) / 1000) * this.about.rate_hz * this.speed;
-      playing.last = now;
-      this.row = Math.min(to, this.row + rows);
-      if (this.view.reveal(this.row, true)) this.draw("view");
-      this.draw("cursor");
-      this.paint();
-      if (this.row >= to) this.stop();
-      else requestAnimationFrame(step);
-    };
-    requestAnimationFrame(step);
-  }
-
   stop() {
-    if (!this.playing) return;
-    this.playing = null;
-    find("play").textContent = "▶";
-    find("play").setAttribute("aria-label", "Play");
-  }
-
-  changeSpeed(direction) {
-    const at = SPEEDS.indexOf(this.speed) + direction;
-    this.speed = SPEEDS[Math.max(0, Math.min(SPEEDS.length - 1, at))];
-    find("speed").textContent = `${this.speed}×`;
+    this.player.stop();
   }
 
   // ---- the page
@@ -367,27 +326,11 @@ class App {
 
   /** Show what does not work, or null when it works again. */
   failed(text) {
-    const element = find("failure");
-    element.hidden = text === null;
-    if (text === null) return;
-    const download = document.createElement("button");
-    download.textContent = "Download my segments";
-    download.addEventListener("click", () => this.download());
-    const message = document.createElement("span");
-    message.textContent = text;
-    element.replaceChildren(message, download);
-  }
-
-  download() {
     const first = this.about.first_frame;
-    const rows = this.saving.rows().map(([start, end, label, layer]) => ({
-      "start index": start + first, "end index": end + first, label, ...(layer ? { layer } : {}),
-    }));
-    const link = document.createElement("a");
-    link.href = URL.createObjectURL(new Blob([JSON.stringify(rows, null, 1)]));
-    link.download = this.saving.path.split("/").pop();
-    link.click();
-    URL.revokeObjectURL(link.href);
+    showFailure(text, this.saving.path.split("/").pop(), () =>
+      JSON.stringify(this.saving.rows().map(([start, end, label, layer]) => ({
+        "start index": start + first, "end index": end + first, label, ...(layer ? { layer } : {}),
+      })), null, 1));
   }
 
   async goRecording(direction) {
@@ -415,9 +358,9 @@ class App {
     click("undo", () => this.actions.undo());
     click("redo", () => this.actions.redo());
     click("help", () => this.showHelp());
-    click("play", () => this.togglePlay());
-    click("slower", () => this.changeSpeed(-1));
-    click("faster", () => this.changeSpeed(1));
+    click("play", () => this.player.toggle());
+    click("slower", () => this.player.change(-1));
+    click("faster", () => this.player.change(1));
     click("zoom-in", () => this.zoom(0.6));
     click("zoom-out", () => this.zoom(1 / 0.6));
     click("zoom-all", () => this.zoomAll());

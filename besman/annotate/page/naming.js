@@ -76,11 +76,13 @@ export class Naming {
       return;
     }
     const { document: doc } = app;
+    // The next one at once, so that a second key is never for this one.
+    const rest = this.undecided().filter((k) => k !== number);
+    this.waiting = rest.find((k) => k > number) ?? rest[0];
+    this.selected = this.waiting ?? null;
+    this.candidates = [];
     doc.push({ ...doc.state, names: { ...this.names, [number]: name } });
     app.say(name === GHOST ? "no marker" : `named: ${name}`);
-    const next = this.undecided().find((k) => k > number) ?? this.undecided()[0];
-    if (next === undefined) this.selected = null;
-    else this.waiting = next;
   }
 
   accept() {
@@ -96,6 +98,7 @@ export class Naming {
   }
 
   digit(k) {
+    if (!this.candidates.length) return;
     const [name, free] = this.candidates[(k + 9) % 10] ?? [null, false];
     if (free) this.give(name);
     else this.app.say(name === null ? "there is no such name" : `${name} is seen at the same time`);

@@ -152,7 +152,7 @@ export class Panel {
       row.append(button("Accept", "Enter", () => actions.accept(), "primary"),
         button("Reject", "R", () => actions.reject()));
     }
-    row.append(button("Play", "⇧Space", () => app.playSelected()),
+    row.append(button("Play", "⇧Space", () => app.player.playSelected()),
       button("Split", "X", () => actions.split()), button("Join", "M", () => actions.merge()));
     if (!proposal) row.append(button("Remove", "Del", () => actions.remove()));
     const edge = app.selection.edge ? `, ${app.selection.edge} held` : "";

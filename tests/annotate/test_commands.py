@@ -1,0 +1,82 @@
+import re
+import signal
+import subprocess
+import sys
+import urllib.error
+import urllib.request
+
+import pytest
+
+from besman.annotate.skeleton import find_bones
+from besman.annotate.sources import load_models, split_labels
+from besman.exceptions import AnnotationError, RecognitionError, RunError
+
+
+def run(*arguments):
+    command = [sys.executable, "-m", "besman", "annotate", *map(str, arguments), "--no-browser"]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120)
+
+
+def test_command_serves_until_it_is_stopped(recording_path, segments_path):
+    command = [sys.executable, "-m", "besman", "annotate", str(recording_path), "--no-browser"]
+    server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    try:
+        said = [server.stdout.readline() for _ in range(3)]
+        assert str(segments_path) in said[0]
+        url = re.search(r"http://127\.0\.0\.1:\d+/\S+/", said[1])[0]
+        assert urllib.request.urlopen(url).status == 200
+        with pytest.raises(urllib.error.HTTPError, match="403"):
+            urllib.request.urlopen(url.rsplit("/", 2)[0] + "/")
+        port = re.search(r":(\d+)/", url)[1]
+        other = run(recording_path, "--port", port)
+        assert other.returncode == 2
+        assert f"besman: error: --port {port}: is in use; give another one" in other.stderr
+    finally:
+        server.send_signal(signal.SIGINT)
+        assert server.wait(20) == 0
+    assert not segments_path.exists()
+
+
+def test_what_is_wrong_is_one_line_and_nothing_is_written(recording_path, tmp_path):
+    before = sorted(tmp_path.iterdir())
+    done = run(recording_path, "--segments", tmp_path / "no" / "s.json")
+    assert done.returncode == 2
+    assert done.stderr.startswith("besman: error: ")
+    assert "cannot be written: no folder" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_labels_are_separated_by_commas():
+    assert split_labels(None) == ()
+    assert split_labels("throw, strike_out") == ("throw", "strike_out")
+    with pytest.raises(AnnotationError, match="got 'throw,,idle', expected names separated by"):
+        split_labels("throw,,idle")
+
+
+def test_models_that_are_not_there_are_said(tmp_path):
+    with pytest.raises(RunError, match="no trained model here"):
+        load_models(tmp_path, None)
+    with pytest.raises(RecognitionError, match="cannot be read"):
+        load_models(None, tmp_path / "model")
+
+
+def test_bones_join_markers_by_their_names():
+    names = (
+        "Hand top",
+        None,
+        "Elbow",
+        "right_shoulder",
+        "Back top",
+        "left_elbow",
+        "Left Hand Left",
+    )
+    joined = {frozenset((names[a], names[b])) for a, b in find_bones(names)}
+    assert joined == {
+        frozenset(("Left Hand Left", "left_elbow")),
+        frozenset(("Back top", "right_shoulder")),
+    }
+    names = ("back_top", "shoulder", "elbow", "hand_top", "hand_left", "hand_right")
+    assert (0, 1) in find_bones(names)
+    assert (1, 2) in find_bones(names)
+    assert find_bones(("a", None)) == []
