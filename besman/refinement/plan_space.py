@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.imitation.cartesian_dmp import move_ends
-from besman.imitation.dmp import goal_response, shape_directions
+from besman.imitation.dmp import dmp_basis, goal_response, shape_directions
 from besman.imitation.movement import least_duration, stretch_plan
 from besman.quaternions import from_rotation_vector, multiply
 from besman.records import AnyPlan, CartesianPlan, MotionPlan
@@ -22,6 +22,9 @@ FloatArray = npt.NDArray[np.float64]
 
 _GREATEST_STRETCH = 3.0
 _HALVINGS = 8
+# Places of a movement that are compared with the limits of position: every so manieth node.
+_LIMIT_STRIDE = 5
+_LIMIT_MARGIN_RAD = 0.002
 
 
 @dataclass(frozen=True)
@@ -120,9 +123,31 @@ class PlanSpace:
         if "weights" in pieces:
             shape = self._units.shape_rad * pieces["weights"].reshape(n, -1)
             weights = weights + shape @ self._shapes
+        if np.any(point) and start.kind == "joint_dmp":
+            weights, first, goal = self._keep_within_limits(weights, first, goal)
         duration = _duration(start, pieces, self._units)
         plan = replace(start, weights=weights, start=first, goal=goal)
         return stretch_plan(plan, max(duration, least_duration(plan, self._limits)))
+
+    def _keep_within_limits(
+        self, weights: FloatArray, first: FloatArray, goal: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Move a joint's movement back to where it leaves its limits least.
+
+        All of it, if the start may change; its end, if only the goal may. Episodes that say no more
+        than that a joint went too far are most of those of an arm that works near its limits.
+        """
+        if not {"start", "goal"} & set(self._parts):
+            return weights, first, goal
+        basis = dmp_basis(weights.shape[1])
+        path = basis.position[::_LIMIT_STRIDE] @ np.column_stack([first, goal, weights]).T
+        room = _LIMIT_MARGIN_RAD
+        below = np.maximum(self._limits.position_min + room - path.min(axis=0), 0.0)
+        above = np.maximum(path.max(axis=0) - self._limits.position_max + room, 0.0)
+        back = np.where((below > 0) & (above > 0), 0.0, below - above)
+        if "start" in self._parts:
+            return weights, first + back, goal + back
+        return weights + np.outer(back, self._goal_response), first, goal + back
 
 
 class CartesianPlanSpace:

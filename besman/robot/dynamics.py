@@ -101,27 +101,17 @@ def _turn_back(R: FloatArray, v: FloatArray, out: FloatArray) -> None:  # pragma
 
 
 @numba.njit(cache=True)
-def _joint_rotation(
-    placement: FloatArray, axis: FloatArray, angle: float, out: FloatArray
-) -> None:  # pragma: no cover
-    """Rotation child2parent: fixed placement times rotation about the axis (Rodrigues)."""
-    c, s = np.cos(angle), np.sin(angle)
-    x, y, z = axis
-    t = 1.0 - c
-    turn = np.array(
-        [
-            [t * x * x + c, t * x * y - s * z, t * x * z + s * y],
-            [t * x * y + s * z, t * y * y + c, t * y * z - s * x],
-            [t * x * z - s * y, t * y * z + s * x, t * z * z + c],
-        ]
-    )
-    for i in range(3):
-        for j in range(3):
-            out[i, j] = (
-                placement[i, 0] * turn[0, j]
-                + placement[i, 1] * turn[1, j]
-                + placement[i, 2] * turn[2, j]
-            )
+def _rodrigues_parts(placements: FloatArray, axes: FloatArray) -> FloatArray:  # pragma: no cover
+    """Parts (n, 3, 3, 3) of rotations child2parent: part 0 + sin q part 1 + (1 - cos q) part 2."""
+    n = len(axes)
+    parts = np.empty((n, 3, 3, 3))
+    for i in range(n):
+        x, y, z = axes[i]
+        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        parts[i, 0] = placements[i, :3, :3]
+        parts[i, 1] = np.ascontiguousarray(placements[i, :3, :3]) @ cross
+        parts[i, 2] = parts[i, 1] @ cross
+    return parts
 
 
 @numba.njit(cache=True, nogil=True)
@@ -137,7 +127,7 @@ def _newton_euler(
 ) -> FloatArray:  # pragma: no cover
     samples, n = positions.shape
     torques = np.empty((samples, n))
-    R = np.empty((n, 3, 3))
+    R, parts = np.empty((n, 3, 3)), _rodrigues_parts(placements, axes)
     force, moment = np.empty((n, 3)), np.empty((n, 3))
     w, dw, a = np.zeros(3), np.zeros(3), np.zeros(3)
     t1, t2, t3 = np.empty(3), np.empty(3), np.empty(3)
@@ -148,7 +138,12 @@ def _newton_euler(
         # A base that accelerates upwards feels gravity.
         a[2] = GRAVITY
         for i in range(n):
-            _joint_rotation(placements[i], axes[i], positions[k, i], R[i])
+            sine, rest = np.sin(positions[k, i]), 1.0 - np.cos(positions[k, i])
+            for j in range(3):
+                for m in range(3):
+                    R[i, j, m] = (
+                        parts[i, 0, j, m] + sine * parts[i, 1, j, m] + rest * parts[i, 2, j, m]
+                    )
             offset = placements[i, :3, 3]
             _cross(w, offset, t1)
             _cross(w, t1, t2)

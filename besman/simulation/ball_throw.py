@@ -25,6 +25,7 @@ from besman.simulation.scenes import (
     add_tool_body,
     add_tool_sensors,
     contact,
+    fix_pairs,
     lay_in_tool,
     set_contact_options,
 )
@@ -160,6 +161,7 @@ def ball_model(robot: Robot, task: BallThrowConfig) -> mujoco.MjModel:
     ball.add_site(name="ball")
     add_point_sensor(spec, "ball")
     add_tool_sensors(spec)
+    fix_pairs(spec, "ball")
     return spec.compile()
 
 

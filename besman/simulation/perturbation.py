@@ -176,6 +176,7 @@ def perturb_model(model: mujoco.MjModel, perturbation: Perturbation) -> mujoco.M
 
     changed, n = copy(model), len(perturbation.link_masses)
     changed.geom_friction[:, 0] *= perturbation.friction
+    changed.pair_friction[:, :2] *= perturbation.friction
     links = model.jnt_bodyid[:n]
     _scale_mass(changed, links, perturbation.link_masses)
     objects = _objects(model, n)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import product
 from typing import Any
 
 import mujoco
@@ -113,3 +114,37 @@ def lay_in_tool(model: mujoco.MjModel, starts: FloatArray, ahead_m: float) -> Fl
         qpos[index, n : n + 3] = data.site("tcp").xpos + rotation[:, 2] * ahead_m
         qpos[index, n + 3 :] = matrix_to_quaternion(rotation)
     return qpos
+
+
+def fix_pairs(spec: mujoco.MjSpec, thing: str) -> None:
+    """List which shapes can meet those of body `thing`, in place of looking for them in each step.
+
+    The same contacts with the same parameters as MuJoCo's own search would give, except that they
+    are those of the thing alone, where that would mix them with those of an arm's bare link.
+
+    Parameters
+    ----------
+    spec : mujoco.MjSpec
+        A scene in which nothing else meets.
+    thing : str
+        Name of a body.
+    """
+    shapes = [shape for body in spec.bodies for shape in body.geoms]
+    for number, shape in enumerate(shapes):
+        shape.name = shape.name or f"shape{number}"
+    excluded = {other.bodyname1 for other in spec.excludes if other.bodyname2 == thing}
+    mine = [shape for shape in shapes if shape.parent.name == thing]
+    others = [shape for shape in shapes if shape.parent.name not in {thing, *excluded}]
+    for one, other in product(mine, others):
+        if one.conaffinity & other.contype or other.conaffinity & one.contype:
+            slide, turn, roll = np.maximum(one.friction, other.friction)
+            spec.add_pair(
+                geomname1=other.name,
+                geomname2=one.name,
+                condim=3,
+                solref=one.solref,
+                solimp=one.solimp,
+                friction=[slide, slide, turn, roll, roll],
+            )
+    for shape in shapes:
+        shape.contype = shape.conaffinity = 0

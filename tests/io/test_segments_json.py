@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from besman.exceptions import RecordingError
@@ -126,6 +126,7 @@ def layers(draw):
 
 
 @given(layers())
+@settings(deadline=None)
 def test_layers_survive_a_round_trip(tmp_path_factory, found):
     if not found:
         return

@@ -64,6 +64,43 @@ def test_start_and_goal_moved_alike_move_all_of_the_movement(robot, make_plan):
     np.testing.assert_allclose(paths[1] - paths[0], np.tile(0.2 * change, (101, 1)), atol=1e-10)
 
 
+@given(st.integers(0, 10_000), st.sampled_from([("start", "goal", "duration"), ALL]))
+@settings(max_examples=30, deadline=None)
+def test_what_could_keep_its_limits_keeps_them(robot, make_plan, seed, parts):
+    plan = make_plan(0.9)
+    low, high = plan.start.min() - 0.4, plan.start.max() + 0.6
+    limits = replace(robot.limits, position_min=np.full(6, low), position_max=np.full(6, high))
+    space = PlanSpace(plan, limits, parts, 2)
+    point = 4 * np.random.default_rng(seed).normal(size=space.dimension)
+    moved = space.plan_at(point)
+    time = np.linspace(0, moved.duration, 2001)
+    path = roll_out(moved.weights, moved.start, moved.goal, moved.duration, time)[0]
+    fits = np.ptp(path, axis=0) < high - low - 0.005
+    assert fits.any()
+    assert (path[:, fits] > low).all()
+    assert (path[:, fits] < high).all()
+    # The movement itself is as it would be without limits.
+    free = PlanSpace(
+        plan,
+        replace(limits, position_min=np.full(6, -99.0), position_max=np.full(6, 99.0)),
+        parts,
+        2,
+    ).plan_at(point)
+    same = roll_out(free.weights, free.start, free.goal, moved.duration, time)[0]
+    np.testing.assert_allclose(np.diff(path, axis=0), np.diff(same, axis=0), atol=1e-9)
+
+
+def test_a_goal_beyond_a_limit_comes_back_where_the_start_is_fixed(robot, make_plan):
+    plan = make_plan(0.9)
+    high = np.maximum(plan.start, plan.goal) + 0.2
+    limits = replace(robot.limits, position_max=high)
+    point = np.full(6, 5.0)
+    moved = PlanSpace(plan, limits, ("goal",), 1, Units(goal_rad=0.1)).plan_at(point)
+    np.testing.assert_array_equal(moved.start, plan.start)
+    assert (moved.goal < high).all()
+    assert (moved.goal > plan.goal).all()
+
+
 def test_units(robot, make_plan):
     plan = make_plan(0.9)
     units = Units(goal_rad=0.2, log_duration=0.3, shape_rad=0.05)

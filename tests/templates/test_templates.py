@@ -143,9 +143,16 @@ def test_a_context_out_of_all_reach_is_an_error(robot, template):
     gain = template.policy.gain.copy()
     gain[0, 1] = 1e3
     far = replace(template, policy=replace(template.policy, gain=gain))
-    message = r"joint .* rad, expected it within .*; outside the region that was learnt: x"
-    with pytest.raises(PlanError, match=message):
+    why = r"the arm would touch itself, its pedestal or the floor in \d+ of \d+ samples"
+    with pytest.raises(PlanError, match=why + "; outside the region that was learnt: x"):
         apply_template(far, robot, THROW, template.region[1] + [1.0, 0.0])
+
+
+def test_a_joint_beyond_its_limit_is_an_error(robot, template):
+    start = template.family.base.start
+    tight = replace(robot, limits=replace(robot.limits, position_max=start - 0.1))
+    with pytest.raises(PlanError, match=r"joint .* rad, expected it within .*"):
+        apply_template(template, tight, THROW, template.region[1])
 
 
 def test_a_context_of_another_size_is_an_error(robot, template):
