@@ -21,7 +21,9 @@ NAMED = "label={method: named, markers: right_arm}"
 
 def besman(*arguments: str) -> None:
     command = [sys.executable, "-m", "besman", *arguments]
-    subprocess.run(command, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    done = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    if done.returncode:
+        sys.exit(done.stderr)
 
 
 def run(robot: str, recordings: Path, out: Path, *settings: str) -> dict:
