@@ -111,7 +111,9 @@ class Document:
                     f"segment {number}: got {row!r:.80}, expected [start, end, label, layer]"
                 )
             start, end, label, layer = row
-            if not label.strip() or len(label) > _LONGEST_LABEL:
+            usual = label.strip() and len(label) <= _LONGEST_LABEL
+            # What the file has already is not refused for its looks.
+            if not usual and label not in self.segments.labels:
                 raise AnnotationError(
                     f"segment {number}: label: got {len(label)} characters, expected 1 to "
                     f"{_LONGEST_LABEL}, not all of them spaces"

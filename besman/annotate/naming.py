@@ -217,13 +217,16 @@ class Naming:
 
         Names of the recording that are not in the set come last.
         """
-        spelt = {normalise_name(name): name for name in self.base.names if name}
+        spelt: dict[str, str] = {}
+        for name in filter(None, self.base.names):
+            spelt.setdefault(normalise_name(name), name)
         paths = {}
         for marker, aliases in self.marker_set.markers.items():
-            known = [spelt.pop(normalise_name(one), None) for one in (marker, *aliases)]
+            known = (spelt.get(normalise_name(one)) for one in (marker, *aliases))
             name = next(filter(None, known), marker)
             paths[name] = self._path_of(name)
-        return paths | {name: self._path_of(name) for name in spelt.values()}
+        others = (name for name in self.base.names if name and name not in paths)
+        return paths | {name: self._path_of(name) for name in others}
 
     def _path_of(self, name: str) -> FloatArray:
         if name in self.base.names:

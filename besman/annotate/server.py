@@ -118,7 +118,13 @@ class _Routes:
         """Give names to fragments, and write the recording with them if that is asked."""
         content = _content(request)
         take = self._session.take(content.get("recording"))
-        take.give_names(_names(content.get("names")))
+        revision = content.get("revision")
+        if type(revision) is not int:
+            raise AnnotationError(f"revision: got {revision!r:.20}, expected a whole number")
+        try:
+            take.give_names(_names(content.get("names")), revision)
+        except ChangedError as error:
+            return json_answer({"error": str(error), "changed": True}, 409)
         if content.get("write") is True:
             take.write_names()
         return json_answer(take.about())

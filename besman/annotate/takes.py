@@ -15,7 +15,7 @@ from besman.annotate.naming import Names, Naming, View
 from besman.annotate.proposals import Stretch, propose_stretches
 from besman.annotate.signals import Signals
 from besman.annotate.skeleton import find_bones
-from besman.exceptions import AnnotationError, BesmanError, LabellingError
+from besman.exceptions import AnnotationError, BesmanError, ChangedError, LabellingError
 from besman.io.recordings import read_recording
 from besman.io.segments_json import segments_path
 from besman.labelling.marker_set import MarkerSet, load_marker_set
@@ -59,6 +59,8 @@ class Take:
         What has no name, None if everything has.
     names : dict of int to str
         Names given to its fragments.
+    names_revision : int
+        How often they have changed.
 
     Raises
     ------
@@ -85,6 +87,7 @@ class Take:
         self.document = Document(segments or segments_path(path), self.recording)
         self.naming: Naming | None = None
         self.names: dict[int, str] = {}
+        self.names_revision = 0
         self.named_file = NamedFile(path)
         self._lock = threading.Lock()
         if None in self.recording.names:
@@ -94,18 +97,33 @@ class Take:
         else:
             self._show(View(self.recording, {}))
 
-    def give_names(self, names: Names) -> None:
+    def give_names(self, names: Names, revision: int | None = None) -> None:
         """Give names to fragments; those not mentioned have none.
+
+        Parameters
+        ----------
+        names : dict of int to str
+            By number of the fragment.
+        revision : int, optional
+            How many changes of names the giver knows of.
 
         Raises
         ------
+        ChangedError
+            If names were given that the giver does not know of.
         AnnotationError
             If nothing is unnamed, or a name cannot be given; then all stays as it is.
         """
         if self.naming is None:
             raise AnnotationError(f"{self.path.name}: every trajectory has a name")
         with self._lock:
+            if revision is not None and revision != self.names_revision:
+                raise ChangedError(
+                    f"{self.path.name}: names were given in another window in the meantime; "
+                    "reload this page"
+                )
             self._show(self.naming.view(names))
+            self.names_revision += names != self.names
             self.names = dict(names)
 
     def write_names(self) -> Path:
@@ -164,6 +182,9 @@ class Take:
             )
         hand = marker_set.roles[role]
         with self._lock:
+            if not isinstance(self._labelled, tuple) or self._labelled[0] is not recording:
+                # Other names were given in the meantime: these are borders of what was.
+                return propose_stretches(recording, hand)
             if hand not in self._stretches:
                 self._stretches[hand] = propose_stretches(recording, hand)
             return self._stretches[hand]
@@ -200,6 +221,7 @@ class Take:
                 for one in self.naming.fragments
             ],
             "names": {str(number): name for number, name in self.names.items()},
+            "revision": self.names_revision,
             "note": self.naming.note,
             "path": str(self.named_file.path),
         }

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import threading
+from functools import lru_cache
+
 from besman.exceptions import WebError
 from besman.view.assets import PAGE, WEB
 from besman.view.run_content import RunContent
 from besman.web.loopback import Answer, LoopbackServer, Request, find_assets
+
+# Demonstrations of which the page's content is kept, some 100 kB each.
+_KEPT = 32
 
 
 def open_view(
@@ -36,6 +42,8 @@ def open_view(
     """
     first = content.first if motion is None else content.find(motion)
 
+    packed, simulating = lru_cache(maxsize=_KEPT)(content.demonstration), threading.Lock()
+
     def overview(_: Request) -> Answer:
         return Answer(content.overview(first=first))
 
@@ -43,7 +51,9 @@ def open_view(
         index = request.query.get("index", "")
         if not index.isdecimal():
             raise WebError(f"demonstration: got the index {index!r}, expected a whole number")
-        return Answer(content.demonstration(int(index)))
+        # One at a time: each is simulated when it is first asked for.
+        with simulating:
+            return Answer(packed(int(index)))
 
     assets = find_assets(PAGE) | find_assets(WEB, "web/")
     routes = {"GET overview": overview, "GET demonstration": demonstration}

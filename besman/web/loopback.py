@@ -222,6 +222,10 @@ def _open_browser(url: str) -> None:
     threading.Thread(target=webbrowser.open, args=(url,), daemon=True).start()
 
 
+# Of a length that a request says it has.
+_MOST_DIGITS = 18
+
+
 class _Handler(BaseHTTPRequestHandler):
     server: _Server
     protocol_version = "HTTP/1.1"
@@ -246,6 +250,10 @@ class _Handler(BaseHTTPRequestHandler):
             answer = self._refuse() or self._find(method)
         except BesmanError as error:
             answer = json_answer({"error": str(error)}, 422)
+        except (ConnectionError, TimeoutError):
+            # Who asked has gone, or says no more.
+            self.close_connection = True
+            return
         except Exception as error:
             traceback.print_exc()
             answer = json_answer({"error": f"besman failed: {error!r}; see the terminal"}, 500)
@@ -282,7 +290,7 @@ class _Handler(BaseHTTPRequestHandler):
         body = b""
         if method == "POST":
             length = self.headers.get("Content-Length", "")
-            if not length.isdecimal():
+            if not length.isdecimal() or len(length) > _MOST_DIGITS:
                 return self._close(411, "the request does not say how long it is")
             if int(length) > site.largest_body:
                 return self._close(

@@ -6,7 +6,7 @@ import pytest
 from besman.annotate.named_file import NamedFile
 from besman.annotate.naming import GHOST, Naming
 from besman.annotate.session import Session
-from besman.exceptions import AnnotationError
+from besman.exceptions import AnnotationError, ChangedError
 from besman.io.recordings import read_recording, write_recording
 from besman.labelling.marker_set import load_marker_set
 from besman.records import Recording
@@ -136,6 +136,39 @@ def test_take_writes_the_named_recording_and_overwrites_nothing(tmp_path, broken
     other.path.write_text("theirs")
     with pytest.raises(AnnotationError, match="was written by another in the meantime"):
         other.write(named)
+
+
+def test_names_given_in_another_window_are_not_lost(tmp_path, broken):
+    path = tmp_path / "a.tsv"
+    write_recording(broken, path)
+    take = Session([path]).takes[0]
+    known = take.about()["naming"]["revision"]
+    take.give_names({0: "Elbow"}, known)
+    with pytest.raises(ChangedError, match="names were given in another window"):
+        take.give_names({1: "Elbow"}, known)
+    assert take.names == {0: "Elbow"}
+    # To write what is known is no change.
+    known = take.about()["naming"]["revision"]
+    take.give_names({0: "Elbow"}, known)
+    take.give_names({0: "Elbow", 1: "Elbow"}, known)
+
+
+def test_a_marker_spelt_twice_keeps_both_trajectories(named):
+    marker_set = load_marker_set("right_arm")
+    (marker, alias, *_), *_ = (
+        (key, *aliases) for key, aliases in marker_set.markers.items() if aliases
+    )
+    names: list[str | None] = [f"other {k}" for k in range(len(named.names))]
+    names[:4] = [alias, marker, "other 2", "Other-2"]
+    names[-1] = None
+    doubled = Recording(
+        named.time, named.positions, tuple(names), named.rate_hz, "a.tsv", named.first_frame
+    )
+    shown = Naming(doubled, marker_set).view({}).recording
+    for column, name in enumerate(names[:-1]):
+        np.testing.assert_array_equal(
+            shown.positions[:, shown.names.index(name)], named.positions[:, column]
+        )
 
 
 def test_recording_with_all_names_has_nothing_to_name(three_throws, tmp_path):

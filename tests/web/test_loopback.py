@@ -132,6 +132,8 @@ def test_body_is_bounded(server):
     answer, body = ask(server, "POST", "echo", Content_Length="65", **kind)
     assert answer.status == 413
     assert "65 bytes, at most 64" in body
+    answer, body = ask(server, "POST", "echo", Content_Length="9" * 5000, **kind)
+    assert answer.status == 411
     answer, body = ask(server, "POST", "echo", Transfer_Encoding="chunked", **kind)
     assert answer.status == 411
     assert "how long it is" in body

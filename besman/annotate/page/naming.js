@@ -120,12 +120,13 @@ export class Naming {
     const { app } = this, { names } = this, index = app.index;
     clearTimeout(this.timer);
     this.given = JSON.stringify(names);
-    this.going = postJson("naming", { recording: index, names, write });
+    this.going = postJson("naming", { recording: index, names, write, revision: this.about.revision });
     try {
       const about = await this.going;
       if (app.index !== index || JSON.stringify(names) !== this.given) return false;
       if (write) {
         this.written = this.given;
+        this.about.revision = about.naming.revision;
       } else {
         this.about = about.naming;
         await app.showNamed(about);

@@ -16,7 +16,7 @@ const $ = (id) => document.getElementById(id);
 const state = { index: -1, choice: 0, time: 0, playing: false, together: false, names: false };
 const camera = new OrbitCamera({ elevation: 0.26 });
 const source = openSource();
-let renderer, overview, cast, stage, demonstration, colours, asked = false, last = 0, hold = 0;
+let renderer, overview, cast, stage, demonstration, colours, asked = false, last = 0, hold = 0, requests = 0;
 let moved = 0, resting = 0;
 
 function readColours() {
@@ -205,19 +205,22 @@ function listTakes() {
 
 async function choose(index) {
   if (index < 0 || index >= overview.demonstrations.length) return;
-  const started = (state.asked = index);
+  // A key held down asks for the same one again and again.
+  if (index === state.asked && $("demonstration").hasAttribute("aria-busy")) return;
+  state.asked = index;
+  const request = ++requests;
   $("demonstration").value = String(index);
   $("demonstration").setAttribute("aria-busy", "true");
   try {
     const found = await source.demonstration(index);
     // Another one was chosen in the meantime.
-    if (state.asked !== started) return;
+    if (requests !== request) return;
     demonstration = found;
   } catch (error) {
-    complain(error);
+    if (requests === request) complain(error);
     return;
   } finally {
-    $("demonstration").removeAttribute("aria-busy");
+    if (requests === request) $("demonstration").removeAttribute("aria-busy");
   }
   $("message").hidden = true;
   state.index = index;
