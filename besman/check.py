@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Mapping
+from pathlib import Path
+
 from besman.exceptions import ConfigError, RecognitionError, RefinementError, nearest
 from besman.hierarchy.stage import leave_out_actions
 from besman.inputs import Inputs, read_inputs
@@ -9,6 +13,7 @@ from besman.labelling.marker_set import load_marker_set
 from besman.labelling.stage import LabelTrajectoriesConfig
 from besman.manual_segments import complete_truth, side_of
 from besman.pipeline import PipelineConfig, learn_from, load_pipeline
+from besman.recognition.model_files import load_model
 from besman.resources import find_resource
 from besman.robot.model import load_robot
 from besman.simulation.tasks import load_task
@@ -65,10 +70,19 @@ def _check_recordings(config: PipelineConfig) -> list[str]:
     seconds = sum(len(recording.time) / recording.rate_hz for recording in inputs.recordings)
     n = len(inputs.recordings)
     lines = [f"recordings: {n}, {seconds:.0f} s, {state}"]
-    lines.append(
-        _check_examples(config, read_inputs(config.training) if config.training else inputs)
-    )
+    if config.recognize.model is not None and config.compose is None:
+        lines.append(_check_model(config, config.recognize.model))
+    else:
+        examples = read_inputs(config.training) if config.training else inputs
+        lines.append(_check_examples(config, examples))
     return lines
+
+
+def _check_model(config: PipelineConfig, model: str) -> str:
+    """Load a trained model, and look for the class selected."""
+    counts = Counter(load_model(Path(model)).labels)
+    _check_wanted(config, counts, f"is no class of {model}")
+    return f"model: {model}, trained with {_listed(counts)}"
 
 
 def _check_examples(config: PipelineConfig, inputs: Inputs) -> str:
@@ -87,12 +101,19 @@ def _check_examples(config: PipelineConfig, inputs: Inputs) -> str:
             "recognize: no labelled examples: no recording has a segments file beside it "
             "(STEM_manually_segmented.json); name recordings that have with training:"
         )
+    _check_wanted(config, counts, "has no labelled example")
+    return f"labelled examples: {_listed(counts)}"
+
+
+def _check_wanted(config: PipelineConfig, counts: Mapping[str, int], problem: str) -> None:
+    """Refuse a class to select of which nothing is known."""
     wanted = config.select.wanted
     if wanted not in counts:
         key = "label" if config.select.label else "action"
         raise ConfigError(
-            f"select.{key}: got {wanted!r}, which has no labelled example; "
-            f"{nearest(wanted, counts)}"
+            f"select.{key}: got {wanted!r}, which {problem}; {nearest(wanted, counts)}"
         )
-    listed = ", ".join(f"{label} {count}" for label, count in sorted(counts.items()))
-    return f"labelled examples: {listed}"
+
+
+def _listed(counts: Mapping[str, int]) -> str:
+    return ", ".join(f"{label} {count}" for label, count in sorted(counts.items()))

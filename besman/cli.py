@@ -37,6 +37,10 @@ Cluster = Annotated[
     typer.Option(help="Dask scheduler, tcp://HOST:PORT, whose workers map and refine."),
 ]
 ALL_CORES = os.cpu_count() or 1
+_DATASETS = (
+    "step, lever, pick_and_place, ball_throw, stick_throw, stick_throw_unmarked (no stick seen), "
+    "stick_throw_marked (small), gestures, object_rotation, circle_drawing, rotation"
+)
 Json = Annotated[Path | None, typer.Option("--json", help="Write the result here as well.")]
 
 
@@ -391,7 +395,7 @@ def evaluate_labelling(
 
 @app.command()
 def synth(
-    dataset: Annotated[str, typer.Argument(help="Name of a dataset; a wrong one lists them all.")],
+    dataset: Annotated[str, typer.Argument(help=f"One of {_DATASETS}.")],
     out: Annotated[Path, typer.Option(help="Folder to write to; no file in it is overwritten.")],
     subjects: Annotated[
         int | None, typer.Option(min=1, help="How many; as in the thesis by default.")

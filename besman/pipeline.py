@@ -251,6 +251,8 @@ def run_pipeline(
     """
     from threadpoolctl import threadpool_limits
 
+    from besman.robot.model import find_robot
+
     if fresh is not None and fresh not in STAGES:
         raise RunError(f"--fresh: no stage {fresh!r}; {nearest(fresh, STAGES)}")
     with Workers(jobs, cluster) as workers:
@@ -260,6 +262,10 @@ def run_pipeline(
         run.start(pipeline_yaml(config), inputs.checksums)
         run.record_time("read", wall, cpu, items=len(inputs.recordings), unit="recordings")
         try:
+            # A name that leads nowhere is said before the first stage.
+            find_robot(config.robot)
+            if config.recognize.model is not None:
+                load_model(Path(config.recognize.model))
             # Many small matrices: threads inside BLAS cost more than they bring.
             with threadpool_limits(limits=1, user_api="blas"):
                 _run_stages(config, run, inputs, trained_in)

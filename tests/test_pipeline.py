@@ -351,6 +351,15 @@ def limit_of_zero(folder, capture):
     return STICK_THROW, settings, r"velocity.*got 0"
 
 
+def unknown_robot(folder, capture):
+    return STICK_THROW, ("--set", "robot=ur6"), r"no robot 'ur6'; did you mean 'ur5'\?"
+
+
+def missing_model(folder, capture):
+    settings = ("--set", f"recognize.model={folder / 'nomodel'}")
+    return STICK_THROW, settings, r"nomodel\.json: cannot be read: No such file or directory"
+
+
 def unknown_stage(folder, capture):
     return STICK_THROW, ("--fresh", "segmnt"), r"no stage 'segmnt'; did you mean 'segment'\?"
 
@@ -370,7 +379,8 @@ def setting_not_yaml(folder, capture):
 BAD = [
     misspelt_key, duplicate_key, missing_pipeline, missing_recording, empty_tsv, truncated_tsv,
     missing_marker, no_examples, class_without_examples, unreachable, limit_of_zero,
-    unknown_stage, bad_setting, setting_below_a_value, setting_not_yaml,
+    unknown_robot, missing_model, unknown_stage, bad_setting, setting_below_a_value,
+    setting_not_yaml,
 ]  # fmt: skip
 
 

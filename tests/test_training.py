@@ -3,6 +3,7 @@ import sys
 
 import pytest
 
+from besman.check import check_pipeline
 from besman.cli import main
 from besman.exceptions import ConfigError, RecognitionError
 from besman.pipeline import load_pipeline
@@ -35,6 +36,23 @@ def test_the_command_writes_a_model(sample, tmp_path, monkeypatch, capsys):
         "subject1.tsv",
         "subject2.tsv",
     ]
+
+
+def test_a_check_takes_a_model_in_place_of_examples(sample, tmp_path):
+    train_files([sample], tmp_path / "m", "right_arm", ())
+    bare = tmp_path / "bare"
+    bare.mkdir()
+    (bare / "a.tsv").write_bytes((sample / "subject1.tsv").read_bytes())
+    settings = (f"recordings={bare}", f"recognize.model={tmp_path / 'm'}")
+    (line,) = [one for one in check_pipeline("ur5_stick_throw", settings) if "model:" in one]
+    labels = load_model(tmp_path / "m").labels
+    assert f"throw {labels.count('throw')}" in line
+    with pytest.raises(
+        ConfigError, match=r"select.label: got 'thrw', which is no class of .*throw"
+    ):
+        check_pipeline("ur5_stick_throw", (*settings, "select.label=thrw"))
+    with pytest.raises(RecognitionError, match=r"nomodel\.json: cannot be read"):
+        check_pipeline("ur5_stick_throw", (settings[0], "recognize.model=/nomodel"))
 
 
 def test_settings_are_checked(sample, tmp_path):

@@ -122,7 +122,8 @@ def _refuse_gap(
     raise LabellingError(
         f"{recording.source}: marker {marker!r} is not seen in frames {first} to {last} "
         f"({(end - start) / recording.rate_hz:.3g} s); gaps up to longest_gap_s = "
-        f"{longest_gap_s:g} s are filled"
+        f"{longest_gap_s:g} s are filled, those of back and hand up to longest_rigid_gap_s from "
+        "their other two markers"
     )
 
 

@@ -53,7 +53,8 @@ def test_longer_gap_in_a_required_marker():
     with pytest.raises(
         LabellingError,
         match=r"^run.tsv: marker 'hand' is not seen in frames 740 to 769 \(0.3 s\); gaps up to "
-        r"longest_gap_s = 0.29 s are filled$",
+        r"longest_gap_s = 0.29 s are filled, those of back and hand up to longest_rigid_gap_s from "
+        r"their other two markers$",
     ):
         LabelConfig(longest_gap_s=0.29).run((make(hand=slice(50, 80)),), MARKERS)
 

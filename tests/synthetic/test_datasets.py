@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from besman import cli
 from besman.exceptions import ConfigError, RecordingError
 from besman.io.recordings import find_recordings, read_recording
 from besman.io.segments_json import find_segments, read_segments, read_throws
@@ -130,6 +131,11 @@ def test_counts_of_the_thesis():
     assert len(gestures.planners) * sum(gestures.repetitions) // 11 * 11 == 1045
     assert len(gestures.repetitions) == 6
     assert len(gestures.classes) == 11
+
+
+def test_the_help_names_every_dataset():
+    listed = [one.split(" (")[0] for one in cli._DATASETS.split(", ")]
+    assert sorted(listed) == sorted(DATASETS)
 
 
 @pytest.mark.parametrize("name", sorted(DATASETS))
