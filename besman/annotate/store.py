@@ -76,7 +76,7 @@ class Store:
         Returns
         -------
         str
-            The new revision.
+            The revision of content; nothing is written where it stands in the file already.
 
         Raises
         ------
@@ -85,9 +85,13 @@ class Store:
         AnnotationError
             If it cannot be written.
         """
+        digest = hashlib.sha256(content).hexdigest()
         try:
             with _locked(self.path.parent):
                 now = self.revision()
+                if now == digest:
+                    self._keep = self._keep or milestone
+                    return now
                 if now != base and not replace:
                     raise ChangedError(
                         f"{self.path.name}: another window or program changed it in the meantime"
@@ -98,7 +102,7 @@ class Store:
         except OSError as error:
             raise AnnotationError(f"{self.path}: cannot be written: {error.strerror}") from None
         self._keep = milestone
-        return hashlib.sha256(content).hexdigest()
+        return digest
 
     def _copy_to_backup(self) -> None:
         temporary = self.path.with_name(f".{self.backup.name}.tmp")

@@ -216,3 +216,15 @@ def test_killed_in_the_middle_of_a_save_the_file_is_whole(path, wait_s):
     store.write(b"next", store.revision())
     assert path.read_bytes() == b"next"
     assert store.backup.read_bytes() == text
+
+
+def test_what_stands_in_the_file_already_is_no_change(path):
+    path.write_text("old")
+    store = Store(path)
+    base = store.revision()
+    first = store.write(b"1", base)
+    # An answer that was lost: the same again, from the revision before.
+    assert store.write(b"1", base, milestone=True) == first
+    assert store.backup.read_text() == "old"
+    store.write(b"2", first)
+    assert store.backup.read_text() == "1"
