@@ -161,6 +161,10 @@ export class Actions {
       const items = editing.relabel(this.document.items, item.id, label);
       if (items) this.document.step(items);
       app.draw("items");
+      if (!items && item.label !== label) {
+        app.say(`no room: segments of ${layerName(item.layer)} do not overlap`);
+        return;
+      }
       app.say(`${this.describe({ ...item, label })}`);
     }
   }

@@ -82,9 +82,17 @@ export function trim(proposal, start, end) {
 
 export const remove = (items, id) => items.filter((item) => item.id !== id);
 
+/** Give another label; a part does not become a whole where one overlaps it, proposals make room. */
 export function relabel(items, id, label) {
   const item = items.find((one) => one.id === id);
-  return item && item.label !== label ? replace(items, [{ ...item, label }]) : null;
+  if (!item || item.label === label) return null;
+  const named = { ...item, label };
+  if (!isPart(item) || isPart(named)) return replace(items, [named]);
+  const { layer, start, end } = item;
+  if (solid(items, layer).some((other) =>
+    other.kind === "segment" && other.start < end && start < other.end)) return null;
+  return replace(items, [named]).flatMap((other) =>
+    other.kind === "proposal" && other.layer === layer ? trim(other, start, end) : [other]);
 }
 
 /** Make a segment of a proposal. */
@@ -105,12 +113,12 @@ export function split(items, id, row) {
   return [...replace(items, [{ ...item, start: row }]), first];
 }
 
-/** Make one of an item and the next of its kind in its layer; null if none touches it. */
+/** Join an item and the next of its kind in its layer, part with part; null if none touches it. */
 export function merge(items, id) {
   const item = items.find((one) => one.id === id);
   if (!item) return null;
   const next = items.find((other) => other.id !== id && other.kind === item.kind &&
-    other.layer === item.layer && other.start === item.end);
+    other.layer === item.layer && isPart(other) === isPart(item) && other.start === item.end);
   if (!next) return null;
   return remove(replace(items, [{ ...item, end: next.end }]), next.id);
 }
