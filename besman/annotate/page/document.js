@@ -46,8 +46,9 @@ export class Document {
       (item) => item.layer === layer && (kind === null || item.kind === kind));
   }
 
+  /** Return the segments as they are without a drag that is under way. */
   segments() {
-    return this.state.items.filter((item) => item.kind === "segment");
+    return (this.before ?? this.state).items.filter((item) => item.kind === "segment");
   }
 
   /**
@@ -60,6 +61,7 @@ export class Document {
   }
 
   push(state, mergeKey = null) {
+    this.settle();
     if (mergeKey === null || mergeKey !== this.mergeKey) this.past.push(this.state);
     this.mergeKey = mergeKey;
     this.future = [];
@@ -84,8 +86,10 @@ export class Document {
 
   /** Put what a drag began with back. */
   abandon() {
-    if (this.before !== null) this.state = this.before;
+    if (this.before === null) return;
+    this.state = this.before;
     this.before = null;
+    this.changed();
   }
 
   /**
