@@ -384,3 +384,155 @@ def test_one_recording_after_the_other(serve, annotate, recording_path):
     press(page, "[")
     until(page, "besman.index === 0 && besman.opened")
     assert len(rows(page)) == 1
+
+
+def two_recordings(recording_path):
+    other = recording_path.with_name("other.tsv")
+    other.write_bytes(recording_path.read_bytes())
+    return recording_path, other
+
+
+def hold_route(page, pattern):
+    """Keep what is asked for until it is let go; return the list of it."""
+    held = []
+    page.route(pattern, lambda route: held.append(route))
+    return held
+
+
+def wait_held(page, held):
+    for _ in range(400):
+        if held:
+            return
+        page.wait_for_timeout(15)
+    raise AssertionError("nothing was asked for")
+
+
+def test_nothing_is_saved_under_a_recording_that_is_still_coming(serve, annotate, recording_path):
+    paths = two_recordings(recording_path)
+    page = annotate(serve(*paths, labels=("a",)).url)
+    press(page, "Enter", "1")
+    mine = rows(page)
+    held = hold_route(page, "**/sketch?recording=1*")
+    press(page, "]")
+    wait_held(page, held)
+    assert page.evaluate("[besman.index, besman.saving.index]") == [0, 0]
+    assert on_disk(paths[0].with_name("throws_manually_segmented.json"), paths[0]) == mine
+    # Neither keys nor buttons change what is about to be replaced.
+    press(page, "p", "1", "Delete", "Control+z")
+    assert page.evaluate("document.getElementById('undo').inert")
+    assert rows(page) == mine
+    held[0].continue_()
+    until(page, "besman.index === 1 && !besman.locked")
+    assert rows(page) == []
+    assert page.evaluate("besman.saving.path").endswith("other_manually_segmented.json")
+    assert not paths[1].with_name("other_manually_segmented.json").exists()
+
+
+def test_recording_that_cannot_be_opened_leaves_the_one_shown(serve, annotate, recording_path):
+    paths = two_recordings(recording_path)
+    page = annotate(serve(*paths, labels=("a",)).url, expect_errors=True)
+    press(page, "Enter", "1")
+    mine = rows(page)
+    page.route("**/sketch?recording=1*", lambda route: route.abort())
+    page.select_option("#recording", "1")
+    page.wait_for_selector("#failure:not([hidden])")
+    assert "other.tsv cannot be opened: besman does not answer" in page.inner_text("#failure")
+    assert page.input_value("#recording") == "0"
+    assert page.evaluate("[besman.index, besman.signals.recording, besman.locked]") == [0, 0, False]
+    assert rows(page) == mine
+    page.unroute("**/sketch?recording=1*")
+    page.select_option("#recording", "1")
+    until(page, "besman.index === 1")
+    assert not page.is_visible("#failure")
+
+
+def test_of_two_quick_switches_the_last_counts(serve, annotate, recording_path):
+    paths = two_recordings(recording_path)
+    page = annotate(serve(*paths, labels=("a",)).url)
+    held = hold_route(page, "**/sketch?recording=1*")
+    page.select_option("#recording", "1")
+    wait_held(page, held)
+    page.select_option("#recording", "0")
+    until(page, "!besman.locked")
+    held[0].continue_()
+    page.wait_for_timeout(200)
+    assert page.evaluate("[besman.index, besman.signals.recording]") == [0, 0]
+    assert page.input_value("#recording") == "0"
+
+
+def test_parts_are_joined_with_parts_and_do_not_become_wholes_over_others(
+    serve, annotate, recording_path, segments_path
+):
+    write_rows(segments_path, (101, 141, "a"), (111, 121, "b_part"), (121, 131, "c_part"))
+    page = annotate(serve(recording_path).url)
+    page.evaluate("besman.document.step(besman.document.segments())")
+    choose = "besman.select(besman.document.items.find((one) => one.label === '%s').id)"
+    page.evaluate(choose % "b_part")
+    page.evaluate("besman.actions.applyLabel('whole')")
+    assert "no room" in page.inner_text("#say")
+    assert [row[2] for row in rows(page)] == ["a", "b_part", "c_part"]
+    press(page, "m")
+    assert [100, 140, "a", ""] in rows(page)
+    assert [110, 130, "b_part", ""] in rows(page)
+    press(page, "Delete")
+    # A part that only touches a whole is not joined with it; free, it becomes a whole.
+    page.evaluate("""besman.document.step([...besman.document.items,
+      {...besman.document.items[0], id: -1, start: 60, end: 100, label: 'd_part'}])""")
+    page.evaluate(choose % "d_part")
+    press(page, "m")
+    assert [row[:2] for row in rows(page)] == [[60, 100], [100, 140]]
+    page.evaluate("besman.actions.applyLabel('whole')")
+    assert [row[2] for row in rows(page)] == ["whole", "a"]
+
+
+def test_border_that_is_dragged_is_saved_when_it_is_let_go(
+    serve, annotate, recording_path, segments_path
+):
+    write_rows(segments_path, (101, 161, "swing"))
+    page = annotate(serve(recording_path).url)
+    page.evaluate("besman.view.show(50, 350), besman.draw('view')")
+    page.mouse.move(*page.evaluate(PLACE, ["", 160]))
+    page.mouse.down()
+    page.mouse.move(*page.evaluate(PLACE, ["", 200]), steps=4)
+    assert page.evaluate("besman.document.items.some((one) => one.label && one.end > 190)")
+    assert rows(page) == [[100, 160, "swing", ""]]
+    press(page, "Escape")
+    page.mouse.up()
+    assert page.evaluate("besman.document.items.some((one) => one.label && one.end === 160)")
+    assert page.inner_text("#saved") == "saved"
+    drag(page, "", 160, 200)
+    wait_saved(page)
+    assert abs(on_disk(segments_path, recording_path)[0][1] - 200) <= 2
+
+
+def test_loaded_segments_take_the_room_of_proposals(serve, annotate, recording_path, segments_path):
+    page = annotate(serve(recording_path, labels=("a",)).url, expect_errors=True)
+    first, second = page.evaluate(
+        "besman.document.of('', 'proposal').slice(0, 2).map((one) => [one.start, one.end])"
+    )
+    write_rows(segments_path, (first[0] + 1, second[1], "theirs"))
+    page.evaluate("besman.saving.look()")
+    page.wait_for_selector("#changed-dialog[open]")
+    page.click("#changed-load")
+    until(page, "!besman.saving.dialog.open")
+    starts = page.evaluate("besman.document.of('', 'proposal').map((one) => one.start)")
+    assert starts
+    assert min(starts) >= second[1] - 1
+
+
+def test_two_saves_at_once_are_one_after_the_other(serve, annotate, recording_path, segments_path):
+    page = annotate(serve(recording_path, labels=("a", "b")).url)
+    press(page, "Enter", "1")
+    wait_saved(page)
+    done, bases = page.evaluate("""async () => {
+      besman.actions.nextProposal();
+      besman.actions.applyLabel('b');
+      const { saving } = besman, send = saving.send.bind(saving), bases = [];
+      saving.send = (options) => { bases.push(saving.revision); return send(options); };
+      const save = () => saving.flush({ milestone: true });
+      return [await Promise.all([save(), save()]), bases];
+    }""")
+    assert done == [True] * 2
+    assert len(set(bases)) == 2
+    assert on_disk(segments_path, recording_path) == rows(page)
+    assert len(rows(page)) == 2

@@ -44,6 +44,8 @@ class App {
     this.lanes = [""];
     this.wanted = new Set();
     this.opened = false;
+    this.opening = 0;
+    this.locked = false;
     this.document = new Document(() => this.edited());
     this.actions = new Actions(this);
     this.player = new Player(this);
@@ -57,17 +59,47 @@ class App {
     this.listen();
   }
 
-  /** Show a recording. */
+  /**
+   * Save what is shown and show another recording. Until that has come nothing can be edited; of
+   * two that are asked for, the last is shown.
+   */
   async open(index) {
-    this.stop();
-    const about = await getJson("recording", { recording: index });
-    this.opened = false;
+    const n = ++this.opening;
+    this.lock(true);
+    try {
+      if (this.opened && !(await this.saving.flush({ names: true }))) return false;
+      if (n !== this.opening) return false;
+      const about = await getJson("recording", { recording: index });
+      const signals = new Signals(index, about, () => this.draw("signals"));
+      const hand = about.markers.findIndex((name) => /^(right[ _]?)?hand[ _]?(top)?$/i.test(name));
+      const marker = hand < 0 ? 0 : hand;
+      await signals.open(marker);
+      if (n !== this.opening) return false;
+      this.show(index, about, signals, marker);
+      return true;
+    } finally {
+      if (n === this.opening) this.lock(false);
+    }
+  }
+
+  /** Take no input but the choice of a recording. */
+  lock(locked) {
+    this.locked = locked;
+    if (locked) {
+      this.stop();
+      this.timeline.cancel();
+    }
+    for (const element of [document.querySelector("main"), find("undo"), find("redo"), find("save")]) {
+      element.inert = locked;
+    }
+  }
+
+  /** Replace all that belongs to a recording, at once. */
+  show(index, about, signals, marker) {
     this.index = index;
     this.about = about;
-    this.signals = new Signals(index, about, () => this.draw("signals"));
-    const hand = about.markers.findIndex((name) => /^(right[ _]?)?hand[ _]?(top)?$/i.test(name));
-    this.marker = hand < 0 ? 0 : hand;
-    await this.signals.open(this.marker);
+    this.signals = signals;
+    this.marker = marker;
     this.view = new View(about.n_samples);
     this.row = 0;
     this.mark = null;
@@ -83,7 +115,8 @@ class App {
     if (!this.lanes.length) this.lanes = [about.two_arms ? "right_hand" : ""];
     this.layer = this.lanes[0];
     this.proposals.clear();
-    this.saving.open(about);
+    this.saving.open(index, about);
+    this.panel.labelDone = null;
     this.fillMarkers();
     find("recording").value = String(index);
     this.scene.open();
@@ -220,9 +253,11 @@ class App {
 
   /** Show what the server made of names that were given. */
   async showNamed(about) {
+    const { index } = this;
     const marker = Math.max(0, about.markers.indexOf(this.about.markers[this.marker]));
-    const signals = new Signals(this.index, about, () => this.draw("signals"));
+    const signals = new Signals(index, about, () => this.draw("signals"));
     await signals.open(marker);
+    if (this.index !== index) return false;
     this.about = about;
     this.signals = signals;
     this.marker = marker;
@@ -230,6 +265,7 @@ class App {
     this.fillMarkers();
     this.proposals.reload(this.layer);
     this.draw("all");
+    return true;
   }
 
   cycleMarker(direction) {
@@ -343,11 +379,15 @@ class App {
   }
 
   async switchTo(index) {
-    if (!(await this.saving.flush({ names: true }))) {
+    const n = this.opening + 1;
+    try {
+      if (await this.open(index)) this.failed(null);
+      else if (n === this.opening) find("recording").value = String(this.index);
+    } catch (error) {
+      if (n !== this.opening) return;
       find("recording").value = String(this.index);
-      return;
+      this.failed(`${this.session.recordings[index]} cannot be opened: ${error.message}`);
     }
-    await this.open(index);
   }
 
   listen() {

@@ -75,7 +75,7 @@ export function listenToKeys(app, table) {
     const act = acts.get(key);
     if (!act) return;
     event.preventDefault();
-    act(key);
+    if (!app.locked) act(key);
   });
 }
 

@@ -116,20 +116,30 @@ export class Naming {
     this.send(false);
   }
 
+  /** Send the names; `going` lasts until what came of them is shown. */
   async send(write) {
+    const going = this.deliver(write);
+    this.going = going;
+    const done = await going;
+    if (this.going === going) this.going = null;
+    return done;
+  }
+
+  async deliver(write) {
     const { app } = this, { names } = this, index = app.index;
     clearTimeout(this.timer);
     this.given = JSON.stringify(names);
-    this.going = postJson("naming", { recording: index, names, write, revision: this.about.revision });
     try {
-      const about = await this.going;
+      const about = await postJson("naming", {
+        recording: index, names, write, revision: this.about.revision,
+      });
       if (app.index !== index || JSON.stringify(names) !== this.given) return false;
       if (write) {
         this.written = this.given;
         this.about.revision = about.naming.revision;
       } else {
         this.about = about.naming;
-        await app.showNamed(about);
+        if (!(await app.showNamed(about))) return false;
         this.timer = setTimeout(() => this.flush(), WRITE_MS);
       }
       if (this.waiting !== undefined) this.select(this.waiting);
@@ -140,14 +150,12 @@ export class Naming {
     } catch (error) {
       app.failed(`Names not written: ${error.message}`);
       return false;
-    } finally {
-      this.going = null;
     }
   }
 
   /** Write the recording with its names, if there are new ones. */
   async flush() {
-    while (this.going) await this.going.catch(() => null);
+    while (this.going) await this.going;
     return this.dirty ? this.send(true) : true;
   }
 

@@ -1,6 +1,7 @@
 // Saving: by itself soon after every change, and never over what another has written.
 
 import { makeItem } from "./document.js";
+import { besideSegments } from "./editing.js";
 import { getJson, postJson } from "./server.js";
 
 const WAIT_MS = 350;
@@ -34,8 +35,9 @@ export class Saving {
   }
 
   /** Begin with what a file holds. */
-  open(about) {
+  open(index, about) {
     clearTimeout(this.timer);
+    this.index = index;
     this.revision = about.revision;
     this.path = about.segments_path;
     this.conflict = false;
@@ -95,11 +97,13 @@ export class Saving {
       this.ask();
       return false;
     }
-    while (this.going) await this.going;
     if ((options.milestone || options.names) && !(await this.app.naming.flush())) {
       this.show("failed", "names not written");
       return false;
     }
+    // Last, and nothing is awaited between here and send: no two are made from one revision.
+    while (this.going) await this.going;
+    if (this.conflict && !options.replace) return false;
     if (!this.dirty && !options.milestone && !options.replace) return true;
     if (!this.revision && !this.rows().length) {
       this.showSaved();
@@ -113,13 +117,14 @@ export class Saving {
   }
 
   async send(options) {
-    const { app } = this, text = this.text(), index = app.index;
+    const { app, index } = this, text = this.text();
     this.show("saving", "saving");
     try {
       const { revision } = await postJson("save", {
         recording: index, segments: JSON.parse(text), revision: this.revision,
         milestone: Boolean(options.milestone), replace: Boolean(options.replace),
       });
+      if (this.index !== index) return true;
       this.revision = revision;
       this.stored = text;
       this.conflict = false;
@@ -127,7 +132,7 @@ export class Saving {
       app.failed(null);
       return true;
     } catch (error) {
-      if (error.changed) {
+      if (error.changed && this.index === index) {
         this.conflict = true;
         this.ask();
       } else {
@@ -143,10 +148,10 @@ export class Saving {
   /** Look whether another has written the file. */
   async look() {
     if (this.going || this.conflict || this.path === undefined) return;
-    const { index } = this.app, known = this.revision;
+    const { index } = this, known = this.revision;
     try {
       const { revision } = await getJson("revision", { recording: index });
-      if (this.app.index !== index || this.going || this.revision !== known) return;
+      if (this.index !== index || this.going || this.revision !== known) return;
       if (revision !== known) {
         this.conflict = true;
         this.ask();
@@ -165,11 +170,14 @@ export class Saving {
   }
 
   async loadOther() {
+    const { index } = this;
     try {
-      const about = await getJson("recording", { recording: this.app.index });
+      const about = await getJson("recording", { recording: index });
+      if (this.index !== index) return;
       const { document: doc } = this.app;
-      const proposals = doc.items.filter((item) => item.kind === "proposal");
       const others = toItems(about.segments);
+      const proposals = this.app.allLayers.flatMap(
+        (layer) => besideSegments(others, layer, doc.of(layer, "proposal")));
       this.revision = about.revision;
       this.conflict = false;
       this.stored = JSON.stringify(about.segments);
