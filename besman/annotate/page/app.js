@@ -44,6 +44,7 @@ class App {
     this.lanes = [""];
     this.wanted = new Set();
     this.opened = false;
+    this.opening = 0;
     this.document = new Document(() => this.edited());
     this.actions = new Actions(this);
     this.player = new Player(this);
@@ -60,14 +61,21 @@ class App {
   /** Show a recording. */
   async open(index) {
     this.stop();
+    const opening = ++this.opening;
     const about = await getJson("recording", { recording: index });
+    const signals = new Signals(index, about, () => this.draw("signals"));
+    const hand = about.markers.findIndex((name) => /^(right[ _]?)?hand[ _]?(top)?$/i.test(name));
+    const marker = hand < 0 ? 0 : hand;
+    await signals.open(marker);
+    // What was changed while this one was on its way belongs to the one before.
+    if (this.opened && !(await this.saving.flush({ names: true }))) return;
+    if (opening !== this.opening) return;
+    // From here on nothing waits: page and file always are of one recording.
     this.opened = false;
     this.index = index;
     this.about = about;
-    this.signals = new Signals(index, about, () => this.draw("signals"));
-    const hand = about.markers.findIndex((name) => /^(right[ _]?)?hand[ _]?(top)?$/i.test(name));
-    this.marker = hand < 0 ? 0 : hand;
-    await this.signals.open(this.marker);
+    this.signals = signals;
+    this.marker = marker;
     this.view = new View(about.n_samples);
     this.row = 0;
     this.mark = null;
@@ -83,7 +91,7 @@ class App {
     if (!this.lanes.length) this.lanes = [about.two_arms ? "right_hand" : ""];
     this.layer = this.lanes[0];
     this.proposals.clear();
-    this.saving.open(about);
+    this.saving.open(index, about);
     this.fillMarkers();
     find("recording").value = String(index);
     this.scene.open();
@@ -220,9 +228,11 @@ class App {
 
   /** Show what the server made of names that were given. */
   async showNamed(about) {
+    const { index } = this;
     const marker = Math.max(0, about.markers.indexOf(this.about.markers[this.marker]));
-    const signals = new Signals(this.index, about, () => this.draw("signals"));
+    const signals = new Signals(index, about, () => this.draw("signals"));
     await signals.open(marker);
+    if (this.index !== index) return;
     this.about = about;
     this.signals = signals;
     this.marker = marker;
@@ -347,7 +357,12 @@ class App {
       find("recording").value = String(this.index);
       return;
     }
-    await this.open(index);
+    try {
+      await this.open(index);
+    } catch (error) {
+      this.failed(`Not opened: ${error.message}`);
+    }
+    find("recording").value = String(this.index);
   }
 
   listen() {

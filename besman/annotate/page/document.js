@@ -50,6 +50,11 @@ export class Document {
     return this.state.items.filter((item) => item.kind === "segment");
   }
 
+  /** Return the segments without a drag that has not ended: what is to be saved. */
+  settled() {
+    return (this.before ?? this.state).items.filter((item) => item.kind === "segment");
+  }
+
   /**
    * Make a step.
    * @param {object[]} items

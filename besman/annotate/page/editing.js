@@ -110,7 +110,7 @@ export function merge(items, id) {
   const item = items.find((one) => one.id === id);
   if (!item) return null;
   const next = items.find((other) => other.id !== id && other.kind === item.kind &&
-    other.layer === item.layer && other.start === item.end);
+    other.layer === item.layer && other.start === item.end && isPart(other) === isPart(item));
   if (!next) return null;
   return remove(replace(items, [{ ...item, end: next.end }]), next.id);
 }

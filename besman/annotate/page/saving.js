@@ -1,6 +1,7 @@
 // Saving: by itself soon after every change, and never over what another has written.
 
 import { makeItem } from "./document.js";
+import { besideSegments } from "./editing.js";
 import { getJson, postJson } from "./server.js";
 
 const WAIT_MS = 350;
@@ -33,9 +34,10 @@ export class Saving {
     setInterval(() => { if (!document.hidden) this.look(); }, LOOK_MS);
   }
 
-  /** Begin with what a file holds. */
-  open(about) {
+  /** Begin with what the file of a recording holds. */
+  open(index, about) {
     clearTimeout(this.timer);
+    this.index = index;
     this.revision = about.revision;
     this.path = about.segments_path;
     this.conflict = false;
@@ -45,7 +47,7 @@ export class Saving {
 
   /** Return the segments as the server takes them. */
   rows() {
-    return this.app.document.segments().map(({ start, end, label, layer }) =>
+    return this.app.document.settled().map(({ start, end, label, layer }) =>
       [start, end, label, layer]);
   }
 
@@ -95,11 +97,11 @@ export class Saving {
       this.ask();
       return false;
     }
-    while (this.going) await this.going;
     if ((options.milestone || options.names) && !(await this.app.naming.flush())) {
       this.show("failed", "names not written");
       return false;
     }
+    while (this.going) await this.going;
     if (!this.dirty && !options.milestone && !options.replace) return true;
     if (!this.revision && !this.rows().length) {
       this.showSaved();
@@ -113,7 +115,7 @@ export class Saving {
   }
 
   async send(options) {
-    const { app } = this, text = this.text(), index = app.index;
+    const { app, index } = this, text = this.text();
     this.show("saving", "saving");
     try {
       const { revision } = await postJson("save", {
@@ -143,10 +145,10 @@ export class Saving {
   /** Look whether another has written the file. */
   async look() {
     if (this.going || this.conflict || this.path === undefined) return;
-    const { index } = this.app, known = this.revision;
+    const { index } = this, known = this.revision;
     try {
       const { revision } = await getJson("revision", { recording: index });
-      if (this.app.index !== index || this.going || this.revision !== known) return;
+      if (this.index !== index || this.going || this.revision !== known) return;
       if (revision !== known) {
         this.conflict = true;
         this.ask();
@@ -166,10 +168,11 @@ export class Saving {
 
   async loadOther() {
     try {
-      const about = await getJson("recording", { recording: this.app.index });
-      const { document: doc } = this.app;
-      const proposals = doc.items.filter((item) => item.kind === "proposal");
-      const others = toItems(about.segments);
+      const { index } = this, about = await getJson("recording", { recording: index });
+      if (this.index !== index) return;
+      const { document: doc } = this.app, others = toItems(about.segments);
+      const proposals = this.app.allLayers.flatMap((layer) => besideSegments(
+        others, layer, doc.items.filter((one) => one.kind === "proposal" && one.layer === layer)));
       this.revision = about.revision;
       this.conflict = false;
       this.stored = JSON.stringify(about.segments);
