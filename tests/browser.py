@@ -3,8 +3,6 @@
 The tests skip where there is no Chromium or no playwright; with BESMAN_REQUIRE_BROWSER=1 they fail.
 """
 
-import atexit
-import functools
 import os
 import shutil
 
@@ -13,33 +11,35 @@ import pytest
 _PROGRAMS = ("chromium", "chromium-browser", "google-chrome")
 
 
-@functools.cache
-def launch():
-    """Start Chromium once for all tests of this process; return it, or why there is none."""
+def start():
+    """Start Chromium; return its driver and it, or None and why there is none."""
     try:
         from playwright.sync_api import Error, sync_playwright
     except ImportError:
-        return "playwright is not installed: pip install 'besman[test]'"
+        return None, "playwright is not installed: pip install 'besman[test]'"
     program = next(filter(None, map(shutil.which, _PROGRAMS)), None)
     if program is None:
-        return "there is no Chromium: apt-get install chromium"
+        return None, "there is no Chromium: apt-get install chromium"
     driver = sync_playwright().start()
-    atexit.register(driver.stop)
     try:
-        return driver.chromium.launch(executable_path=program, args=["--no-sandbox"])
+        return driver, driver.chromium.launch(executable_path=program, args=["--no-sandbox"])
     except Error as error:
-        return f"{program} does not start: {error.message.splitlines()[0]}"
+        driver.stop()
+        return None, f"{program} does not start: {error.message.splitlines()[0]}"
 
 
-@pytest.fixture(scope="session")
+# Of one file of tests: the driver's event loop runs as long as it does, and others have their own.
+@pytest.fixture(scope="module")
 def chromium():
     """Return the browser."""
-    found = launch()
-    if isinstance(found, str):
+    driver, found = start()
+    if driver is None:
         if os.environ.get("BESMAN_REQUIRE_BROWSER") == "1":
             pytest.fail(found)
         pytest.skip(found)
-    return found
+    yield found
+    found.close()
+    driver.stop()
 
 
 @pytest.fixture

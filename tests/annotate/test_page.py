@@ -536,3 +536,21 @@ def test_two_saves_at_once_are_one_after_the_other(serve, annotate, recording_pa
     assert len(set(bases)) == 2
     assert on_disk(segments_path, recording_path) == rows(page)
     assert len(rows(page)) == 2
+
+
+def test_saving_waits_for_names_that_are_being_shown(serve, annotate, recording_path):
+    page = annotate(serve(recording_path).url)
+    about = {"naming": {"fragments": [], "names": {}, "revision": ""}}
+    page.route("**/naming", lambda route: route.fulfill(json=about))
+    # What is shown takes longer than the answer: the page must not wait in a circle.
+    page.evaluate("""() => {
+      const { naming } = besman;
+      naming.about = { fragments: [], names: {}, revision: '' };
+      besman.showNamed = () => new Promise((done) => { besman.shown = () => done(true); });
+      naming.send(false);
+      naming.flush().then((done) => { besman.flushed = done; });
+    }""")
+    until(page, "Boolean(besman.shown)")
+    assert page.evaluate("besman.flushed === undefined")
+    page.evaluate("besman.shown()")
+    until(page, "besman.flushed === true")

@@ -46,8 +46,12 @@ export class Document {
       (item) => item.layer === layer && (kind === null || item.kind === kind));
   }
 
-  /** Return the segments as they are without a drag that is under way. */
   segments() {
+    return this.state.items.filter((item) => item.kind === "segment");
+  }
+
+  /** Return the segments without a drag that has not ended: what is to be saved. */
+  settled() {
     return (this.before ?? this.state).items.filter((item) => item.kind === "segment");
   }
 

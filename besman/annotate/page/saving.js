@@ -47,7 +47,7 @@ export class Saving {
 
   /** Return the segments as the server takes them. */
   rows() {
-    return this.app.document.segments().map(({ start, end, label, layer }) =>
+    return this.app.document.settled().map(({ start, end, label, layer }) =>
       [start, end, label, layer]);
   }
 
