@@ -12,7 +12,7 @@ from besman.inputs import Inputs, read_inputs
 from besman.labelling.marker_set import load_marker_set
 from besman.labelling.stage import LabelTrajectoriesConfig
 from besman.manual_segments import complete_truth, side_of
-from besman.pipeline import PipelineConfig, learn_from, load_pipeline
+from besman.pipeline import PipelineConfig, learn_from, load_pipeline, needs_no_examples
 from besman.recognition.model_files import load_model
 from besman.resources import find_resource
 from besman.robot.model import load_robot
@@ -70,16 +70,17 @@ def _check_recordings(config: PipelineConfig) -> list[str]:
     seconds = sum(len(recording.time) / recording.rate_hz for recording in inputs.recordings)
     n = len(inputs.recordings)
     lines = [f"recordings: {n}, {seconds:.0f} s, {state}"]
-    if config.recognize.model is not None and config.compose is None:
-        lines.append(_check_model(config, config.recognize.model))
+    if needs_no_examples(config):
+        lines.append(_check_model(config))
     else:
         examples = read_inputs(config.training) if config.training else inputs
         lines.append(_check_examples(config, examples))
     return lines
 
 
-def _check_model(config: PipelineConfig, model: str) -> str:
+def _check_model(config: PipelineConfig) -> str:
     """Load a trained model, and look for the class selected."""
+    model = str(config.recognize.model)
     counts = Counter(load_model(Path(model)).labels)
     _check_wanted(config, counts, f"is no class of {model}")
     return f"model: {model}, trained with {_listed(counts)}"

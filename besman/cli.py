@@ -18,7 +18,7 @@ from besman.annotate.commands import annotate
 from besman.exceptions import BesmanError, RecordingWarning
 from besman.templates import commands as templates
 from besman.transfer import commands as transfer
-from besman.view import commands as viewing
+from besman.view.commands import view
 
 app = typer.Typer(
     name="besman",
@@ -37,6 +37,7 @@ Cluster = Annotated[
     typer.Option(help="Dask scheduler, tcp://HOST:PORT, whose workers map and refine."),
 ]
 ALL_CORES = os.cpu_count() or 1
+# Datasets are heavy to import for a help text; a test compares.
 _DATASETS = (
     "step, lever, pick_and_place, ball_throw, stick_throw, stick_throw_unmarked (no stick seen), "
     "stick_throw_marked (small), gestures, object_rotation, circle_drawing, rotation"
@@ -284,7 +285,7 @@ evaluate_app = typer.Typer(
 app.add_typer(evaluate_app, name="evaluate")
 app.add_typer(templates.app, name="template")
 app.add_typer(transfer.app, name="transfer")
-app.command("view")(viewing.view)
+app.command()(view)
 app.command()(annotate)
 
 

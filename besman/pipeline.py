@@ -312,8 +312,7 @@ def _run_stages(config: PipelineConfig, run: Run, inputs: Inputs, trained_in: Pa
     )
 
     examples = None
-    given = config.recognize.model is not None and config.compose is None
-    if trained_in is None and not given:
+    if trained_in is None and not needs_no_examples(config):
         examples = _examples(config, run, labelled, truth, markers)
     model = _train(config, run, examples, trained_in)
     n = sum(len(found.bounds) for found in segments)
@@ -422,6 +421,11 @@ def _examples(
             "beside it (STEM_manually_segmented.json); name recordings that have with training:"
         )
     return labelled, manual
+
+
+def needs_no_examples(config: PipelineConfig) -> bool:
+    """Tell whether a trained model stands in place of all labelled examples."""
+    return config.recognize.model is not None and config.compose is None
 
 
 def _train(

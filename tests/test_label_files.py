@@ -4,21 +4,14 @@ import json
 
 import numpy as np
 import pytest
+from command_line import besman
 
-from besman import cli
 from besman.io.recordings import read_recording, write_recording
 from besman.labelling.marker_set import load_marker_set
 from besman.records import Recording
 from besman.resources import resource_folder
 
 SAMPLE = resource_folder("data") / "stick_throw"
-
-
-def besman(monkeypatch, *arguments):
-    monkeypatch.setattr("sys.argv", ["besman", *map(str, arguments)])
-    with pytest.raises(SystemExit) as caught:
-        cli.main()
-    return caught.value.code or 0
 
 
 @pytest.fixture(scope="module")

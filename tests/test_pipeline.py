@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from command_line import besman
 
-from besman import cli
 from besman.io.exports import read_joint_csv
 from besman.io.segments_json import read_throws
 from besman.record_files import load_record
@@ -19,14 +19,6 @@ from besman.robot.model import load_robot
 
 ROOT = Path(__file__).parents[1]
 STICK_THROW = ROOT / "pipelines" / "ur5_stick_throw.yaml"
-
-
-def besman(monkeypatch, *arguments):
-    """Run a command; return its exit code."""
-    monkeypatch.setattr("sys.argv", ["besman", *map(str, arguments)])
-    with pytest.raises(SystemExit) as caught:
-        cli.main()
-    return caught.value.code or 0
 
 
 def tree(folder):

@@ -63,6 +63,7 @@ class _Routes:
         self._session = session
 
     def about(self, request: Request) -> Answer:
+        """Describe the session."""
         return json_answer(self._session.about())
 
     def recording(self, request: Request) -> Answer:
@@ -72,19 +73,23 @@ class _Routes:
         return json_answer(take.about())
 
     def revision(self, request: Request) -> Answer:
+        """Tell what stands in the segments file now, by its digest."""
         take = self._session.take(request.query.get("recording", ""))
         return json_answer({"revision": take.document.store.revision()})
 
     def chunk(self, request: Request) -> Answer:
+        """Return a piece of a curve, see `besman.annotate.signals.Signals.chunk`."""
         signals = self._session.take(request.query.get("recording", "")).signals
-        marker, level, index = (_whole(request, name) for name in ("marker", "level", "index"))
+        marker, level, index = (request.whole(name) for name in ("marker", "level", "index"))
         return _binary(signals.chunk(request.query.get("group", ""), marker, level, index))
 
     def frames(self, request: Request) -> Answer:
+        """Return a piece of all markers' places, see `besman.annotate.signals.Signals.frames`."""
         signals = self._session.take(request.query.get("recording", "")).signals
-        return _binary(signals.frames(_whole(request, "index")))
+        return _binary(signals.frames(request.whole("index")))
 
     def sketch(self, request: Request) -> Answer:
+        """Return curves as they are drawn first, see `besman.annotate.signals.Signals.sketch`."""
         signals = self._session.take(request.query.get("recording", "")).signals
         return _binary(signals.sketch()[0])
 
@@ -98,6 +103,7 @@ class _Routes:
         return json_answer({"stretches": found, "note": ""})
 
     def names(self, request: Request) -> Answer:
+        """Return proposals for the labels of stretches."""
         content = _content(request)
         take = self._session.take(content.get("recording"))
         n = len(take.recording.time)
@@ -159,13 +165,6 @@ def _names(content: Any) -> dict[int, str]:
     ):
         raise AnnotationError(f"names: got {content!r:.80}, expected a name for each fragment")
     return {int(key): name for key, name in content.items()}
-
-
-def _whole(request: Request, name: str) -> int:
-    text = request.query.get(name, "0")
-    if not text.isdecimal() or len(text) > 9:
-        raise WebError(f"{name}: got {text!r:.20}, expected a number from 0")
-    return int(text)
 
 
 def _bounds(rows: Any, n_samples: int) -> list[tuple[int, int]]:

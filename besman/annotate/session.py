@@ -73,7 +73,7 @@ class Session:
             If there is none.
         """
         text = str(index)
-        if not text.isdecimal() or int(text) >= len(self.takes):
+        if text not in map(str, range(len(self.takes))):
             raise AnnotationError(
                 f"recording: got {text!r:.20}, expected 0 to {len(self.takes) - 1}"
             )

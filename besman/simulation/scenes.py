@@ -141,7 +141,7 @@ def fix_pairs(spec: mujoco.MjSpec, thing: str) -> None:
             spec.add_pair(
                 geomname1=other.name,
                 geomname2=one.name,
-                condim=3,
+                condim=max(one.condim, other.condim),
                 solref=one.solref,
                 solimp=one.solimp,
                 friction=[slide, slide, turn, roll, roll],

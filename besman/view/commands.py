@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+if TYPE_CHECKING:
+    from besman.view.run_content import RunContent
 
 
 def view(
@@ -38,16 +41,14 @@ def view(
     server.serve(browser=not no_browser)
 
 
-def _export(content: object, run: Path, motion: str | None, out: Path) -> None:
+def _export(content: RunContent, run: Path, motion: str | None, out: Path) -> None:
     """Write the file and say what is in it."""
     from rich.console import Console
 
     from besman.report.page import write_page
     from besman.terminal import stage_display
     from besman.view.export import write_replay
-    from besman.view.run_content import RunContent
 
-    assert isinstance(content, RunContent)
     with stage_display() as display:
         progress, end = display("replay")
         shown, total = write_replay(content, out, motion, progress=progress)

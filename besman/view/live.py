@@ -5,7 +5,6 @@ from __future__ import annotations
 import threading
 from functools import lru_cache
 
-from besman.exceptions import WebError
 from besman.view.assets import PAGE, WEB
 from besman.view.run_content import RunContent
 from besman.web.loopback import Answer, LoopbackServer, Request, find_assets
@@ -41,19 +40,16 @@ def open_view(
         If the port is in use or not allowed.
     """
     first = content.first if motion is None else content.find(motion)
-
     packed, simulating = lru_cache(maxsize=_KEPT)(content.demonstration), threading.Lock()
 
     def overview(_: Request) -> Answer:
         return Answer(content.overview(first=first))
 
     def demonstration(request: Request) -> Answer:
-        index = request.query.get("index", "")
-        if not index.isdecimal():
-            raise WebError(f"demonstration: got the index {index!r}, expected a whole number")
+        index = request.whole("index")
         # One at a time: each is simulated when it is first asked for.
         with simulating:
-            return Answer(packed(int(index)))
+            return Answer(packed(index))
 
     assets = find_assets(PAGE) | find_assets(WEB, "web/")
     routes = {"GET overview": overview, "GET demonstration": demonstration}

@@ -50,6 +50,8 @@ _KINDS = {
 }
 _LARGEST_BODY = 8 * 2**20
 _IDLE_S = 60.0
+# Of a number that a request holds.
+_MOST_DIGITS = 18
 
 
 class Request(NamedTuple):
@@ -78,6 +80,19 @@ class Request(NamedTuple):
             return json.loads(self.body)
         except ValueError as error:
             raise WebError(f"the request's body is not JSON: {error}") from None
+
+    def whole(self, name: str) -> int:
+        """Return a number of the address, from 0 on.
+
+        Raises
+        ------
+        WebError
+            If it is missing or none.
+        """
+        text = self.query.get(name, "")
+        if not text.isdecimal() or len(text) > _MOST_DIGITS:
+            raise WebError(f"{name}: got {text!r:.20}, expected a whole number from 0")
+        return int(text)
 
 
 class Answer(NamedTuple):
@@ -220,10 +235,6 @@ def _open_browser(url: str) -> None:
     ):
         return
     threading.Thread(target=webbrowser.open, args=(url,), daemon=True).start()
-
-
-# Of a length that a request says it has.
-_MOST_DIGITS = 18
 
 
 class _Handler(BaseHTTPRequestHandler):

@@ -1,10 +1,6 @@
 import shutil
-import sys
-from pathlib import Path
 
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parents[1]))
 from browser import chromium, open_page  # noqa: F401
 
 from besman.annotate.server import make_server

@@ -135,7 +135,7 @@ def test_what_cannot_be_saved_is_said_and_nothing_is_written(
     [
         ("recording?recording=-1", "recording: got '-1', expected 0 to 0"),
         ("recording", "recording: got '', expected 0 to 0"),
-        ("frames?recording=0&index=x", "index: got 'x', expected a number from 0"),
+        ("frames?recording=0&index=x", "index: got 'x', expected a whole number from 0"),
     ],
 )
 def test_what_is_asked_wrongly_is_said(serve, recording_path, name, message):

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from command_line import besman
 
-from besman import cli
 from besman.exceptions import RunError, TransferError
 from besman.io.exports import read_joint_csv
 from besman.record_files import save_record
@@ -241,13 +241,6 @@ def test_a_damaged_state_is_an_error(run, damage):
     (run / "transfer" / "person_1" / "state.json").write_text(damage)
     with pytest.raises(TransferError, match=r"state.json: cannot be read"):
         suggest_try(run)
-
-
-def besman(monkeypatch, *arguments):
-    monkeypatch.setattr("sys.argv", ["besman", *map(str, arguments)])
-    with pytest.raises(SystemExit) as caught:
-        cli.main()
-    return caught.value.code or 0
 
 
 def test_commands_say_what_to_do_next(run, motions, monkeypatch, capsys):

@@ -9,8 +9,8 @@ import urllib.request
 from dataclasses import replace
 
 import pytest
+from command_line import besman
 
-from besman import cli
 from besman.exceptions import RunError, WebError
 from besman.record_files import load_record, save_record
 from besman.view import export
@@ -18,14 +18,6 @@ from besman.view.live import open_view
 from besman.view.run_content import RunContent
 
 HOSTILE = "</script><script>hit=1</script><img src=x onerror=hit=1>'\"&.tsv"
-
-
-def besman(monkeypatch, *arguments):
-    """Run a command; return its exit code."""
-    monkeypatch.setattr("sys.argv", ["besman", *map(str, arguments)])
-    with pytest.raises(SystemExit) as caught:
-        cli.main()
-    return caught.value.code or 0
 
 
 @pytest.fixture(scope="module")
@@ -202,7 +194,7 @@ def test_only_who_has_the_address_is_answered(content):
     assert answer(server.url + "run_content.py")[0] == 404
     status, body = answer(server.url + "demonstration?index=-1")
     assert status == 422
-    assert "got the index '-1', expected a whole number" in json.loads(body)["error"]
+    assert "index: got '-1', expected a whole number from 0" in json.loads(body)["error"]
     status, body = answer(server.url + "demonstration?index=7")
     assert status == 422
     assert "no demonstration 7: there are 3" in json.loads(body)["error"]
