@@ -554,3 +554,23 @@ def test_saving_waits_for_names_that_are_being_shown(serve, annotate, recording_
     assert page.evaluate("besman.flushed === undefined")
     page.evaluate("besman.shown()")
     until(page, "besman.flushed === true")
+
+
+def test_digits_stay_with_their_labels_when_the_page_is_loaded_again(
+    serve, annotate, recording_path, segments_path
+):
+    write_rows(segments_path, (101, 161, "swing"), (161, 221, "throw"), (221, 281, "throw"))
+    page = annotate(serve(recording_path).url)
+    for label in ("zoom", "aim"):
+        press(page, "n", "l")
+        page.keyboard.type(label)
+        press(page, "Enter")
+    wait_saved(page)
+    before = page.evaluate("besman.labels")
+    assert before[:2] == ["swing", "throw"]
+    assert before.index("zoom") < before.index("aim")
+    page.reload()
+    page.wait_for_selector("html[data-ready]")
+    after = page.evaluate("besman.labels")
+    assert after == [label for label in before if label in after]
+    assert {"zoom", "aim"} <= set(after)

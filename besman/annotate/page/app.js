@@ -33,7 +33,10 @@ class App {
   constructor(session) {
     this.session = session;
     this.index = 0;
-    this.labels = [...session.labels];
+    // Labels keep their digits when the page is loaded again.
+    const before = JSON.parse(sessionStorage.getItem("labels") ?? "[]");
+    const known = before.filter((label) => session.labels.includes(label));
+    this.labels = [...new Set([...known, ...session.labels])];
     this.label = "";
     this.selection = { id: null, edge: null };
     this.row = 0;
@@ -204,7 +207,10 @@ class App {
   }
 
   useLabel(label, active = true) {
-    if (!this.labels.includes(label) && !label.endsWith("_part")) this.labels.push(label);
+    if (!this.labels.includes(label) && !label.endsWith("_part")) {
+      this.labels.push(label);
+      sessionStorage.setItem("labels", JSON.stringify(this.labels));
+    }
     if (active) this.label = label;
   }
 
