@@ -24,7 +24,7 @@ Plan = TypeVar("Plan", bound=AnyPlan)
 RATE_HZ = 1000.0
 # A movement is looked at in 501 or more places; between them it can be this much faster.
 _N_PLACES = 1001
-_MARGIN = 1.0 + 2e-4
+_MARGIN = 1.0 + 5e-4
 _MARGIN_OF_PATHS = 1.0 + 1e-3
 
 

@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from besman.imitation.dmp import fit_weights, roll_out
@@ -24,6 +24,7 @@ def test_the_origin_is_the_imitation(robot, make_plan):
 
 
 @given(st.integers(0, 10_000), st.floats(0.1, 30))
+@example(1629, 1.0)
 @settings(max_examples=15, deadline=None)
 def test_every_plan_keeps_velocity_and_acceleration(robot, make_plan, seed, spread):
     space = PlanSpace(make_plan(0.1), robot.limits, ALL, 6)
