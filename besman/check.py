@@ -83,7 +83,7 @@ def _check_model(config: PipelineConfig) -> str:
     model = str(config.recognize.model)
     counts = Counter(load_model(Path(model)).labels)
     _check_wanted(config, counts, f"is no class of {model}")
-    return f"model: {model}, trained with {_listed(counts)}"
+    return f"model: {model}, trained with {list_counts(counts)}"
 
 
 def _check_examples(config: PipelineConfig, inputs: Inputs) -> str:
@@ -103,7 +103,7 @@ def _check_examples(config: PipelineConfig, inputs: Inputs) -> str:
             "(STEM_manually_segmented.json); name recordings that have with training:"
         )
     _check_wanted(config, counts, "has no labelled example")
-    return f"labelled examples: {_listed(counts)}"
+    return f"labelled examples: {list_counts(counts)}"
 
 
 def _check_wanted(config: PipelineConfig, counts: Mapping[str, int], problem: str) -> None:
@@ -116,5 +116,6 @@ def _check_wanted(config: PipelineConfig, counts: Mapping[str, int], problem: st
         )
 
 
-def _listed(counts: Mapping[str, int]) -> str:
+def list_counts(counts: Mapping[str, int]) -> str:
+    """Return classes with how many there are of each, in their order."""
     return ", ".join(f"{label} {count}" for label, count in sorted(counts.items()))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import warnings
+from collections import Counter
 from pathlib import Path
 from typing import Annotated, Any, TextIO
 
@@ -211,10 +212,14 @@ def train(
     """Learn to name segments; a pipeline uses the model with recognize: {model: PATH}."""
     from rich.console import Console
 
+    from besman.check import list_counts
+    from besman.recognition.model_files import load_model
     from besman.training import train_files
 
-    for path in train_files(segments, out, markers, tuple(settings or ())):
-        Console().print(f"wrote {path}", highlight=False, soft_wrap=True)
+    written = train_files(segments, out, markers, tuple(settings or ()))
+    counts = list_counts(Counter(load_model(written[0]).labels))
+    lines = [f"learnt {counts}", *(f"wrote {path}" for path in written)]
+    Console().print("\n".join(lines), highlight=False, soft_wrap=True)
 
 
 @app.command()

@@ -11,7 +11,7 @@ from pydantic import Field, field_validator, model_validator
 
 from besman.composition import run_compose
 from besman.config_file import load_config, parse_config, read_yaml
-from besman.exceptions import BesmanError, ConfigError, RecognitionError, RunError, nearest
+from besman.exceptions import BesmanError, RecognitionError, RunError, nearest
 from besman.hierarchy.stage import ComposeConfig, leave_out_actions
 from besman.imitation.methods import ImitateStage
 from besman.imitation.stage import ImitateConfig, imitate_results
@@ -32,6 +32,7 @@ from besman.refinement.stage import RefineConfig, refine_results
 from besman.results import recognize_results, segment_results
 from besman.run import Display, Run
 from besman.segmentation.methods import DefaultSegmentConfig, SegmentStage
+from besman.settings import absolute, apply_settings, own_file
 from besman.stage import Config
 from besman.workers import Workers
 
@@ -120,8 +121,7 @@ def load_pipeline(path: Path, settings: tuple[str, ...] = ()) -> PipelineConfig:
     path : Path
         The YAML file.
     settings : tuple of str
-        ``KEY=VALUE`` with a dotted key and a YAML value; paths in them are relative to the
-        working directory.
+        ``KEY=VALUE`` with a dotted key and a YAML value, see `besman.settings.apply_settings`.
 
     Returns
     -------
@@ -135,20 +135,19 @@ def load_pipeline(path: Path, settings: tuple[str, ...] = ()) -> PipelineConfig:
     content, lines = read_yaml(path)
     for key in ("recordings", "training"):
         if key in content:
-            content[key] = _absolute(content[key], path.resolve().parent)
+            content[key] = absolute(content[key], path.resolve().parent)
     label = content.get("label")
     if isinstance(label, dict) and "learn_from" in label:
-        label["learn_from"] = _absolute(label["learn_from"], path.resolve().parent)
+        label["learn_from"] = absolute(label["learn_from"], path.resolve().parent)
     for key in ("robot", "task"):
-        content[key] = _own_file(content.get(key), path.resolve().parent)
+        content[key] = own_file(content.get(key), path.resolve().parent)
     second = content.get("second_arm")
     if isinstance(second, dict) and "robot" in second:
-        second["robot"] = _own_file(second["robot"], path.resolve().parent)
+        second["robot"] = own_file(second["robot"], path.resolve().parent)
     recognize = content.get("recognize")
     if isinstance(recognize, dict) and "model" in recognize:
-        recognize["model"] = _absolute(recognize["model"], path.resolve().parent)
-    for setting in settings:
-        _apply(content, setting)
+        recognize["model"] = absolute(recognize["model"], path.resolve().parent)
+    apply_settings(content, settings, PipelineConfig)
     if isinstance(content.get("label"), dict):
         # A config without a method is the simplest one.
         content["label"].setdefault("method", "named")
@@ -167,42 +166,6 @@ def _look_at_arms(config: PipelineConfig) -> PipelineConfig:
         unset = {k: v for k, v in usual.items() if k not in config.compose.model_fields_set}
         changes["compose"] = config.compose.model_copy(update=unset)
     return config.model_copy(update=changes)
-
-
-def _apply(content: dict[str, Any], setting: str) -> None:
-    """Put one ``KEY=VALUE`` into a pipeline's content."""
-    key, equals, text = setting.partition("=")
-    if not equals or not key:
-        raise ConfigError(f"--set: got {setting!r}, expected KEY=VALUE, e.g. select.label=throw")
-    try:
-        value = yaml.safe_load(text)
-    except yaml.YAMLError:
-        raise ConfigError(f"--set {key}: got {text!r}, which is not a YAML value") from None
-    if key in ("recordings", "training", "label.learn_from", "recognize.model"):
-        value = _absolute(value, Path.cwd())
-    if key in ("robot", "task", "second_arm.robot"):
-        value = _own_file(value, Path.cwd())
-    *parents, last = key.split(".")
-    for parent in parents:
-        content = content.setdefault(parent, {})
-        if not isinstance(content, dict):
-            raise ConfigError(f"--set {key}: {parent!r} is a value and has no keys below it")
-    content[last] = value
-
-
-def _absolute(paths: Any, folder: Path) -> Any:
-    """Make paths absolute; what is no path is left for the config's own check."""
-    if isinstance(paths, str):
-        return str((folder / paths).resolve())
-    if isinstance(paths, list):
-        return [_absolute(path, folder) for path in paths]
-    return paths
-
-
-def _own_file(name: Any, folder: Path) -> Any:
-    """Make the path of a user's own file absolute; a resource's name stays as it is."""
-    is_path = isinstance(name, str) and name.endswith(".yaml")
-    return str((folder / name).resolve()) if is_path else name
 
 
 def pipeline_yaml(config: PipelineConfig) -> str:
@@ -505,7 +468,7 @@ def retarget_pipeline(
         "training": (),
     }
     if robot is not None:
-        changes["robot"] = _own_file(robot, Path.cwd())
+        changes["robot"] = own_file(robot, Path.cwd())
     return config.model_copy(update=changes)
 
 

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
-
-import yaml
 
 from besman.config_file import parse_config
-from besman.exceptions import ConfigError, RecognitionError
+from besman.exceptions import RecognitionError
 from besman.inputs import read_inputs
 from besman.io.recordings import find_recordings
 from besman.io.segments_json import segments_path
@@ -16,6 +13,7 @@ from besman.labelling.marker_set import load_marker_set
 from besman.labelling.stage import LabelConfig
 from besman.recognition.model_files import save_model
 from besman.recognition.stage import RecognizeStage
+from besman.settings import parse_setting
 from besman.stage import Config
 
 _LONGEST_GAP_S = 0.5
@@ -51,15 +49,7 @@ def train_files(
     BesmanError
         If a file cannot be read, nothing is labelled, or a setting does not fit.
     """
-    content: dict[str, Any] = {}
-    for setting in settings:
-        key, equals, text = setting.partition("=")
-        if not equals or not key:
-            raise ConfigError(f"--set: got {setting!r}, expected KEY=VALUE, e.g. method=hmm")
-        try:
-            content[key] = yaml.safe_load(text)
-        except yaml.YAMLError:
-            raise ConfigError(f"--set {key}: got {text!r}, which is not a YAML value") from None
+    content = dict(parse_setting(setting, "method=hmm") for setting in settings)
     stage = parse_config({"recognize": content}, _Training, "besman train").recognize
     inputs = read_inputs([str(_recording(path)) for path in paths])
     truth = tuple(segments for segments in inputs.truth if segments is not None)
