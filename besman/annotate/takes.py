@@ -156,9 +156,11 @@ class Take:
         with self._lock:
             if self._labelled is None:
                 self._labelled = self._label()
-        if isinstance(self._labelled, BesmanError):
-            raise self._labelled
-        return self._labelled
+            # Outside the lock it may be gone again, because other names were given.
+            labelled = self._labelled
+        if isinstance(labelled, BesmanError):
+            raise labelled
+        return labelled
 
     def stretches(self, layer: str) -> list[Stretch]:
         """Return proposals for the segments of a layer, computed once.
@@ -191,6 +193,10 @@ class Take:
 
     def about(self) -> dict[str, Any]:
         """Return what the page needs to know of the recording."""
+        with self._lock:
+            return self._about()
+
+    def _about(self) -> dict[str, Any]:
         recording = self.shown
         names = [trajectory_name(recording, k) for k in range(len(recording.names))]
         first = recording.time[0]

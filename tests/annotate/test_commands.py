@@ -1,3 +1,4 @@
+import functools
 import re
 import signal
 import subprocess
@@ -19,7 +20,9 @@ def run(*arguments):
 
 def test_command_serves_until_it_is_stopped(recording_path, segments_path):
     command = [sys.executable, "-m", "besman", "annotate", str(recording_path), "--no-browser"]
-    server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    # Where tests run in the background Ctrl-C is ignored, and so it would be by what they start.
+    heed = functools.partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+    server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, preexec_fn=heed)
     try:
         said = [server.stdout.readline() for _ in range(3)]
         assert str(segments_path) in said[0]

@@ -4,8 +4,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from besman.annotate.naming import View
 from besman.annotate.session import Session
 from besman.annotate.sources import load_models
+from besman.annotate.takes import Take
 from besman.exceptions import LabellingError
 from besman.io.recordings import read_recording, write_recording
 from besman.io.segments_json import read_segments
@@ -67,6 +69,24 @@ def test_segments_of_the_other_arm_teach_nothing(recording_path, truth):
     rows = [[*row[:3], "left_hand"] for row in page_rows(truth, range(4))]
     found = session.name(session.takes[0], "right_hand", rows, [(0, 50)])
     assert found == {"names": [None], "n_examples": 0}
+
+
+def test_names_given_while_the_markers_are_looked_at(recording_path):
+    take = Take(recording_path)
+
+    class Lock:
+        """Names are given as soon as the lock is free."""
+
+        def __enter__(self):
+            pass
+
+        def __exit__(self, *_):
+            take._show(View(take.recording, {}))
+
+    take._lock = Lock()
+    recording, _ = take.labelled()
+    assert recording.source == str(recording_path)
+    assert take.stretches("right_hand")
 
 
 def test_what_is_labelled_in_one_recording_names_the_next(recording_path, truth_path, truth):
