@@ -9,6 +9,7 @@ from besman.robot.kinematics import forward_kinematics
 from besman.robot.limits import LimitReport, check_limits
 from besman.robot.model import load_robot
 from besman.robot.mujoco_model import matrix_to_quaternion
+from besman.simulation.perturbed_trials import finer_task
 from besman.simulation.tasks import load_task
 from besman.simulation.trial import try_plans
 from besman.stage import Work
@@ -82,6 +83,24 @@ def test_a_success_beyond_a_limit_is_none(robot, make_plan, monkeypatch):
     assert not motion.success
     assert motion.failure == "limit exceeded"
     assert motion.returns[0] == -THROW.reward.failure
+
+
+def test_a_success_holds_at_a_quarter_of_the_time_step(robot, motions):
+    fine = try_plans(robot, finer_task(THROW), [motion.plan for motion in motions])
+    assert all(trial.success for trial in fine)
+
+
+def test_a_success_of_the_usual_time_step_alone_is_none(robot, make_plan, monkeypatch):
+    # A finer simulation in which the target is missed, though by little.
+    radius = THROW.success.model_copy(update={"success_radius_m": 1e-9})
+    exact = THROW.model_copy(update={"success": radius})
+    monkeypatch.setattr("besman.refinement.quest.finer_task", lambda _: finer_task(exact))
+    plan = make_plan(0.54)
+    usual, fine = (try_plans(robot, one, [plan])[0] for one in (THROW, finer_task(THROW)))
+    (motion,) = RefineConfig(episodes=1).run((replace(plan, target=usual.outcome),), robot, THROW)
+    assert not motion.success
+    assert motion.miss == pytest.approx(np.linalg.norm(fine.outcome - usual.outcome))
+    assert motion.miss > 0
 
 
 def test_the_seed_matters(robot, plans, motions):
