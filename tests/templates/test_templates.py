@@ -127,7 +127,8 @@ def test_a_check_does_again_what_it_did(robot, template):
     checks = template.checks
     applied = apply_template(template, robot, THROW, checks.contexts[3])
     (trial,) = try_plans(robot, THROW, [applied.plan])
-    assert trial.miss == pytest.approx(checks.misses[3], abs=1e-3)
+    # Limits are looked at more finely than in a check, which may slow the throw down by a hair.
+    assert trial.miss == pytest.approx(checks.misses[3], abs=5e-3)
 
 
 def test_a_context_outside_is_warned_of(robot, template):
