@@ -29,6 +29,7 @@ from besman.records import RefinedMotion
 from besman.refinement.plan_space import plan_space
 from besman.resources import find_resource
 from besman.robot.model import Robot, load_robot
+from besman.simulation.perturbed_trials import finer_task
 from besman.simulation.task import Task
 from besman.simulation.tasks import load_task
 from besman.simulation.trial import try_plans
@@ -92,15 +93,9 @@ def measure_throughput(robot: Robot, task: Task, motion: RefinedMotion) -> None:
 
 def measure_step(robot: Robot, task: Task, motions: tuple[RefinedMotion, ...]) -> None:
     """Repeat refined motions at a quarter of the time step."""
-    fine = changed(
-        task,
-        simulation={
-            name: getattr(task.simulation, name) / 4 for name in ("time_step_s", "contact_time_s")
-        },
-    )
     done = [motion for motion in motions if motion.success]
     plans = [motion.plan for motion in done]
-    usual, other = (try_plans(robot, one, plans, 2) for one in (task, fine))
+    usual, other = (try_plans(robot, one, plans, 2) for one in (task, finer_task(task)))
     shifts = [
         float(np.linalg.norm(a.outcome - b.outcome)) for a, b in zip(usual, other, strict=True)
     ]

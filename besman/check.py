@@ -117,5 +117,5 @@ def _check_wanted(config: PipelineConfig, counts: Mapping[str, int], problem: st
 
 
 def list_counts(counts: Mapping[str, int]) -> str:
-    """Return classes with how many there are of each, in their order."""
+    """Return classes with how many there are of each, in the order of their names."""
     return ", ".join(f"{label} {count}" for label, count in sorted(counts.items()))

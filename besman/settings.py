@@ -80,8 +80,9 @@ def _leave_out_other_options(
         known |= options
         if method in get_args(variant.model_fields["method"].annotation):
             own |= options
-    for option in (known - own) & set(written) if own else ():
-        del written[option]
+    if own:
+        for option in (known - own) & set(written):
+            del written[option]
 
 
 def _put(content: dict[str, Any], key: str, value: Any) -> None:

@@ -25,6 +25,7 @@ from besman.simulation.trial import try_plans
 from besman.stage import Work
 from besman.templates import files
 from besman.templates.applying import apply_template
+from besman.templates.contexts import context_kind
 from besman.templates.files import learn_in_run, load_template, read_run, write_application
 from besman.templates.learning import TemplateConfig, Tries
 from besman.templates.teaching import prepare_lesson, teach
@@ -124,11 +125,17 @@ def test_a_motion_keeps_all_limits_and_is_what_was_learnt(robot, template):
 
 
 def test_a_check_does_again_what_it_did(robot, template):
-    checks = template.checks
-    applied = apply_template(template, robot, THROW, checks.contexts[3])
-    (trial,) = try_plans(robot, THROW, [applied.plan])
+    checks, family = template.checks, template.family
+    context, point = checks.contexts[3:4], checks.points[3:4]
+    (learnt,) = family.plans(robot, context_kind(THROW), point, context)
+    learnt = THROW.place(learnt, robot)
+    applied = apply_template(template, robot, THROW, context[0]).plan
+    again, slower = (try_plans(robot, THROW, [plan])[0] for plan in (learnt, applied))
+    assert again.miss == pytest.approx(checks.misses[3], abs=1e-6)
     # Limits are looked at more finely than in a check, which may slow the throw down by a hair.
-    assert trial.miss == pytest.approx(checks.misses[3], abs=5e-3)
+    assert 1.0 <= applied.duration / learnt.duration < 1.01
+    np.testing.assert_allclose(applied.weights, learnt.weights, rtol=1e-9)
+    assert slower.miss == pytest.approx(again.miss, abs=5e-3)
 
 
 def test_a_context_outside_is_warned_of(robot, template):
