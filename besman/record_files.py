@@ -18,6 +18,37 @@ from besman.exceptions import RunError
 
 _TREE = "__tree__"
 
+# Where the record of each name in files stands today; the names are as `Record.stored_as` says.
+_RECORDS = {
+    "besman.records:Recording": "besman.records:Recording",
+    "besman.records:LabelledRecording": "besman.records:LabelledRecording",
+    "besman.records:Segments": "besman.records:Segments",
+    "besman.records:LabelledSegments": "besman.records:LabelledSegments",
+    "besman.records:Actions": "besman.records:Actions",
+    "besman.records:HandTrajectory": "besman.records:HandTrajectory",
+    "besman.records:JointTrajectory": "besman.records:JointTrajectory",
+    "besman.records:MotionPlan": "besman.records:MotionPlan",
+    "besman.records:CartesianPlan": "besman.records:CartesianPlan",
+    "besman.records:RefinedMotion": "besman.records:RefinedMotion",
+    "besman.records:Failure": "besman.records:Failure",
+    "besman.labelling.record:NamedRecording": "besman.labelling.record:NamedRecording",
+    "besman.labelling.record:NameDecision": "besman.labelling.record:NameDecision",
+    "besman.recognition.model:RecognitionModel": "besman.recognition.model:RecognitionModel",
+    "besman.recognition.model:Recipe": "besman.recognition.model:Recipe",
+    "besman.hierarchy.actions:LevelModel": "besman.hierarchy.actions:LevelModel",
+    "besman.mapping.embodiment:Mapping": "besman.mapping.embodiment:Mapping",
+    "besman.mapping.embodiment:Correction": "besman.mapping.embodiment:Correction",
+    "besman.simulation.trial:Trial": "besman.simulation.trial:Trial",
+    "besman.refinement.checkpoint:Generation": "besman.refinement.checkpoint:Generation",
+    "besman.refinement.robustness:Robustness": "besman.refinement.robustness:Robustness",
+    "besman.refinement.upper_level:UpperLevelPolicy": "besman.refinement.upper_level:UpperLevelPolicy",
+    "besman.refinement.plan_space:Units": "besman.refinement.plan_space:Units",
+    "besman.templates.learning:Tries": "besman.templates.learning:Tries",
+    "besman.templates.template:PlanFamily": "besman.templates.template:PlanFamily",
+    "besman.templates.template:Template": "besman.templates.template:Template",
+    "besman.transfer.archive:Archive": "besman.transfer.archive:Archive",
+}
+
 
 def save_record(record: Any, path: Path) -> None:
     """Write a record, or a tuple of records, to one ``.npz`` file.
@@ -94,7 +125,7 @@ def _encode(value: Any, arrays: dict[str, np.ndarray]) -> Any:
             field.name: _encode(getattr(value, field.name), arrays)
             for field in dataclasses.fields(value)
         }
-        return {"record": f"{type(value).__module__}:{type(value).__qualname__}", "fields": fields}
+        return {"record": _stored_name(type(value)), "fields": fields}
     raise RunError(f"a {type(value).__name__} is no part of a record")
 
 
@@ -117,11 +148,13 @@ def _decode(tree: Any, archive: Any) -> Any:
 
 
 def _record_type(name: str) -> Any:
-    """Find a record's class; only dataclasses inside besman can be named in a file."""
-    module, _, qualified = name.partition(":")
-    if not module.startswith("besman."):
+    """Find a record's class by its name in files, whatever else the file says."""
+    if name not in _RECORDS:
         raise ValueError(f"{name} is not a record of besman")
-    found = getattr(importlib.import_module(module), qualified, None)
-    if not (isinstance(found, type) and dataclasses.is_dataclass(found)):
-        raise ValueError(f"{name} is not a record of besman")
-    return found
+    module, _, qualified = _RECORDS[name].partition(":")
+    return getattr(importlib.import_module(module), qualified)
+
+
+def _stored_name(kind: type[Any]) -> str:
+    """Return a class' name for files and digests; what is no record is only ever digested."""
+    return getattr(kind, "stored_as", f"{kind.__module__}:{kind.__qualname__}")

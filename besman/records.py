@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, Literal, cast
+from typing import Any, ClassVar, Literal, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -21,7 +21,7 @@ class ShapeError(BesmanError):
     """An array of a record that has the wrong shape."""
 
 
-def _freeze(record: object, shapes: dict[str, tuple[int | str, ...]], **dtypes: type) -> None:
+def freeze(record: object, shapes: dict[str, tuple[int | str, ...]], **dtypes: type) -> None:
     """Copy the named arrays, make them read-only and check their shapes against each other.
 
     A letter in a shape stands for any length, the same wherever it occurs in the record.
@@ -51,7 +51,20 @@ def _freeze(record: object, shapes: dict[str, tuple[int | str, ...]], **dtypes: 
 
 
 class Record:
-    """A record; in another process it is made anew, so that it is checked and read-only there."""
+    """A record; in another process it is made anew, so that it is checked and read-only there.
+
+    Attributes
+    ----------
+    stored_as : str
+        Name of the class in files. It never changes, wherever the class moves to; those with a
+        module in them say where it stood when the first files were written.
+    """
+
+    stored_as: ClassVar[str]
+
+    def __init_subclass__(cls, *, stored_as: str, **more: Any) -> None:
+        super().__init_subclass__(**more)
+        cls.stored_as = stored_as
 
     def __reduce__(self) -> tuple[Any, ...]:
         values = {one.name: getattr(self, one.name) for one in fields(cast(Any, self))}
@@ -64,7 +77,7 @@ def _make(kind: type[Any], values: dict[str, Any]) -> Any:
 
 
 @dataclass(frozen=True)
-class Failure:
+class Failure(Record, stored_as="besman.records:Failure"):
     """A demonstration or motion that a stage had to leave out.
 
     Attributes
@@ -83,7 +96,7 @@ class Failure:
 
 
 @dataclass(frozen=True, eq=False)
-class Recording(Record):
+class Recording(Record, stored_as="besman.records:Recording"):
     """What the cameras delivered.
 
     Attributes
@@ -117,7 +130,7 @@ class Recording(Record):
         shapes: dict[str, tuple[int | str, ...]] = {"time": ("T",), "positions": ("T", "M", 3)}
         if self.orientations is not None:
             shapes["orientations"] = ("T", "M", 4)
-        _freeze(self, shapes)
+        freeze(self, shapes)
         if len(self.names) != self.positions.shape[1]:
             raise ShapeError(
                 f"Recording.names must name {self.positions.shape[1]} trajectories, "
@@ -126,7 +139,7 @@ class Recording(Record):
 
 
 @dataclass(frozen=True, eq=False)
-class LabelledRecording(Record):
+class LabelledRecording(Record, stored_as="besman.records:LabelledRecording"):
     """A recording whose trajectories carry the names of a marker set.
 
     Attributes
@@ -161,7 +174,7 @@ class LabelledRecording(Record):
         }
         if self.orientations is not None:
             shapes["orientations"] = ("T", "M", 4)
-        _freeze(self, shapes, filled=bool)
+        freeze(self, shapes, filled=bool)
         if len(self.markers) != self.positions.shape[1]:
             raise ShapeError(
                 f"LabelledRecording.markers must name {self.positions.shape[1]} markers, "
@@ -180,7 +193,7 @@ class LabelledRecording(Record):
 
 
 @dataclass(frozen=True, eq=False)
-class Segments(Record):
+class Segments(Record, stored_as="besman.records:Segments"):
     """Building blocks of one recording.
 
     Attributes
@@ -204,11 +217,11 @@ class Segments(Record):
     border_probability: FloatArray = field(default_factory=lambda: np.empty(0))
 
     def __post_init__(self) -> None:
-        _freeze(self, {"bounds": ("S", 2), "border_probability": ("T",)}, bounds=np.int64)
+        freeze(self, {"bounds": ("S", 2), "border_probability": ("T",)}, bounds=np.int64)
 
 
 @dataclass(frozen=True, eq=False)
-class LabelledSegments(Record):
+class LabelledSegments(Record, stored_as="besman.records:LabelledSegments"):
     """Building blocks with names. Manual segments are written as this record too.
 
     Attributes
@@ -236,7 +249,7 @@ class LabelledSegments(Record):
     layers: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        _freeze(self, {"bounds": ("S", 2), "distances": ("S",)}, bounds=np.int64)
+        freeze(self, {"bounds": ("S", 2), "distances": ("S",)}, bounds=np.int64)
         if not any(self.layers) and len(self.layers) == len(self.bounds):
             object.__setattr__(self, "layers", ())
         for name, got in (("labels", len(self.labels)), ("layers", len(self.layers))):
@@ -258,7 +271,7 @@ class LabelledSegments(Record):
 
 
 @dataclass(frozen=True, eq=False)
-class Actions(Record):
+class Actions(Record, stored_as="besman.records:Actions"):
     """What the building blocks of one recording make.
 
     Attributes
@@ -274,7 +287,7 @@ class Actions(Record):
     fitness: FloatArray
 
     def __post_init__(self) -> None:
-        _freeze(self, {"fitness": ("L",)})
+        freeze(self, {"fitness": ("L",)})
         if len(self.levels) != len(self.fitness):
             raise ShapeError(
                 f"Actions.levels must have {len(self.fitness)} entries, got {len(self.levels)}"
@@ -282,7 +295,7 @@ class Actions(Record):
 
 
 @dataclass(frozen=True, eq=False)
-class HandTrajectory(Record):
+class HandTrajectory(Record, stored_as="besman.records:HandTrajectory"):
     """The hand of one selected demonstration.
 
     Attributes
@@ -310,11 +323,11 @@ class HandTrajectory(Record):
     grasp: FloatArray = field(default_factory=lambda: np.full(7, np.nan))
 
     def __post_init__(self) -> None:
-        _freeze(self, {"time": ("T",), "poses": ("T", 7), "target": (3,), "grasp": (7,)})
+        freeze(self, {"time": ("T",), "poses": ("T", 7), "target": (3,), "grasp": (7,)})
 
 
 @dataclass(frozen=True, eq=False)
-class JointTrajectory(Record):
+class JointTrajectory(Record, stored_as="besman.records:JointTrajectory"):
     """A movement of one robot arm.
 
     Attributes
@@ -353,7 +366,7 @@ class JointTrajectory(Record):
     label: str
 
     def __post_init__(self) -> None:
-        _freeze(
+        freeze(
             self,
             {
                 "time": ("T",),
@@ -369,7 +382,7 @@ class JointTrajectory(Record):
 
 
 @dataclass(frozen=True, eq=False)
-class MotionPlan(Record):
+class MotionPlan(Record, stored_as="besman.records:MotionPlan"):
     """A joint-space dynamical movement primitive. Its movement starts and ends at rest.
 
     Attributes
@@ -426,7 +439,7 @@ class MotionPlan(Record):
         for name in ("start_velocity", "goal_velocity"):
             if np.size(getattr(self, name)) == 0:
                 object.__setattr__(self, name, np.zeros(np.shape(self.start)))
-        _freeze(
+        freeze(
             self,
             {
                 "weights": ("n", "K"),
@@ -464,7 +477,7 @@ class MotionPlan(Record):
 
 
 @dataclass(frozen=True, eq=False)
-class CartesianPlan:
+class CartesianPlan(Record, stored_as="besman.records:CartesianPlan"):
     """A dynamical movement primitive of the tool's pose, followed by inverse kinematics.
 
     It starts and ends at rest. See `besman.imitation.cartesian_dmp` and `.joint_path`.
@@ -515,7 +528,7 @@ class CartesianPlan:
     start_pose: FloatArray = field(default_factory=lambda: np.full(7, np.nan))
 
     def __post_init__(self) -> None:
-        _freeze(
+        freeze(
             self,
             {
                 "weights": (6, "K"),
@@ -542,7 +555,7 @@ AnyPlan = MotionPlan | CartesianPlan
 
 
 @dataclass(frozen=True, eq=False)
-class RefinedMotion(Record):
+class RefinedMotion(Record, stored_as="besman.records:RefinedMotion"):
     """A motion plan after the search, and what it does in simulation.
 
     Attributes
@@ -609,7 +622,7 @@ class RefinedMotion(Record):
             object.__setattr__(self, "outcomes", np.full((n, 3), np.nan))
         if n and not len(self.generations):
             object.__setattr__(self, "generations", np.zeros(n))
-        _freeze(
+        freeze(
             self,
             {
                 "time": ("T",),

@@ -14,14 +14,14 @@ from besman.exceptions import LabellingError, RecognitionError, nearest
 from besman.frames import back_frame
 from besman.hierarchy.vhms import GroupingSearch
 from besman.recognition.nearest_neighbour import classify, fit_scale, scale
-from besman.records import LabelledRecording
+from besman.records import LabelledRecording, Record, freeze
 
 FloatArray = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
-class LevelModel:
+class LevelModel(Record, stored_as="besman.hierarchy.actions:LevelModel"):
     """What was learnt of the actions of one level.
 
     Attributes
@@ -46,10 +46,7 @@ class LevelModel:
     n_points: int
 
     def __post_init__(self) -> None:
-        for name in ("examples", "low", "span"):
-            array = np.array(getattr(self, name))
-            array.setflags(write=False)
-            object.__setattr__(self, name, array)
+        freeze(self, {"examples": ("N", "W"), "low": ("C",), "span": ("C",)})
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from besman.records import LabelledRecording
+from besman.records import LabelledRecording, Record
 
 
 @dataclass(frozen=True)
-class NameDecision:
+class NameDecision(Record, stored_as="besman.labelling.record:NameDecision"):
     """What was decided of one unbroken stretch of a trajectory.
 
     Attributes
@@ -34,7 +34,7 @@ class NameDecision:
 
 
 @dataclass(frozen=True, eq=False)
-class NamedRecording(LabelledRecording):
+class NamedRecording(LabelledRecording, stored_as="besman.labelling.record:NamedRecording"):
     """A labelled recording whose names the program found, with every decision.
 
     Attributes

@@ -26,7 +26,7 @@ from besman.mapping.demonstration import (
     why_not,
 )
 from besman.mapping.placement import ArmPaths, Placement, correct_placement, find_placement
-from besman.records import Failure, HandTrajectory, JointTrajectory
+from besman.records import Failure, HandTrajectory, JointTrajectory, Record, freeze
 from besman.robot.limits import LimitReport
 from besman.robot.model import Robot
 from besman.work import Notes, Work, failure_of
@@ -40,7 +40,7 @@ _CORRECTIONS_FROM = 12
 
 
 @dataclass(frozen=True)
-class Correction:
+class Correction(Record, stored_as="besman.mapping.embodiment:Correction"):
     """A demonstration that has a placement of its own.
 
     Attributes
@@ -62,7 +62,7 @@ class Correction:
 
 
 @dataclass(frozen=True, eq=False)
-class Mapping:
+class Mapping(Record, stored_as="besman.mapping.embodiment:Mapping"):
     """All demonstrations of a class in the workspace of one arm.
 
     Attributes
@@ -94,6 +94,10 @@ class Mapping:
     scale: float = 1.0
     corrected: tuple[Correction, ...] = ()
     torque_ratio: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Copy the placement, make it read-only and check its shape."""
+        freeze(self, {"placement": (4, 4)})
 
 
 def map_embodiment(

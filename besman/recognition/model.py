@@ -13,14 +13,14 @@ from besman.exceptions import RecognitionError
 from besman.recognition.features import OBJECT_FEATURES, count_channels, extract_features
 from besman.recognition.nearest_neighbour import classify, fit_spread, scale
 from besman.recognition.novelty import UNKNOWN, distances, fit_threshold, measure_novelty
-from besman.records import LabelledRecording
+from besman.records import LabelledRecording, Record, freeze
 
 FloatArray = npt.NDArray[np.float64]
 METHODS = ("nearest_neighbour", "dtw", "hmm", "lstm")
 
 
 @dataclass(frozen=True)
-class Recipe:
+class Recipe(Record, stored_as="besman.recognition.model:Recipe"):
     """How features are made.
 
     Attributes
@@ -55,7 +55,7 @@ class Recipe:
 
 
 @dataclass(frozen=True, eq=False)
-class RecognitionModel:
+class RecognitionModel(Record, stored_as="besman.recognition.model:RecognitionModel"):
     """A trained classifier of segments.
 
     Attributes
@@ -101,10 +101,11 @@ class RecognitionModel:
     data_sha256: str = ""
 
     def __post_init__(self) -> None:
-        for name in ("centre", "spread", "examples", "bounds"):
-            array = np.array(getattr(self, name))
-            array.setflags(write=False)
-            object.__setattr__(self, name, array)
+        freeze(
+            self,
+            {"centre": ("C",), "spread": ("C",), "examples": ("N", "W"), "bounds": ("N", 2)},
+            bounds=np.int64,
+        )
         n_examples, width = self.examples.shape
         expected = self.recipe.n_points * len(self.centre)
         if self.method not in METHODS or len(self.labels) != n_examples or width != expected:

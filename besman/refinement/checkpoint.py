@@ -15,13 +15,14 @@ import numpy.typing as npt
 
 from besman.exceptions import RunError
 from besman.record_files import load_record, save_record
+from besman.records import Record, freeze
 from besman.simulation.trial import Trial
 
 FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Generation:
+class Generation(Record, stored_as="besman.refinement.checkpoint:Generation"):
     """One generation of a search.
 
     Attributes
@@ -34,6 +35,10 @@ class Generation:
 
     points: FloatArray
     trials: tuple[Trial, ...]
+
+    def __post_init__(self) -> None:
+        """Copy the points, make them read-only and check their shape."""
+        freeze(self, {"points": ("P", "D")})
 
 
 class Checkpoint:

@@ -13,7 +13,7 @@ from besman.imitation.cartesian_dmp import move_ends
 from besman.imitation.dmp import dmp_basis, goal_response, shape_directions
 from besman.imitation.movement import least_duration, stretch_plan
 from besman.quaternions import from_rotation_vector, multiply
-from besman.records import AnyPlan, CartesianPlan, MotionPlan
+from besman.records import AnyPlan, CartesianPlan, MotionPlan, Record
 from besman.refinement.search import Part
 from besman.robot.model import Robot
 from besman.robot.parts import JointLimits
@@ -28,7 +28,7 @@ _LIMIT_MARGIN_RAD = 0.002
 
 
 @dataclass(frozen=True)
-class Units:
+class Units(Record, stored_as="besman.refinement.plan_space:Units"):
     """What one unit of the search changes.
 
     Attributes

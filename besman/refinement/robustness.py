@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
-from besman.records import AnyPlan, Record, RefinedMotion
+from besman.records import AnyPlan, Record, RefinedMotion, freeze
 from besman.robot.model import Robot
 from besman.simulation.perturbation import Spreads, draw_perturbation
 from besman.simulation.task import Task
@@ -25,7 +25,7 @@ _EPISODES_FOR_PROCESSES = 4000
 
 
 @dataclass(frozen=True, eq=False)
-class Robustness(Record):
+class Robustness(Record, stored_as="besman.refinement.robustness:Robustness"):
     """What comes of one motion where the model is wrong.
 
     Attributes
@@ -48,10 +48,7 @@ class Robustness(Record):
 
     def __post_init__(self) -> None:
         """Copy the arrays and make them read-only."""
-        for name in ("success", "misses"):
-            array = np.array(getattr(self, name))
-            array.setflags(write=False)
-            object.__setattr__(self, name, array)
+        freeze(self, {"success": ("R",), "misses": ("R",)}, success=bool)
 
 
 class RobustnessConfig(Stage):

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.exceptions import RefinementError
+from besman.records import Record, freeze
 from besman.refinement.gaussian import draw
 
 FloatArray = npt.NDArray[np.float64]
@@ -17,7 +18,7 @@ Features = Literal["affine", "quadratic"]
 
 
 @dataclass(frozen=True, eq=False)
-class UpperLevelPolicy:
+class UpperLevelPolicy(Record, stored_as="besman.refinement.upper_level:UpperLevelPolicy"):
     """A Gaussian over points; its mean is linear in features of the context.
 
     Attributes
@@ -37,6 +38,13 @@ class UpperLevelPolicy:
     features: Features
     centre: FloatArray
     scale: FloatArray
+
+    def __post_init__(self) -> None:
+        """Copy the arrays, make them read-only and check their shapes."""
+        freeze(
+            self,
+            {"gain": ("D", "F"), "covariance": ("D", "D"), "centre": ("S",), "scale": ("S",)},
+        )
 
     def features_of(self, contexts: npt.ArrayLike) -> FloatArray:
         """Return the features of contexts (P, S), shape (P, F).

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
+from besman.records import Record, freeze
 from besman.refinement.contextual_cma_es import ContextualCmaEs, usual_population
 from besman.refinement.contextual_reps import ContextualReps
 from besman.refinement.search import ContextualSearch, Part
@@ -81,7 +82,7 @@ class TemplateConfig(Config):
 
 
 @dataclass(frozen=True, eq=False)
-class Tries:
+class Tries(Record, stored_as="besman.templates.learning:Tries"):
     """Episodes: what was tried in which context, and what came of it.
 
     Attributes
@@ -99,6 +100,20 @@ class Tries:
     rewards: FloatArray
     misses: FloatArray
     successes: BoolArray
+
+    def __post_init__(self) -> None:
+        """Copy the arrays, make them read-only and check their shapes."""
+        freeze(
+            self,
+            {
+                "contexts": ("E", "S"),
+                "points": ("E", "D"),
+                "rewards": ("E",),
+                "misses": ("E",),
+                "successes": ("E",),
+            },
+            successes=bool,
+        )
 
     def rows(self, rows: slice) -> Tries:
         """Return some of the episodes."""

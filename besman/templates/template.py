@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from besman.imitation.dmp import N_NODES
 from besman.imitation.movement import roll_out_plans, stretch_plan
-from besman.records import AnyPlan
+from besman.records import AnyPlan, Record, freeze
 from besman.refinement.plan_space import Space, Units, plan_space
 from besman.refinement.search import Part
 from besman.refinement.upper_level import UpperLevelPolicy
@@ -26,7 +26,7 @@ _RESERVE = 1.002
 
 
 @dataclass(frozen=True, eq=False)
-class PlanFamily:
+class PlanFamily(Record, stored_as="besman.templates.template:PlanFamily"):
     """The motion plans around one from which a context chooses.
 
     Attributes
@@ -63,7 +63,7 @@ class PlanFamily:
 
 
 @dataclass(frozen=True, eq=False)
-class Template:
+class Template(Record, stored_as="besman.templates.template:Template"):
     """A behaviour template.
 
     Attributes
@@ -90,6 +90,10 @@ class Template:
     policy: UpperLevelPolicy
     tries: Tries
     checks: Tries
+
+    def __post_init__(self) -> None:
+        """Copy the region, make it read-only and check its shape."""
+        freeze(self, {"region": (2, "S")})
 
 
 @dataclass(frozen=True)

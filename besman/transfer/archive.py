@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from besman.records import Record
+from besman.records import Record, freeze
 from besman.refinement.plan_space import Space
 from besman.robot.model import Robot
 from besman.simulation.task import Task
@@ -20,7 +20,7 @@ _RELEASE_UNITS = np.array([0.1, 0.1, 0.1, 0.3, 0.3, 0.3])
 
 
 @dataclass(frozen=True, eq=False)
-class Archive(Record):
+class Archive(Record, stored_as="besman.transfer.archive:Archive"):
     """N simulated motion plans.
 
     Attributes
@@ -39,6 +39,13 @@ class Archive(Record):
     outcomes: FloatArray
     releases: FloatArray
     costs: FloatArray
+
+    def __post_init__(self) -> None:
+        """Copy the arrays, make them read-only and check their shapes."""
+        freeze(
+            self,
+            {"points": ("N", "D"), "outcomes": ("N", 2), "releases": ("N", 6), "costs": ("N",)},
+        )
 
     @property
     def behaviours(self) -> FloatArray:
