@@ -42,7 +42,7 @@ $(VENV)/bin/python:
 $(VENV)/.installed: pyproject.toml constraints.txt | $(VENV)/bin/python
 	$(PIP) install --quiet --constraint constraints.txt --editable .
 	@echo "compiling kernels, once"
-	$(BIN)/python -m besman.kernels
+	$(BIN)/python -m besman.pipeline.compile_kernels
 	@touch $@
 
 # movement-primitives is built from source: without a C compiler its tests are skipped, and say so.

@@ -15,14 +15,15 @@ from unittest import mock
 import numpy as np
 
 from besman.evaluation.mapping_data import simulate_throws
-from besman.mapping.joint_spline import JointSpline, fit_spline
-from besman.mapping.limit_program import LimitProgram
-from besman.mapping.path_change import PathChange
-from besman.mapping.stage import MapConfig
-from besman.mapping.time_scaling import ChangeTolerance, scale_path
 from besman.records import JointTrajectory
 from besman.robot.limits import check_limits, resample
 from besman.robot.model import Robot, load_robot
+from besman.stages.map.joint_spline import JointSpline, fit_spline
+from besman.stages.map.limit_program import LimitProgram
+from besman.stages.map.needed_stretch import ChangeTolerance
+from besman.stages.map.path_change import PathChange
+from besman.stages.map.stage import MapConfig
+from besman.stages.map.time_scaling import scale_path
 
 TOLERANCE = ChangeTolerance(free_spin=True)
 PLAIN = ChangeTolerance(position=0.0, free_spin=True)
@@ -63,7 +64,7 @@ def solve_rates(robot: Robot, path: JointTrajectory, repeats: int = 20) -> list[
     for solver in ("CLARABEL", "OSQP", "SCS"):
         with (
             mock.patch("cvxpy.CLARABEL", solver),
-            mock.patch("besman.mapping.limit_program._OPTIONS", {}),
+            mock.patch("besman.stages.map.limit_program._OPTIONS", {}),
         ):
             program = LimitProgram(16, robot.n)
             start = time.process_time()

@@ -20,9 +20,9 @@ from besman.evaluation.mapping import ROBOTS, evaluate_mapping
 from besman.evaluation.mapping_data import load_demonstrations, simulate_throws
 from besman.evaluation.mapping_figures import write_figures
 from besman.evaluation.mapping_tables import failure_lines, mapping_tables
-from besman.run import write_json
-from besman.work import Work
-from besman.workers import Workers
+from besman.io.atomic_files import write_json
+from besman.work.work import Work
+from besman.work.workers import Workers
 
 ROOT = Path(__file__).resolve().parents[1]
 REAL = Path(os.environ.get("BESMAN_REAL_DATA", ROOT.parent / "shared" / "data")) / "pick_and_place"

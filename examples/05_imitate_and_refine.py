@@ -7,20 +7,21 @@ where the person's did.
 
 import numpy as np
 
-from besman.imitation.movement import sample_plan
-from besman.imitation.retarget import retarget_plan
-from besman.imitation.stage import ImitateConfig
-from besman.inputs import read_inputs
-from besman.labelling.marker_set import load_marker_set
-from besman.labelling.stage import LabelConfig
-from besman.mapping.stage import MapConfig, SelectConfig
-from besman.refinement.robustness import RobustnessConfig
-from besman.refinement.stage import RefineConfig
-from besman.resources import resource_folder
+from besman.config.resources import resource_folder
+from besman.motion.adapt_plan import retarget_plan
+from besman.motion.rollout import sample_plan
+from besman.person.marker_set import load_marker_set
 from besman.robot.limits import check_limits
 from besman.robot.model import load_robot
-from besman.simulation.tasks import load_task
+from besman.simulation.tasks.kinds import load_task
 from besman.simulation.trial import try_plans
+from besman.stages.imitate.stage import ImitateConfig
+from besman.stages.label.stage import LabelConfig
+from besman.stages.map.stage import MapConfig
+from besman.stages.read.read_inputs import read_inputs
+from besman.stages.refine.robustness import RobustnessConfig
+from besman.stages.refine.stage import RefineConfig
+from besman.stages.select.stage import SelectConfig
 
 # As in example 4.
 folder = resource_folder("data") / "stick_throw"

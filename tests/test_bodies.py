@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from besman.bodies import Arm, find_back, find_body
 from besman.exceptions import RecognitionError
+from besman.person.body import Arm, find_back, find_body
 
 BACK = ("back_top", "back_left", "back_right")
 ARM = ("hand_top", "elbow", "shoulder", "hand_left", "hand_right")

@@ -15,14 +15,15 @@ import psutil
 import pytest
 
 from besman.exceptions import RunError
-from besman.mapping.stage import MapConfig
-from besman.record_files import digest
 from besman.records import Failure
-from besman.refinement.stage import RefineConfig
+from besman.records.files import digest
 from besman.robot.model import load_robot
-from besman.simulation.tasks import load_task
-from besman.work import Notes, Work
-from besman.workers import Workers
+from besman.simulation.tasks.kinds import load_task
+from besman.stages.map.stage import MapConfig
+from besman.stages.refine.stage import RefineConfig
+from besman.work.outcome import Notes
+from besman.work.work import Work
+from besman.work.workers import Workers
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -129,7 +130,7 @@ def test_a_killed_worker_of_a_cluster_changes_nothing(scheduler, mapped):
 
 @pytest.mark.slow
 def test_a_killed_process_changes_nothing(mapped, monkeypatch):
-    monkeypatch.setattr("besman.mapping.embodiment._PROCESSES_FROM", 1)
+    monkeypatch.setattr("besman.stages.map.map_demonstrations._PROCESSES_FROM", 1)
 
     def victim():
         children = psutil.Process().children()
@@ -152,7 +153,7 @@ def test_refinement_is_the_same_in_threads_processes_and_a_cluster(
     robot, task = load_robot("ur5", "stick_holder"), load_task("stick_throw")
     plans = tuple(make_plan(0.54 + 0.01 * n, name=f"a:{n}") for n in range(3))
     config = RefineConfig(episodes=18)
-    monkeypatch.setattr("besman.refinement.stage._EPISODES_FOR_PROCESSES", 0)
+    monkeypatch.setattr("besman.stages.refine.stage._EPISODES_FOR_PROCESSES", 0)
     alone = digest(config.run(plans, robot, task))
     assert digest(config.run(plans, robot, task, Work(2))) == alone
     with two_workers(scheduler), Workers(2, scheduler[0]) as workers, Workers(2) as local:
@@ -200,7 +201,7 @@ def test_an_item_that_fails_or_kills_is_a_row(tmp_path, monkeypatch):
 
 @pytest.mark.slow
 def test_a_cluster_that_is_lost_is_an_error(scheduler, monkeypatch):
-    monkeypatch.setattr("besman.cluster._NO_WORKERS_S", 1.0)
+    monkeypatch.setattr("besman.work.cluster._NO_WORKERS_S", 1.0)
     with two_workers(scheduler) as processes, Workers(1, scheduler[0]) as workers:
 
         def end(done):
@@ -214,7 +215,7 @@ def test_a_cluster_that_is_lost_is_an_error(scheduler, monkeypatch):
 
 @pytest.mark.slow
 def test_a_worker_with_other_code_is_refused(scheduler, monkeypatch):
-    monkeypatch.setattr("besman.workers.environment", lambda: {"code": "0123"})
+    monkeypatch.setattr("besman.work.spread.environment", lambda: {"code": "0123"})
     with (
         two_workers(scheduler),
         Workers(1, scheduler[0]) as workers,
@@ -260,7 +261,7 @@ def closed_port():
 
 @pytest.mark.slow
 def test_an_address_that_does_not_answer(closed_port, monkeypatch, tmp_path, capsys):
-    from besman import cli
+    from besman.cli import main as cli
 
     address = f"tcp://127.0.0.1:{closed_port}"
     arguments = ["run", "ur5_stick_throw", "--out", tmp_path / "r", "--cluster", address]
@@ -286,7 +287,7 @@ def test_an_address_that_says_nothing():
 
 @pytest.mark.slow
 def test_a_scheduler_without_workers(scheduler, monkeypatch):
-    monkeypatch.setattr("besman.cluster._FIRST_WORKER_S", 0.5)
+    monkeypatch.setattr("besman.work.cluster._FIRST_WORKER_S", 0.5)
     message = r"the scheduler has no workers; start some with: dask worker tcp://127\.0\.0\.1:"
     with pytest.raises(RunError, match=message):
         Workers(1, scheduler[0])

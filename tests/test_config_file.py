@@ -3,9 +3,9 @@ from typing import Annotated, Literal
 import pytest
 from pydantic import Field
 
-from besman.config_file import load_config, read_yaml
+from besman.config.stage import Config
+from besman.config.yaml_file import load_config, read_yaml
 from besman.exceptions import ConfigError
-from besman.stage import Config
 
 
 class Vmci(Config):

@@ -58,7 +58,7 @@ def test_the_method_names_every_stage():
         assert f"besman.{package}." in text
     for package in ("imitation", "refinement", "transfer"):
         assert f"besman.{package}." in text
-    assert not found("besman.segmentation.vmci.no_such_function")
+    assert not found("besman.stages.segment.vmci.no_such_function")
 
 
 @pytest.mark.parametrize("page", [*PAGES, TOP / "README.md"], ids=lambda path: path.name)
@@ -129,7 +129,7 @@ def sections(config: type[BaseModel], seen: dict[str, type[BaseModel]]) -> dict:
 
 
 def test_every_pipeline_key_is_described():
-    from besman.pipeline import PipelineConfig
+    from besman.pipeline.config import PipelineConfig
 
     described = extension("configuration").described
     missing = [
@@ -142,7 +142,7 @@ def test_every_pipeline_key_is_described():
 
 
 def test_methods_are_named_as_in_a_pipeline():
-    from besman.pipeline import PipelineConfig
+    from besman.pipeline.config import PipelineConfig
 
     inside, method_of = (
         getattr(extension("configuration"), n) for n in ("sections_of", "method_of")
@@ -154,7 +154,7 @@ def test_methods_are_named_as_in_a_pipeline():
 def test_every_command_and_option_is_described():
     from typer.main import get_command
 
-    from besman.cli import app
+    from besman.cli.main import app
 
     line = extension("command_line")
     found_commands = dict(line.commands(get_command(app), "besman"))

@@ -5,7 +5,12 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from besman.exceptions import LabellingError
-from besman.frames import back_frame, hand_frame, quaternion_to_rotation, rotation_to_quaternion
+from besman.geometry.frames import (
+    back_frame,
+    hand_frame,
+    quaternion_to_rotation,
+    rotation_to_quaternion,
+)
 
 BACK = np.array([[0.0, 0.0, 1.4], [0.02, 0.1, 1.2], [0.02, -0.1, 1.2]])
 HAND = np.array([[0.05, 0.0, 0.0], [-0.02, 0.03, 0.0], [-0.02, -0.03, 0.0]])

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from besman.gaps import fill_gaps, find_runs
+from besman.geometry.gaps import fill_gaps, find_runs
 
 
 @given(st.lists(st.booleans(), max_size=40))

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from command_line import besman
 
-from besman.io.recordings import read_recording, write_recording
-from besman.labelling.marker_set import load_marker_set
+from besman.config.resources import resource_folder
+from besman.io.recordings.formats import read_recording, write_recording
+from besman.person.marker_set import load_marker_set
 from besman.records import Recording
-from besman.resources import resource_folder
 
 SAMPLE = resource_folder("data") / "stick_throw"
 

@@ -6,20 +6,20 @@ import json
 import numpy as np
 import pytest
 
-from besman.check import check_pipeline
-from besman.cli import main
+from besman.cli.main import main
 from besman.exceptions import ConfigError, RecognitionError
-from besman.hierarchy.stage import ComposeConfig, leave_out_actions
-from besman.inputs import read_inputs
 from besman.io.segments_json import segments_path
-from besman.labelling.marker_set import load_marker_set
-from besman.labelling.stage import LabelConfig
-from besman.recognition.model_files import load_model
-from besman.recognition.stage import RecognizeConfig
-from besman.record_files import digest
-from besman.segmentation.stage import ValleyVmciConfig
+from besman.person.marker_set import load_marker_set
+from besman.pipeline.check import check_pipeline
+from besman.records.files import digest
+from besman.stages.compose.stage import ComposeConfig, leave_out_actions
+from besman.stages.label.stage import LabelConfig
+from besman.stages.read.read_inputs import read_inputs
+from besman.stages.recognize.model_files import load_model
+from besman.stages.recognize.stage import RecognizeConfig
+from besman.stages.segment.stage import ValleyVmciConfig
+from besman.standalone.train_files import train_files
 from besman.synthetic.datasets import captures, write_synthetic
-from besman.training import train_files
 
 STEPS = ("step_up", "step_down")
 

@@ -1,6 +1,7 @@
 import numpy as np
 
-from besman.manual_segments import (
+from besman.records import LabelledSegments
+from besman.records.layers import (
     actions_of,
     building_blocks,
     complete_truth,
@@ -9,7 +10,6 @@ from besman.manual_segments import (
     side_of,
     stack_layers,
 )
-from besman.records import LabelledSegments
 
 
 def manual(*rows):

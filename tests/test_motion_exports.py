@@ -4,12 +4,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from besman import motion_exports
 from besman.exceptions import RunError
-from besman.imitation.dmp import roll_out
-from besman.motion_exports import write_exports
+from besman.motion.dmp import roll_out
 from besman.records import RefinedMotion
 from besman.robot.model import load_robot
+from besman.stages.export import motion_exports
+from besman.stages.export.motion_exports import write_exports
 
 
 def refined(plan):

@@ -13,7 +13,7 @@ from command_line import besman
 
 from besman.io.exports import read_joint_csv
 from besman.io.segments_json import read_throws
-from besman.record_files import load_record
+from besman.records.files import load_record
 from besman.robot.limits import check_limits, resample
 from besman.robot.model import load_robot
 
@@ -205,8 +205,8 @@ def test_retarget_refuses_a_robot_twice(finished, capture, monkeypatch, capsys):
 def test_what_fails_is_a_row_in_every_stage(finished, capture, tmp_path, monkeypatch, capsys):
     """A stage loses one demonstration; the next ones go on with the rest, also from the cache."""
     from besman.exceptions import MappingError
-    from besman.imitation.stage import ImitateConfig
-    from besman.mapping import stage
+    from besman.stages.imitate.stage import ImitateConfig
+    from besman.stages.map import stage
 
     names = [one.name for one in load_record(finished / "05_select" / "record.npz")]
     select, imitate = stage.map_record, ImitateConfig._imitate

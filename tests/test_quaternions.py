@@ -3,7 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from besman.quaternions import (
+from besman.geometry.quaternions import (
     conjugate,
     from_rotation_vector,
     make_continuous,

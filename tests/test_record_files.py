@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from besman import record_files
 from besman.exceptions import RunError
-from besman.record_files import digest, load_record, save_record
 from besman.records import CartesianPlan, MotionPlan, Recording, Segments
+from besman.records import files as record_files
+from besman.records.files import digest, load_record, save_record
 
 SCALARS = st.none() | st.booleans() | st.integers(-5, 5) | st.text(max_size=5) | st.floats()
 

@@ -2,10 +2,10 @@ import dataclasses
 
 import numpy as np
 
-from besman.recognition.stage import RecognizeConfig
 from besman.records import LabelledRecording, LabelledSegments
 from besman.report.terminal import left_out
-from besman.results import recognize_results
+from besman.stages.recognize.figures import recognize_results
+from besman.stages.recognize.stage import RecognizeConfig
 
 MARKERS = {
     "back_top": (0.0, 0.0, 1.4),

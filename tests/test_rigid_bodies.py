@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from besman.rigid_bodies import fill_cluster, learn_shape, place_shape
+from besman.geometry.rigid_bodies import fill_cluster, learn_shape, place_shape
 
 SHAPES = {
     3: np.array([[0.04, 0.0, 0.0], [-0.02, 0.03, 0.0], [-0.02, -0.03, 0.0]]),

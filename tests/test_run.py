@@ -8,11 +8,12 @@ import textwrap
 import numpy as np
 import pytest
 
+from besman.config.stage import Stage, Work
 from besman.exceptions import RunError
-from besman.record_files import digest
+from besman.io.atomic_files import write_json
+from besman.pipeline.run_folder import Run
 from besman.records import Segments
-from besman.run import Run, write_json
-from besman.stage import Stage, Work
+from besman.records.files import digest
 
 CALLS = []
 
@@ -101,14 +102,14 @@ def test_the_files_of_a_run(tmp_path):
 KILLED = """
     import os, signal, sys
     sys.path.insert(0, {tests!r})
-    import besman.record_files, besman.run, test_run
+    import besman.records.files, besman.pipeline.run_folder, test_run
     from pathlib import Path
 
     if {when!r} == "while writing":
         def save(record, path):
             Path(path).write_bytes(b"half")
             os.kill(os.getpid(), signal.SIGKILL)
-        besman.run.save_record = save
+        besman.pipeline.run_folder.save_record = save
     else:
         def run(self, segments, *, work):
             os.kill(os.getpid(), signal.SIGKILL)

@@ -1,10 +1,10 @@
 import pytest
 
+from besman.config.resources import find_resource
+from besman.config.settings import absolute, apply_settings, own_file, parse_setting
 from besman.exceptions import ConfigError
-from besman.labelling.stage import LabelConfig
-from besman.pipeline import PipelineConfig, load_pipeline
-from besman.resources import find_resource
-from besman.settings import absolute, apply_settings, own_file, parse_setting
+from besman.pipeline.config import PipelineConfig, load_pipeline
+from besman.stages.label.stage import LabelConfig
 
 STICK_THROW = find_resource("pipelines", "ur5_stick_throw")
 

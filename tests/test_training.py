@@ -3,13 +3,13 @@ import sys
 
 import pytest
 
-from besman.check import check_pipeline
-from besman.cli import main
+from besman.cli.main import main
+from besman.config.resources import resource_folder
 from besman.exceptions import ConfigError, RecognitionError
-from besman.pipeline import load_pipeline
-from besman.recognition.model_files import load_model
-from besman.resources import resource_folder
-from besman.training import train_files
+from besman.pipeline.check import check_pipeline
+from besman.pipeline.config import load_pipeline
+from besman.stages.recognize.model_files import load_model
+from besman.standalone.train_files import train_files
 
 
 @pytest.fixture(scope="module")

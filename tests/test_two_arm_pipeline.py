@@ -3,10 +3,11 @@ import json
 import numpy as np
 import pytest
 
-from besman.pipeline import load_pipeline, run_pipeline
-from besman.record_files import load_record
+from besman.config.resources import find_resource
+from besman.pipeline.config import load_pipeline
+from besman.pipeline.pipeline import run_pipeline
+from besman.records.files import load_record
 from besman.report.page import write_page
-from besman.resources import find_resource
 from besman.synthetic.datasets import write_synthetic
 
 

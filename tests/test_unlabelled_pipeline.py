@@ -4,14 +4,14 @@ import json
 
 import pytest
 
-from besman.check import check_pipeline
+from besman.config.resources import find_resource
 from besman.exceptions import ConfigError, RecordingError
-from besman.inputs import read_inputs
-from besman.io.true_names import read_true_names
-from besman.labelling.marker_set import load_marker_set
-from besman.labelling.results import label_results
-from besman.pipeline import learn_from, load_pipeline
-from besman.resources import find_resource
+from besman.io.recordings.true_names import read_true_names
+from besman.person.marker_set import load_marker_set
+from besman.pipeline.check import check_pipeline
+from besman.pipeline.config import learn_from, load_pipeline
+from besman.stages.label.results import label_results
+from besman.stages.read.read_inputs import read_inputs
 from besman.synthetic.cameras import Room
 from besman.synthetic.datasets import write_synthetic
 

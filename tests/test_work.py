@@ -10,8 +10,10 @@ import pytest
 from besman.exceptions import BesmanError, MappingError, RobotError, RunError
 from besman.records import Failure, HandTrajectory
 from besman.robot.model import load_robot
-from besman.work import Notes, Work
-from besman.workers import Workers, peak_rss_mb
+from besman.work.in_worker import peak_rss_mb
+from besman.work.outcome import Notes
+from besman.work.work import Work
+from besman.work.workers import Workers
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -112,7 +114,7 @@ def test_what_died_with_a_process_is_computed_again(workers, tmp_path):
 
 
 def test_a_process_with_other_code_is_refused(workers, monkeypatch):
-    monkeypatch.setattr("besman.workers.environment", lambda: {"numpy": "1.0"})
+    monkeypatch.setattr("besman.work.spread.environment", lambda: {"numpy": "1.0"})
     work = Work(2, notes=Notes(), workers=workers)
     message = r"worker .*:\d+ has numpy \d+\..*; expected what .*: numpy 1\.0"
     with pytest.raises(RunError, match=message):

@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 from besman.exceptions import AnnotationError
-from besman.io.recordings import write_recording
+from besman.io.recordings.formats import write_recording
 from besman.records import Recording
 
 _WRITTEN = (".tsv", ".c3d")

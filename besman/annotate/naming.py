@@ -14,12 +14,12 @@ from typing import NamedTuple
 import numpy as np
 
 from besman.exceptions import AnnotationError, LabellingError, nearest
-from besman.gaps import find_runs
-from besman.label_files import with_unnamed
-from besman.labelling.marker_set import MarkerSet, normalise_name
-from besman.labelling.stage import LabelTrajectoriesConfig
-from besman.labelling.trajectories import name_trajectories
+from besman.geometry.gaps import find_runs
+from besman.person.marker_set import MarkerSet, normalise_name
 from besman.records import FloatArray, Recording
+from besman.stages.label.stage import LabelTrajectoriesConfig
+from besman.stages.label.trajectories import name_trajectories
+from besman.standalone.label_file import with_unnamed
 
 GHOST = ""
 """Name of a fragment that is no marker."""

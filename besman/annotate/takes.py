@@ -16,13 +16,13 @@ from besman.annotate.proposals import Stretch, propose_stretches
 from besman.annotate.signals import Signals
 from besman.annotate.skeleton import find_bones
 from besman.exceptions import AnnotationError, BesmanError, ChangedError, LabellingError
-from besman.io.recordings import read_recording
+from besman.io.recordings.formats import read_recording
 from besman.io.segments_json import segments_path
-from besman.labelling.marker_set import MarkerSet, load_marker_set
-from besman.labelling.results import trajectory_name
-from besman.labelling.stage import LabelConfig
-from besman.manual_segments import ACTIONS, Side
+from besman.person.marker_set import MarkerSet, load_marker_set
 from besman.records import LabelledRecording, Recording
+from besman.records.layers import ACTIONS, Side
+from besman.stages.label.results import trajectory_name
+from besman.stages.label.stage import LabelConfig
 
 MARKER_SETS = ("two_arms", "right_arm", "xsens", "exoskeleton")
 """Marker sets that are tried in this order where none is named."""

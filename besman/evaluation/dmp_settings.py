@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from besman.config.stage import Stage
 from besman.records import LabelledRecording, Segments
-from besman.segmentation.bp_ar_hmm import BpArHmmPrior, infer_shared_states
-from besman.segmentation.sampling import gather_paths, sample_paths, to_segments
-from besman.segmentation.scores import score_borders
-from besman.segmentation.signals import prepare_signals
-from besman.segmentation.valley_vmci import find_movements
-from besman.segmentation.vmci import VmciModel, find_change_points, merge_single_samples
-from besman.stage import Stage
+from besman.stages.segment.bp_ar_hmm import BpArHmmPrior, infer_shared_states
+from besman.stages.segment.sampling import gather_paths, sample_paths, to_segments
+from besman.stages.segment.scores import score_borders
+from besman.stages.segment.signals import prepare_signals
+from besman.stages.segment.valley_vmci import find_movements
+from besman.stages.segment.vmci import VmciModel, find_change_points, merge_single_samples
 from besman.synthetic.sequenced_dmps import SequencedDmps
 
 FloatArray = npt.NDArray[np.float64]

@@ -20,15 +20,12 @@ from besman.evaluation.demonstrations import (
     sample_labels,
 )
 from besman.exceptions import ConfigError, RecognitionError, nearest
-from besman.hierarchy.actions import (
-    LevelModel,
-    compose_level,
-)
-from besman.hierarchy.borders import candidate_borders
-from besman.manual_segments import IDLE
 from besman.records import LabelledSegments, Segments
-from besman.segmentation.scores import match_borders
-from besman.segmentation.stage import SegmentConfig
+from besman.records.layers import IDLE
+from besman.stages.compose.actions import LevelModel, compose_level
+from besman.stages.compose.borders import candidate_borders
+from besman.stages.segment.scores import match_borders
+from besman.stages.segment.stage import SegmentConfig
 
 FloatArray = npt.NDArray[np.float64]
 

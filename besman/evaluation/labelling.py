@@ -16,12 +16,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from besman.config.resources import resource_folder
 from besman.evaluation.degradation import GHOST, Degraded, DegradeRecipe, degrade_recording
 from besman.evaluation.frame_tracker import track_frames
 from besman.evaluation.takes import Protocol, Take, make_protocols
-from besman.labelling.fragments import Fragments, split_fragments
-from besman.labelling.naming import label_fragments
-from besman.resources import resource_folder
+from besman.stages.label.fragments import Fragments, split_fragments
+from besman.stages.label.naming import label_fragments
 
 if TYPE_CHECKING:
     from rich.table import Table

@@ -20,17 +20,18 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from besman.config_file import load_config
+from besman.config.yaml_file import load_config
 from besman.evaluation.mapping_data import DATASET, DemonstrationSet
 from besman.exceptions import BesmanError, ConfigError
-from besman.mapping.embodiment import Mapping
-from besman.mapping.stage import MapConfig
 from besman.records import Failure, JointTrajectory
 from besman.robot.config import RobotConfig
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.limits import check_limits, resample
 from besman.robot.model import Robot, find_robot, load_robot
-from besman.work import Notes, Work
+from besman.stages.map.map_demonstrations import Mapping
+from besman.stages.map.stage import MapConfig
+from besman.work.outcome import Notes
+from besman.work.work import Work
 
 FloatArray = npt.NDArray[np.float64]
 

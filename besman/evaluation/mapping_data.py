@@ -8,12 +8,13 @@ from pathlib import Path
 
 from besman.evaluation.recognition_data import dataset_folders, is_synthetic, name_parts
 from besman.exceptions import ConfigError, MappingError
-from besman.inputs import read_inputs
-from besman.manual_segments import IDLE, SIDES, Side, actions_of, building_blocks
-from besman.mapping.stage import SelectConfig
 from besman.records import Failure, HandTrajectory, LabelledRecording, LabelledSegments
+from besman.records.layers import IDLE, SIDES, Side, actions_of, building_blocks
+from besman.stages.read.read_inputs import read_inputs
+from besman.stages.select.stage import SelectConfig
 from besman.synthetic.datasets import captures
-from besman.work import Notes, Work
+from besman.work.outcome import Notes
+from besman.work.work import Work
 
 DATASET, CLASS, STICK = "stick_throw", "throw", "stick"
 _LONGEST_S = 3600.0

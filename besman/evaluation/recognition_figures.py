@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from besman.classifiers.nearest_neighbour import fit_spread, scale
 from besman.evaluation.recognition_data import LabelledSet
-from besman.recognition.nearest_neighbour import fit_spread, scale
 from besman.report.figures import COLOURS, new_figure, style, svg
 
 _SHAPES = "osD^vPX*<>"

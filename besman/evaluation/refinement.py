@@ -13,7 +13,7 @@ import numpy.typing as npt
 from besman.evaluation.refinement_functions import Attempt, Problem
 from besman.evaluation.refinement_problems import TaskProblem
 from besman.exceptions import ConfigError, nearest
-from besman.work import Work
+from besman.work.work import Work
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -8,18 +8,19 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from besman.config.resources import find_resource
 from besman.evaluation.refinement_functions import FUNCTIONS, Attempt, Problem, parse_config
 from besman.exceptions import ConfigError, nearest
-from besman.pipeline import load_pipeline, run_pipeline
-from besman.record_files import load_record
+from besman.pipeline.config import load_pipeline
+from besman.pipeline.pipeline import run_pipeline
 from besman.records import AnyPlan
-from besman.refinement.methods import METHODS
-from besman.refinement.stage import RefinementConfig
-from besman.resources import find_resource
+from besman.records.files import load_record
 from besman.robot.model import Robot, load_robot
 from besman.simulation.task import Task
-from besman.simulation.tasks import load_task
+from besman.simulation.tasks.kinds import load_task
 from besman.simulation.trial import try_plans
+from besman.stages.refine.methods import METHODS
+from besman.stages.refine.stage import RefinementConfig
 
 # A simulated task is a pipeline: its imitations are what is refined.
 TASKS = {

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from besman.config.stage import Stage, Work
 from besman.evaluation.dmp_settings import (
     MARGIN_S,
     NOISE_M,
@@ -28,11 +29,10 @@ from besman.evaluation.segmentation_data import (
     simulate_dataset,
 )
 from besman.exceptions import ConfigError, nearest
-from besman.manual_segments import drop_parts
 from besman.records import LabelledRecording, LabelledSegments, Segments
-from besman.segmentation.methods import CONFIGS
-from besman.segmentation.scores import mean_score, score_borders
-from besman.stage import Stage, Work
+from besman.records.layers import drop_parts
+from besman.stages.segment.methods import CONFIGS
+from besman.stages.segment.scores import mean_score, score_borders
 from besman.synthetic import sequenced_dmps
 
 FloatArray = npt.NDArray[np.float64]

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from besman.exceptions import RecordingError
-from besman.inputs import read_inputs
-from besman.labelling.marker_set import load_marker_set
-from besman.labelling.stage import LabelConfig
-from besman.manual_segments import building_blocks
+from besman.person.marker_set import load_marker_set
 from besman.records import LabelledRecording, LabelledSegments, Recording
+from besman.records.layers import building_blocks
+from besman.stages.label.stage import LabelConfig
+from besman.stages.read.read_inputs import read_inputs
 
 SIMULATED = ("step", "stick_throw", "pick_and_place")
 N_SUBJECTS = 3

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from besman.evaluation.segmentation_data import Dataset
 from besman.records import LabelledRecording, LabelledSegments, Segments
-from besman.segmentation.scores import manual_borders
+from besman.stages.segment.scores import manual_borders
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,11 +10,11 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.exceptions import LabellingError, RecordingError
-from besman.io.recordings import find_recordings, read_recording
-from besman.io.true_names import find_true_names
-from besman.labelling.learning import learn_marker_model
-from besman.labelling.marker_set import load_marker_set, normalise_name
-from besman.labelling.model import MarkerModel
+from besman.io.recordings.formats import find_recordings, read_recording
+from besman.io.recordings.true_names import find_true_names
+from besman.person.marker_set import load_marker_set, normalise_name
+from besman.stages.label.learning import learn_marker_model
+from besman.stages.label.model import MarkerModel
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -9,17 +9,17 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
+from besman.classifiers.novelty import UNKNOWN
 from besman.exceptions import SegmentationError
 from besman.following.frames import FrameBuffer
 from besman.following.pieces import Change, Ledger, Piece
 from besman.following.steadiness import SteadyBorders
-from besman.recognition.features import needed_markers
-from besman.recognition.model import RecognitionModel, name_segments
-from besman.recognition.novelty import UNKNOWN
-from besman.segmentation.signals import Scaling, measure_scaling, resample
-from besman.segmentation.stage import VmciOnlineConfig
-from besman.segmentation.vmci import VmciModel
-from besman.segmentation.vmci_online import OnlineVmci
+from besman.stages.recognize.features import needed_markers
+from besman.stages.recognize.model import RecognitionModel, name_segments
+from besman.stages.segment.signals import Scaling, measure_scaling, resample
+from besman.stages.segment.stage import VmciOnlineConfig
+from besman.stages.segment.vmci import VmciModel
+from besman.stages.segment.vmci_online import OnlineVmci
 
 FloatArray = npt.NDArray[np.float64]
 

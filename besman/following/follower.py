@@ -13,9 +13,9 @@ from besman.following.actions import ActionStream
 from besman.following.arms import Arm, ArmStream
 from besman.following.frames import FrameBuffer
 from besman.following.pieces import Change, Piece
-from besman.hierarchy.actions import LevelModel
-from besman.labelling.holding import GapHolder
-from besman.segmentation.stage import VmciOnlineConfig
+from besman.stages.compose.actions import LevelModel
+from besman.stages.label.hold_last_sighting import GapHolder
+from besman.stages.segment.stage import VmciOnlineConfig
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class Follower:
         How to segment; see `besman.following.arms.ArmStream`.
     brisk_m_s : mapping of str to float
         Where one of these hands is slow an action may begin or end too, not only at the borders of
-        blocks; with their brisk speed, see `besman.hierarchy.borders.measure_brisk`.
+        blocks; with their brisk speed, see `besman.stages.compose.borders.measure_brisk`.
     longest_blocks : int, optional
         Most blocks, or stretches between such places, in one action.
     horizon_blocks : int or None

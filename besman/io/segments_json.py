@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from besman.exceptions import RecordingError, nearest
-from besman.manual_segments import LAYERS, is_layer
 from besman.records import LabelledRecording, LabelledSegments, Recording
+from besman.records.layers import LAYERS, is_layer
 
 SEGMENTS_SUFFIX = "_manually_segmented.json"
 _KEYS = ("start index", "end index", "label")
@@ -73,7 +73,7 @@ def read_segments(
         A list of ``{"start index", "end index", "label"}``, or an object that holds the list as
         ``segments``. Indices are absolute frame numbers; segments are half-open, so that a border
         is the end of one and the start of the next. A segment may have a ``"layer"``, one of
-        `besman.manual_segments.LAYERS`; segments of one layer do not overlap.
+        `besman.records.layers.LAYERS`; segments of one layer do not overlap.
     recording : Recording or LabelledRecording
         The recording that the segments belong to.
     keep_parts : bool

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from besman.bodies import find_body
-from besman.frames import back_frame
-from besman.manual_segments import Side
+from besman.geometry.frames import back_frame
+from besman.person.body import find_body
 from besman.records import FloatArray, LabelledRecording, RefinedMotion
+from besman.records.layers import Side
 from besman.report.figures import COLOURS, INK, new_figure, style, svg
 from besman.robot.kinematics import fill_frames, forward_kinematics
 from besman.robot.model import Robot

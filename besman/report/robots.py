@@ -9,7 +9,7 @@ from besman.report.timing import read_json, seconds
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from besman.retargeting import Retargeted
+    from besman.pipeline.retarget import Retargeted
 
 
 def robots_table(done: tuple[Retargeted, ...]) -> Table:

@@ -12,18 +12,18 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from besman.config_file import read_yaml
+from besman.config.yaml_file import read_yaml
 from besman.exceptions import RenderingError, RunError, nearest
-from besman.record_files import load_record
+from besman.pictures.camera import View, frame_points
+from besman.pictures.rendering import Renderer
+from besman.pictures.scene_geoms import SceneGeoms, follow, scene_geoms
 from besman.records import FloatArray, RefinedMotion
+from besman.records.files import load_record
 from besman.report.panels import BAND, Picture, join_panels, text_band
 from besman.robot.model import Robot, load_robot
-from besman.simulation.camera import View, frame_points
 from besman.simulation.episodes import Playback
-from besman.simulation.rendering import Renderer
-from besman.simulation.scene_geoms import SceneGeoms, follow, scene_geoms
 from besman.simulation.task import Task
-from besman.simulation.tasks import load_task
+from besman.simulation.tasks.kinds import load_task
 from besman.simulation.trial import try_plans
 
 _RATE_HZ = 25

@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from besman.config_file import load_config
+from besman.config.resources import resource_folder
+from besman.config.yaml_file import load_config
 from besman.exceptions import RobotError, nearest
-from besman.record_files import digest
-from besman.resources import resource_folder
+from besman.records.files import digest
 from besman.robot.config import JointConfig, RobotConfig, ToolConfig
 from besman.robot.parts import Chain, FloatArray, JointLimits, Tool, read_only
 from besman.robot.urdf_file import read_urdf

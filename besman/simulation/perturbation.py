@@ -15,8 +15,8 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
+from besman.config.stage import Config, NotNegative
 from besman.robot.model import Robot
-from besman.stage import Config
 
 if TYPE_CHECKING:
     import mujoco
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 FloatArray = npt.NDArray[np.float64]
 
 Share = Annotated[float, Field(ge=0, lt=1)]
-NotNegative = Annotated[float, Field(ge=0)]
 
 # An offset is taken up within this time, so that it does not strike what lies in the tool.
 _RAMP_S = 0.1

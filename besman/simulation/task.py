@@ -1,7 +1,7 @@
 """What every simulated task is: a scene, what it costs, and when it has succeeded.
 
 A kind of task is one file: a subclass of `Task` with its sections, and its line in
-`besman.simulation.tasks`. All else, from the search to the report, sees the methods here.
+`besman.simulation.tasks.kinds`. All else, from the search to the report, sees the methods here.
 """
 
 from __future__ import annotations
@@ -14,15 +14,13 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field, model_validator
 
+from besman.config.stage import Config, NotNegative, Positive
 from besman.records import AnyPlan
 from besman.robot.model import Robot
 from besman.simulation.episodes import Episodes, Movements, Playback
-from besman.stage import Config
 
 FloatArray = npt.NDArray[np.float64]
 
-Positive = Annotated[float, Field(gt=0)]
-NotNegative = Annotated[float, Field(ge=0)]
 TimeStep = Annotated[float, Field(gt=0, le=0.005)]
 Triple = tuple[float, float, float]
 
@@ -196,7 +194,7 @@ class Task(Config):
 
         Cartesian plans need the robot, for their inverse kinematics.
         """
-        from besman.imitation.movement import roll_out_plans
+        from besman.motion.rollout import roll_out_plans
 
         durations = np.array([plan.duration for plan in plans])
         step = self.simulation.time_step_s

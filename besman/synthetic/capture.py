@@ -12,10 +12,10 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.exceptions import RecordingError
-from besman.io.qtm_tsv import write_tsv
+from besman.io.recordings.qtm_tsv import write_tsv
 from besman.io.segments_json import ThrowEvent, segments_path, write_segments
-from besman.manual_segments import ACTIONS, stack_layers
 from besman.records import LabelledSegments, Recording
+from besman.records.layers import ACTIONS, stack_layers
 from besman.synthetic.body import Body
 
 FloatArray = npt.NDArray[np.float64]
@@ -161,13 +161,13 @@ def _write_recording(capture: Capture, path: Path) -> None:
     """Write what was recorded in the format that the file's ending tells."""
     log = capture.joint_log
     if log is not None:
-        from besman.io.exoskeleton import write_joint_log
+        from besman.io.recordings.exoskeleton import write_joint_log
 
         angles = np.column_stack(list(log.angles.values()))
         time = capture.recording.time
         write_joint_log(path, time, angles, list(log.angles), log.urdf, log.bodies)
     elif path.suffix == ".mvnx":
-        from besman.io.mvnx import write_mvnx
+        from besman.io.recordings.mvnx import write_mvnx
 
         write_mvnx(capture.recording, path)
     else:

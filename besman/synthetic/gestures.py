@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import gaussian_filter1d
 
-from besman.frames import rotation_to_quaternion
+from besman.geometry.frames import rotation_to_quaternion
 from besman.records import Recording
 from besman.synthetic.body import LEFT, RIGHT, Body
 from besman.synthetic.capture import Capture

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from besman.frames import quaternion_to_rotation
+from besman.geometry.frames import quaternion_to_rotation
 from besman.synthetic.body import RIGHT, Body
 from besman.synthetic.capture import Box
 from besman.synthetic.person import Person

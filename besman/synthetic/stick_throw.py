@@ -10,7 +10,7 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from besman.exceptions import ConfigError
-from besman.frames import quaternion_to_rotation
+from besman.geometry.frames import quaternion_to_rotation
 from besman.io.segments_json import ThrowEvent
 from besman.records import LabelledSegments, Recording
 from besman.synthetic.body import RIGHT, Body, join_bodies, place_body

@@ -11,10 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.exceptions import RefinementError, nearest
-from besman.quaternions import from_rotation_vector, multiply
+from besman.geometry.quaternions import from_rotation_vector, multiply
 from besman.records import AnyPlan
-from besman.simulation.tasks import GraspBoxConfig, ReachConfig
-from besman.simulation.throwing import ThrowConfig
+from besman.simulation.tasks.kinds import GraspBoxConfig, ReachConfig
+from besman.simulation.tasks.stick_throw.throwing import ThrowConfig
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -12,63 +12,21 @@ from typing import Any
 import numpy as np
 import yaml
 
-from besman.config_file import load_config, parse_config
+from besman.config.stage import Work
+from besman.config.yaml_file import parse_config
 from besman.exceptions import ConfigError, RefinementError, RunError
+from besman.io.atomic_files import write_json
 from besman.io.exports import ros_joint_trajectory, write_joint_csv, write_ros_joint_trajectory
 from besman.io.urscript import UR_JOINTS, write_urscript
-from besman.pipeline import PipelineConfig
-from besman.record_files import digest, load_record, save_record
-from besman.records import RefinedMotion
-from besman.robot.model import Robot, load_robot
-from besman.run import write_json
-from besman.simulation.task import Task
-from besman.simulation.tasks import load_task
-from besman.stage import Work
+from besman.pipeline.finished_run import read_run
+from besman.records.files import digest, load_record, save_record
 from besman.templates.applying import Application
 from besman.templates.learning import TemplateConfig, Tries
 from besman.templates.teaching import Region, prepare_lesson, teach
 from besman.templates.template import Template
-from besman.versions import code_version
+from besman.work.versions import code_version
 
 ENDINGS = (".csv", ".json", ".yaml", ".script")
-
-
-@dataclass(frozen=True, eq=False)
-class FinishedRun:
-    """What templates need of a run.
-
-    Attributes
-    ----------
-    labels : three str
-        Robot, tool and task as in its pipeline.
-    robot : Robot
-    task : Task
-    motions : tuple of RefinedMotion
-    """
-
-    labels: tuple[str, str, str]
-    robot: Robot
-    task: Task
-    motions: tuple[RefinedMotion, ...]
-
-
-def read_run(folder: Path) -> FinishedRun:
-    """Read robot, task and refined motions of a run.
-
-    Raises
-    ------
-    RunError
-        If the folder is not a run, or holds no refined motions.
-    """
-    if not (folder / "pipeline.yaml").is_file():
-        raise RunError(f"{folder}: not a run: pipeline.yaml is missing")
-    config = load_config(folder / "pipeline.yaml", PipelineConfig)
-    places = sorted(folder.glob("[0-9][0-9]_refine/record.npz"))
-    if not places:
-        raise RunError(f"{folder}: no refined motions here: expected a finished run, NN_refine")
-    robot, task = load_robot(config.robot, config.tool), load_task(config.task)
-    labels = (config.robot, config.tool, config.task)
-    return FinishedRun(labels, robot, task, load_record(places[-1]))
 
 
 def parse_settings(given: dict[str, Any], settings: tuple[str, ...] = ()) -> TemplateConfig:

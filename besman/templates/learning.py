@@ -10,13 +10,14 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
+from besman.config.stage import Config, Work
 from besman.records import Record, freeze
-from besman.refinement.contextual_cma_es import ContextualCmaEs, usual_population
-from besman.refinement.contextual_reps import ContextualReps
-from besman.refinement.search import ContextualSearch, Part
-from besman.refinement.stage import UnitsConfig
-from besman.refinement.upper_level import Features, UpperLevelPolicy
-from besman.stage import Config, Work
+from besman.search.contextual import ContextualSearch
+from besman.search.contextual_cma_es import ContextualCmaEs, usual_population
+from besman.search.contextual_reps import ContextualReps
+from besman.search.protocol import Part
+from besman.search.upper_level import Features, UpperLevelPolicy
+from besman.stages.refine.stage import UnitsConfig
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -49,7 +50,7 @@ class TemplateConfig(Config):
         which can widen it, 0.3.
     ridge : float or None
         Weight of the policy as it was against each generation's points, see
-        `besman.refinement.upper_level.UpperLevelPolicy.fitted`; null for 1e-4, of contextual
+        `besman.search.upper_level.UpperLevelPolicy.fitted`; null for 1e-4, of contextual
         CMA-ES, which sees one generation at a time, 1e-2.
     features : "affine" or "quadratic"
         Of the context, for the policy's mean.

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from besman.config.stage import Work
 from besman.exceptions import RefinementError
 from besman.records import AnyPlan, RefinedMotion
-from besman.refinement.plan_space import Units
 from besman.robot.model import Robot
 from besman.simulation.task import Task
 from besman.simulation.trial import Trial, try_plans
-from besman.stage import Work
+from besman.stages.refine.plan_space import Units
 from besman.templates.contexts import ContextKind, context_kind
 from besman.templates.learning import TemplateConfig, Tries, learn_policy
 from besman.templates.template import PlanFamily, Template

@@ -8,10 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.records import Record, freeze
-from besman.refinement.plan_space import Space
 from besman.robot.model import Robot
 from besman.simulation.task import Task
 from besman.simulation.trial import try_plans
+from besman.stages.refine.plan_space import Space
 
 FloatArray = npt.NDArray[np.float64]
 

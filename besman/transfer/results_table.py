@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.exceptions import TransferError, nearest
-from besman.run import write_text
+from besman.io.atomic_files import write_text
 
 FloatArray = npt.NDArray[np.float64]
 

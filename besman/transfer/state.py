@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from besman.exceptions import TransferError
-from besman.record_files import digest, load_record, save_record
+from besman.io.atomic_files import write_json
 from besman.records import RefinedMotion
-from besman.run import write_json
+from besman.records.files import digest, load_record, save_record
 from besman.transfer.approach import RealTry, TransferConfig
 from besman.transfer.archive import Archive, no_plans
 

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from besman.bodies import find_body
 from besman.exceptions import BesmanError
-from besman.frames import back_frame
+from besman.geometry.frames import back_frame
+from besman.person.body import find_body
 from besman.records import FloatArray, LabelledRecording
 from besman.view.packing import Packer
 

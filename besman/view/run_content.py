@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from besman.config_file import read_yaml
+from besman.config.yaml_file import read_yaml
 from besman.exceptions import MappingError, RunError, nearest
-from besman.mapping.demonstration import tool_poses
 from besman.records import FloatArray, HandTrajectory, JointTrajectory, RefinedMotion
 from besman.report.motions import selected_segments
 from besman.report.run_records import ArmRecords, arm_records, load_records
@@ -18,7 +17,8 @@ from besman.report.terminal import failures
 from besman.report.timing import read_json
 from besman.robot.model import Robot, load_robot
 from besman.simulation.task import Task
-from besman.simulation.tasks import load_task
+from besman.simulation.tasks.kinds import load_task
+from besman.stages.map.demonstration import tool_poses
 from besman.view.packing import Packer
 from besman.view.person import Person, find_person
 from besman.view.shapes import robot_content
@@ -285,7 +285,7 @@ def _placement(
         poses = tool_poses(hand, arm.robot)
     except MappingError:
         return common
-    from besman.frames import quaternion_to_rotation
+    from besman.geometry.frames import quaternion_to_rotation
 
     turn = quaternion_to_rotation(mapped.poses[0, 3:]) @ poses[0, :3, :3].T
     yaw = np.arctan2(turn[1, 0] - turn[0, 1], turn[0, 0] + turn[1, 1])

@@ -8,11 +8,11 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from besman.frames import rotation_to_quaternion
+from besman.geometry.frames import rotation_to_quaternion
+from besman.pictures.arm_visuals import mount_rod, pedestal_radius, robot_meshes
+from besman.pictures.scene_geoms import scene_geoms
 from besman.records import FloatArray
 from besman.robot.model import Robot
-from besman.simulation.arm_visuals import mount_rod, pedestal_radius, robot_meshes
-from besman.simulation.scene_geoms import scene_geoms
 from besman.view.decimation import Mesh, decimate
 from besman.view.packing import Packer
 

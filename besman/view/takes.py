@@ -9,9 +9,9 @@ import mujoco
 import numpy as np
 
 from besman.exceptions import BesmanError
+from besman.pictures.scene_geoms import follow, scene_geoms
 from besman.records import AnyPlan, FloatArray, JointTrajectory, RefinedMotion
 from besman.robot.model import Robot
-from besman.simulation.scene_geoms import follow, scene_geoms
 from besman.simulation.task import Task
 from besman.simulation.trial import try_plans
 from besman.view.packing import Packer

@@ -8,16 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from besman import cli
+from besman.cli import main as cli
 from besman.evaluation.degradation import GHOST, DegradeRecipe, degrade_recording
 from besman.evaluation.frame_tracker import track_frames
 from besman.evaluation.labelling import LEVELS, count_samples, evaluate_labelling, labelling_table
 from besman.evaluation.takes import make_protocols
 from besman.exceptions import LabellingError, RecordingError
-from besman.io.recordings import read_recording
-from besman.labelling.fragments import split_fragments
-from besman.labelling.learning import learn_marker_model
-from besman.labelling.naming import label_fragments
+from besman.io.recordings.formats import read_recording
+from besman.stages.label.fragments import split_fragments
+from besman.stages.label.learning import learn_marker_model
+from besman.stages.label.naming import label_fragments
 
 ROOT = Path(__file__).parents[2]
 REAL = Path(os.environ.get("BESMAN_REAL_DATA", ROOT.parent / "shared" / "data"))

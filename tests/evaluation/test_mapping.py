@@ -11,7 +11,7 @@ import pytest
 from rich.console import Console
 from scipy.spatial.distance import cdist
 
-from besman import cli
+from besman.cli import main as cli
 from besman.evaluation import mapping as study
 from besman.evaluation.mapping import Measured, average_dtw, evaluate_mapping, figures, measure
 from besman.evaluation.mapping_data import (
@@ -24,10 +24,10 @@ from besman.evaluation.mapping_data import (
 from besman.evaluation.mapping_figures import write_figures
 from besman.evaluation.mapping_tables import failure_lines, mapping_tables
 from besman.exceptions import ConfigError, MappingError
-from besman.mapping.stage import MapConfig
 from besman.records import Failure, HandTrajectory, JointTrajectory
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.model import load_robot
+from besman.stages.map.stage import MapConfig
 from besman.synthetic.datasets import write_synthetic
 
 UR5 = load_robot("ur5", "stick_holder")

@@ -8,8 +8,8 @@ from besman.evaluation.recognition import check_methods, recognition_table, run_
 from besman.evaluation.recognition_data import LabelledSet, load_sets, name_parts, simulate_sets
 from besman.evaluation.recognition_figures import write_figures
 from besman.exceptions import ConfigError, RecognitionError
-from besman.recognition.model import Recipe
 from besman.records import Recording
+from besman.stages.recognize.model import Recipe
 
 RECIPE = Recipe(("positions", "log_object_speed"), ("hand_top",), ("box_back",), 5)
 
@@ -82,7 +82,7 @@ def test_other_methods_are_measured_too(toy, method):
 
 
 def test_the_embedded_sample_is_synthetic():
-    from besman.resources import resource_folder
+    from besman.config.resources import resource_folder
 
     (one,) = load_sets(resource_folder("data") / "stick_throw")
     assert (one.name, one.source) == ("stick_throw", "synthetic")
@@ -113,7 +113,7 @@ def test_a_dataset_that_is_not_there_is_refused():
 def test_data_and_dataset_exclude_each_other(tmp_path):
     from typer.testing import CliRunner
 
-    from besman.cli import app
+    from besman.cli.main import app
 
     options = ["evaluate", "recognition", "--data", str(tmp_path), "--dataset", "gestures"]
     outcome = CliRunner().invoke(app, options)
@@ -121,7 +121,7 @@ def test_data_and_dataset_exclude_each_other(tmp_path):
 
 
 def test_a_folder_without_labels_is_refused(tmp_path):
-    from besman.resources import resource_folder
+    from besman.config.resources import resource_folder
 
     source = resource_folder("data") / "stick_throw" / "subject1.tsv"
     (tmp_path / "a.tsv").write_bytes(source.read_bytes())

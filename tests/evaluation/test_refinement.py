@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from besman.cli import app
+from besman.cli.main import app
 from besman.evaluation.refinement import best_so_far, evaluate_refinement, summary
 from besman.evaluation.refinement_functions import ContextualProblem, FunctionProblem, sphere
 from besman.evaluation.refinement_problems import TaskProblem, load_problem
 from besman.evaluation.refinement_tables import refinement_tables, write_curves
 from besman.exceptions import ConfigError
-from besman.refinement.stage import RefineConfig
-from besman.simulation.tasks import load_task
-from besman.work import Work
-from besman.workers import Workers
+from besman.simulation.tasks.kinds import load_task
+from besman.stages.refine.stage import RefineConfig
+from besman.work.work import Work
+from besman.work.workers import Workers
 
 SMALL = FunctionProblem("small", sphere, 3, 1.0, 1.0, -1e-3, 600, (100,), {"cma_es": -2e-5})
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from besman.cli import app
+from besman.cli.main import app
 from besman.evaluation.dmp_settings import SETTINGS, score_settings
 from besman.evaluation.segmentation import (
     bootstrap_mean,
@@ -21,7 +21,7 @@ from besman.evaluation.segmentation_figures import draw_recording
 from besman.evaluation.segmentation_tables import segmentation_tables
 from besman.exceptions import ConfigError, RecordingError
 from besman.records import LabelledSegments
-from besman.segmentation.methods import CONFIGS
+from besman.stages.segment.methods import CONFIGS
 from besman.synthetic import sequenced_dmps
 
 REAL_DATA = Path(os.environ.get("BESMAN_REAL_DATA", Path(__file__).parents[3] / "shared" / "data"))

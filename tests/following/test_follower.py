@@ -10,15 +10,15 @@ from besman.exceptions import LabellingError, RecognitionError, RecordingError, 
 from besman.following.arms import Arm
 from besman.following.follower import Follower
 from besman.following.plans import FollowPlan, label_stream, make_follower
-from besman.hierarchy.actions import compose_levels, train_level
-from besman.hierarchy.borders import candidate_borders, measure_brisk, merge_borders
-from besman.labelling.stage import LabelConfig
-from besman.recognition.model import name_segments
-from besman.recognition.stage import RecognizeConfig
 from besman.records import LabelledRecording, LabelledSegments
-from besman.segmentation.sampling import sample_paths
-from besman.segmentation.signals import measure_scaling
-from besman.segmentation.stage import SegmentConfig, VmciOnlineConfig
+from besman.stages.compose.actions import compose_levels, train_level
+from besman.stages.compose.borders import candidate_borders, measure_brisk, merge_borders
+from besman.stages.label.stage import LabelConfig
+from besman.stages.recognize.model import name_segments
+from besman.stages.recognize.stage import RecognizeConfig
+from besman.stages.segment.sampling import sample_paths
+from besman.stages.segment.signals import measure_scaling
+from besman.stages.segment.stage import SegmentConfig, VmciOnlineConfig
 from besman.synthetic.datasets import captures
 
 RATE_HZ, METHOD_HZ, BORDER = 60.0, 20.0, 0.05

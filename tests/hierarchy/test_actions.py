@@ -7,16 +7,21 @@ import numpy as np
 import pytest
 
 from besman.exceptions import RecognitionError
-from besman.hierarchy.actions import (
+from besman.records import LabelledSegments
+from besman.stages.compose.actions import (
     compose_level,
     compose_levels,
     cut_paths,
     name_spans,
     train_level,
 )
-from besman.hierarchy.borders import candidate_borders, find_valleys, merge_borders
-from besman.hierarchy.stage import ComposeConfig, compose_results, leave_out_actions, pick_level
-from besman.records import LabelledSegments
+from besman.stages.compose.borders import candidate_borders, find_valleys, merge_borders
+from besman.stages.compose.stage import (
+    ComposeConfig,
+    compose_results,
+    leave_out_actions,
+    pick_level,
+)
 
 ARM = ("hand_top", "elbow", "shoulder")
 

@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from besman.exceptions import RecognitionError
-from besman.hierarchy.clustering import (
+from besman.stages.compose.clustering import (
     cluster_g_means,
     cluster_k_means,
     gaussian_probability,

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from besman import cli
+from besman.cli import main as cli
 from besman.evaluation.demonstrations import (
     arm_markers,
     cut_demonstrations,

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from besman.exceptions import RecognitionError
-from besman.hierarchy.actions import compose_levels, train_level
-from besman.hierarchy.borders import merge_borders
-from besman.hierarchy.online import OnlineHierarchy
+from besman.stages.compose.actions import compose_levels, train_level
+from besman.stages.compose.borders import merge_borders
+from besman.stages.compose.online import OnlineHierarchy
 
 ARM = ("hand_top", "elbow", "shoulder")
 

@@ -5,12 +5,12 @@ import json
 import numpy as np
 import pytest
 
-from besman import cli
+from besman.cli import main as cli
+from besman.config.resources import find_resource
 from besman.exceptions import ConfigError
 from besman.io.segments_json import find_segments
-from besman.pipeline import load_pipeline
-from besman.record_files import load_record
-from besman.resources import find_resource
+from besman.pipeline.config import load_pipeline
+from besman.records.files import load_record
 from besman.synthetic.datasets import write_synthetic
 
 PARTS = ("strike_out", "throw", "swing_out")

@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from besman.exceptions import RecognitionError
-from besman.hierarchy.borders import find_valleys, measure_brisk
-from besman.hierarchy.valley_stream import ValleyStream
 from besman.records import LabelledRecording
+from besman.stages.compose.borders import find_valleys, measure_brisk
+from besman.stages.compose.valley_stream import ValleyStream
 
 
 def stop_and_go(seed, n_samples, rate_hz):

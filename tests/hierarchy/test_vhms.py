@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from besman.exceptions import RecognitionError
-from besman.hierarchy.vhms import GroupingSearch, best_grouping
+from besman.stages.compose.vhms import GroupingSearch, best_grouping
 
 
 def enumerate_best(uncertainty, longest=None):

@@ -1,12 +1,12 @@
 import numpy as np
 import pytest
 
-from besman.frames import rotation_to_quaternion
-from besman.imitation.methods import ImitateMethod
-from besman.imitation.stage import CartesianDmpConfig, ImitateConfig, VelocityDmpConfig
+from besman.geometry.frames import rotation_to_quaternion
 from besman.records import JointTrajectory
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.model import load_robot
+from besman.stages.imitate.methods import ImitateMethod
+from besman.stages.imitate.stage import CartesianDmpConfig, ImitateConfig, VelocityDmpConfig
 
 CONFIGS: dict[str, ImitateMethod] = {
     "joint_dmp": ImitateConfig(),

@@ -5,15 +5,15 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from besman.imitation.cartesian_dmp import (
+from besman.geometry.quaternions import from_rotation_vector, multiply
+from besman.motion.cartesian_dmp import (
     fit_poses,
     move_ends,
     pose_coordinates,
     roll_out_poses,
     same_turn,
 )
-from besman.imitation.dmp import ALPHA, BETA, LAST_PHASE, forcing_basis
-from besman.quaternions import from_rotation_vector, multiply
+from besman.motion.dmp import ALPHA, BETA, LAST_PHASE, forcing_basis
 
 
 def random_dmp(seed=0, n_weights=10, scale=200.0):

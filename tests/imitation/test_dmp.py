@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from besman.imitation.dmp import (
+from besman.motion.dmp import (
     ALPHA,
     BETA,
     LAST_PHASE,

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from besman.imitation.leads import add_leads
+from besman.motion.rest_at_ends import add_leads
 
 
 def test_leads_go_on_with_the_velocity_and_end_at_rest():

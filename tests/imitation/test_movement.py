@@ -4,17 +4,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from besman.exceptions import PlanError
-from besman.frames import quaternion_to_rotation
-from besman.imitation.cartesian_dmp import roll_out_poses
-from besman.imitation.dmp import interpolate
-from besman.imitation.joint_path import (
+from besman.geometry.frames import quaternion_to_rotation
+from besman.motion.cartesian_dmp import roll_out_poses
+from besman.motion.dmp import interpolate
+from besman.motion.joint_path import (
     greatest_rates,
     joint_nodes,
     joint_steps,
     plan_poses,
     spline_map,
 )
-from besman.imitation.movement import least_duration, roll_out_plans, sample_plan, stretch_plan
+from besman.motion.rollout import least_duration, roll_out_plans, sample_plan, stretch_plan
 from besman.robot.inverse_kinematics import IkWeights, solve_path
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.limits import check_limits

@@ -7,10 +7,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from besman.exceptions import PlanError
-from besman.imitation.dmp import shape_directions
-from besman.imitation.movement import roll_out_plans, sample_plan
-from besman.imitation.retarget import retarget_plan
-from besman.quaternions import from_rotation_vector, multiply
+from besman.geometry.quaternions import from_rotation_vector, multiply
+from besman.motion.adapt_plan import retarget_plan
+from besman.motion.dmp import shape_directions
+from besman.motion.rollout import roll_out_plans, sample_plan
 from besman.robot.dynamics import inverse_dynamics
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.limits import check_limits

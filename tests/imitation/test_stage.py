@@ -2,18 +2,18 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from besman.config.stage import Config, Work
 from besman.exceptions import PlanError
-from besman.imitation.dmp import roll_out
-from besman.imitation.methods import ImitateStage
-from besman.imitation.movement import roll_out_plans
-from besman.imitation.stage import (
+from besman.motion.dmp import roll_out
+from besman.motion.rollout import roll_out_plans
+from besman.records import JointTrajectory
+from besman.stages.imitate.methods import ImitateStage
+from besman.stages.imitate.stage import (
     CartesianDmpConfig,
     ImitateConfig,
     VelocityDmpConfig,
     imitate_results,
 )
-from besman.records import JointTrajectory
-from besman.stage import Config, Work
 
 
 def trajectory(name="a", moving_end=0.3):

@@ -5,9 +5,9 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.interpolate import BPoly
 
-from besman.imitation.dmp import ALPHA, BETA, LAST_PHASE, forcing_basis
-from besman.imitation.leads import add_leads
-from besman.imitation.velocity_dmp import fit_velocity_weights, roll_out_velocity
+from besman.motion.dmp import ALPHA, BETA, LAST_PHASE, forcing_basis
+from besman.motion.rest_at_ends import add_leads
+from besman.motion.velocity_dmp import fit_velocity_weights, roll_out_velocity
 
 NO_LEADS = np.zeros(2)
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
 from besman.exceptions import RecordingError, RecordingWarning
-from besman.io.c3d import read_c3d, write_c3d
+from besman.io.recordings.c3d import read_c3d, write_c3d
 from besman.records import Recording
 
 REAL = Path(

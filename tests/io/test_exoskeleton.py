@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from besman.config.resources import find_resource
 from besman.exceptions import RecordingError
-from besman.frames import quaternion_to_rotation
-from besman.io.exoskeleton import read_joint_log, write_joint_log
-from besman.resources import find_resource
+from besman.geometry.frames import quaternion_to_rotation
+from besman.io.recordings.exoskeleton import read_joint_log, write_joint_log
 
 URDF = find_resource("configs/exoskeleton", "dual_arm_example", ".urdf")
 LINKS = {"shoulder": "shoulder", "elbow": "forearm", "wrist": "wrist"}

@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from besman.exceptions import RecordingError
-from besman.io.mvnx import read_mvnx, write_mvnx
+from besman.io.recordings.mvnx import read_mvnx, write_mvnx
 from besman.records import Recording
 
 TEXT = """<?xml version="1.0" encoding="UTF-8"?>

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
 from besman.exceptions import RecordingError
-from besman.io.qtm_tsv import read_tsv, write_tsv
+from besman.io.recordings.qtm_tsv import read_tsv, write_tsv
 from besman.records import Recording
 
 REAL = Path(

@@ -7,11 +7,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from besman.exceptions import RecordingError
-from besman.io.c3d import write_c3d
-from besman.io.exoskeleton import write_joint_log
-from besman.io.mvnx import write_mvnx
-from besman.io.qtm_tsv import write_tsv
-from besman.io.recordings import find_recordings, read_recording, write_recording
+from besman.io.recordings.c3d import write_c3d
+from besman.io.recordings.exoskeleton import write_joint_log
+from besman.io.recordings.formats import find_recordings, read_recording, write_recording
+from besman.io.recordings.mvnx import write_mvnx
+from besman.io.recordings.qtm_tsv import write_tsv
 from besman.records import LabelledRecording, Recording
 
 

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from besman.evaluation.degradation import GHOST, DegradeRecipe, degrade_recording
-from besman.io.recordings import read_recording
-from besman.labelling.marker_set import load_marker_set
+from besman.io.recordings.formats import read_recording
+from besman.person.marker_set import load_marker_set
 from besman.records import Recording
 
 SAMPLE = Path(__file__).parents[2] / "data" / "stick_throw"

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from besman.labelling.assignment import assign_fragments
-from besman.labelling.fragments import Fragments
-from besman.labelling.scores import GHOST
+from besman.stages.label.assignment import assign_fragments
+from besman.stages.label.fragments import Fragments
+from besman.stages.label.scores import GHOST
 
 
 def make_fragments(start, stop):

@@ -8,20 +8,20 @@ import shutil
 import numpy as np
 import pytest
 
-from besman import cli
-from besman.bodies import find_body
+from besman.cli import main as cli
+from besman.config.resources import find_resource
 from besman.exceptions import MappingError
-from besman.frames import quaternion_to_rotation
-from besman.hierarchy.actions import cut_paths
-from besman.inputs import read_inputs
-from besman.io.recordings import find_companions, read_recording
-from besman.labelling.marker_set import load_marker_set
-from besman.labelling.stage import LabelConfig
-from besman.mapping.record import map_record
-from besman.pipeline import load_pipeline
-from besman.recognition.stage import RecognizeConfig
-from besman.resources import find_resource
-from besman.segment_files import segment_files
+from besman.geometry.frames import quaternion_to_rotation
+from besman.io.recordings.formats import find_companions, read_recording
+from besman.person.body import find_body
+from besman.person.marker_set import load_marker_set
+from besman.pipeline.config import load_pipeline
+from besman.stages.compose.actions import cut_paths
+from besman.stages.label.stage import LabelConfig
+from besman.stages.read.read_inputs import read_inputs
+from besman.stages.recognize.stage import RecognizeConfig
+from besman.stages.select.hand_trajectory import map_record
+from besman.standalone.segment_files import segment_files
 from besman.synthetic.datasets import captures, write_synthetic
 from besman.synthetic.gestures import GESTURE_CLASSES
 

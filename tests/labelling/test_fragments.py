@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from besman.labelling.fragments import measure_pairs, split_fragments
+from besman.stages.label.fragments import measure_pairs, split_fragments
 
 
 def scattered(seed, n_frames=60, n_columns=6, share=0.2):

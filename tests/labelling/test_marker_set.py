@@ -1,8 +1,8 @@
 import pytest
 
-from besman.config_file import parse_config
+from besman.config.yaml_file import parse_config
 from besman.exceptions import ConfigError, LabellingError
-from besman.labelling.marker_set import MarkerSet, load_marker_set, normalise_name
+from besman.person.marker_set import MarkerSet, load_marker_set, normalise_name
 
 CONTENT = {
     "name": "arm",

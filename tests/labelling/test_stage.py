@@ -5,14 +5,14 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from besman.config.stage import Work
 from besman.exceptions import LabellingError
-from besman.gaps import find_runs
-from besman.io.recordings import find_recordings, read_recording
-from besman.labelling.marker_set import MarkerSet, load_marker_set
-from besman.labelling.results import label_results
-from besman.labelling.stage import LabelConfig
+from besman.geometry.gaps import find_runs
+from besman.io.recordings.formats import find_recordings, read_recording
+from besman.person.marker_set import MarkerSet, load_marker_set
 from besman.records import Recording
-from besman.stage import Work
+from besman.stages.label.results import label_results
+from besman.stages.label.stage import LabelConfig
 
 REAL = Path(
     os.environ.get("BESMAN_REAL_DATA", Path(__file__).parents[2].parent / "shared" / "data")

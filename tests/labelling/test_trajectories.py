@@ -5,13 +5,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from besman.exceptions import LabellingError
-from besman.labelling.marker_set import MarkerSet
-from besman.labelling.record import NamedRecording
-from besman.labelling.results import label_results
-from besman.labelling.stage import LabelTrajectoriesConfig
-from besman.labelling.trajectories import learn_from_recording, name_trajectories
-from besman.record_files import load_record, save_record
+from besman.person.marker_set import MarkerSet
 from besman.records import Recording
+from besman.records.files import load_record, save_record
+from besman.stages.label.named_recording import NamedRecording
+from besman.stages.label.results import label_results
+from besman.stages.label.stage import LabelTrajectoriesConfig
+from besman.stages.label.trajectories import learn_from_recording, name_trajectories
 
 
 @pytest.fixture(scope="module")

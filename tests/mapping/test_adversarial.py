@@ -6,11 +6,11 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from besman.frames import rotation_to_quaternion
-from besman.mapping.demonstration import MappingSettings, map_one
+from besman.geometry.frames import rotation_to_quaternion
 from besman.records import HandTrajectory
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.model import load_robot
+from besman.stages.map.demonstration import MappingSettings, map_one
 
 ROBOTS = {name: load_robot(name, "gripper") for name in ("ur5", "iiwa7", "compi")}
 KINDS = ("line", "rush", "step", "spike", "constant", "noise", "outside", "turn", "flip")

@@ -7,18 +7,19 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from besman.config_file import parse_config
+from besman.config.stage import Work
+from besman.config.yaml_file import parse_config
 from besman.exceptions import ConfigError, MappingError
-from besman.frames import rotation_to_quaternion
-from besman.mapping.demonstration import place_target, pose_errors, tool_poses
-from besman.mapping.placement import ArmPaths, PlacementSearch, find_placement
-from besman.mapping.placement_cost import pose_of
-from besman.mapping.stage import MapConfig, SelectConfig, map_results
-from besman.mapping.terms import TermWeights, path_terms
+from besman.geometry.frames import rotation_to_quaternion
 from besman.records import Failure, HandTrajectory, LabelledSegments
 from besman.robot.limits import check_limits, resample
 from besman.robot.model import load_robot
-from besman.stage import Work
+from besman.stages.map.demonstration import place_target, pose_errors, tool_poses
+from besman.stages.map.placement import ArmPaths, PlacementSearch, find_placement
+from besman.stages.map.placement_cost import pose_of
+from besman.stages.map.stage import MapConfig, map_results
+from besman.stages.map.terms import TermWeights, path_terms
+from besman.stages.select.stage import SelectConfig
 
 ROBOT = load_robot("ur5", "stick_holder")
 QUICK = MapConfig(free_axis_spin=True, evaluations=40)
@@ -210,7 +211,7 @@ REAL = Path(
 def test_real_reaching_movements_are_transferred():
     from scipy.interpolate import CubicSpline
 
-    from besman.io.qtm_tsv import read_tsv
+    from besman.io.recordings.qtm_tsv import read_tsv
     from besman.io.segments_json import find_segments, read_segments
     from besman.records import LabelledRecording
 

@@ -7,12 +7,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from besman.exceptions import MappingError
-from besman.frames import quaternion_to_rotation
-from besman.mapping.body_points import GapLimits
-from besman.mapping.record import map_record
-from besman.mapping.stage import SelectConfig
+from besman.geometry.frames import quaternion_to_rotation
 from besman.records import LabelledRecording, LabelledSegments
-from besman.work import Notes, Work
+from besman.stages.select.body_points import GapLimits
+from besman.stages.select.hand_trajectory import map_record
+from besman.stages.select.stage import SelectConfig
+from besman.work.outcome import Notes
+from besman.work.work import Work
 
 RATE = 200.0
 BACK = ("back_top", "back_left", "back_right")

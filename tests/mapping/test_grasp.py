@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from besman.config_file import parse_config
+from besman.config.yaml_file import parse_config
 from besman.exceptions import ConfigError
-from besman.frames import hand_frame, rotation_to_quaternion
-from besman.mapping.demonstration import tool_poses
-from besman.mapping.record import map_record
-from besman.mapping.stage import SelectConfig
+from besman.geometry.frames import hand_frame, rotation_to_quaternion
 from besman.records import HandTrajectory, LabelledRecording
 from besman.robot.model import load_robot
+from besman.stages.map.demonstration import tool_poses
+from besman.stages.select.hand_trajectory import map_record
+from besman.stages.select.stage import SelectConfig
 
 ROBOT = load_robot("ur5", "stick_holder")
 BALL_M = (0.05, -0.02, -0.07)

@@ -3,9 +3,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from besman.mapping.joint_spline import fit_spline
 from besman.robot.limits import resample
 from besman.robot.model import load_robot
+from besman.stages.map.joint_spline import fit_spline
 
 
 @given(seed=st.integers(0, 10_000), n_samples=st.integers(3, 120), start=st.floats(-1.0, 1.0))

@@ -8,10 +8,10 @@ import scipy.sparse as sp
 from scipy.interpolate import BSpline
 
 from besman.exceptions import MappingError
-from besman.mapping import limit_program
-from besman.mapping.joint_spline import DEGREE, fit_spline
-from besman.mapping.limit_program import ChangeMetric, LimitProgram, get_program
 from besman.robot.model import load_robot
+from besman.stages.map import limit_program
+from besman.stages.map.joint_spline import DEGREE, fit_spline
+from besman.stages.map.limit_program import ChangeMetric, LimitProgram, get_program
 
 LIMITS = load_robot("compi", "none").limits
 N = len(LIMITS.velocity)

@@ -3,11 +3,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from besman.mapping.joint_spline import DEGREE, fit_spline
-from besman.mapping.path_change import PathChange, shorten, smallest_change, torque_rows
-from besman.mapping.time_scaling import ChangeTolerance, needed_stretch, torque_stretch
 from besman.robot.dynamics import inverse_dynamics
 from besman.robot.model import load_robot
+from besman.stages.map.joint_spline import DEGREE, fit_spline
+from besman.stages.map.needed_stretch import ChangeTolerance, needed_stretch, torque_stretch
+from besman.stages.map.path_change import PathChange, shorten, smallest_change, torque_rows
 
 ROBOT = load_robot("iiwa7", "stick_holder")
 TIME = np.linspace(0, 0.5, 51)

@@ -1,20 +1,15 @@
 import numpy as np
 import pytest
 
-from besman.config_file import parse_config
+from besman.config.stage import Work
+from besman.config.yaml_file import parse_config
 from besman.exceptions import ConfigError
-from besman.mapping.demonstration import tool_poses
-from besman.mapping.placement import (
-    ArmPaths,
-    PlacementSearch,
-    correct_placement,
-    find_placement,
-)
-from besman.mapping.placement_cost import scale_about
-from besman.mapping.stage import MapConfig, map_results
 from besman.records import HandTrajectory
 from besman.robot.model import load_robot
-from besman.stage import Work
+from besman.stages.map.demonstration import tool_poses
+from besman.stages.map.placement import ArmPaths, PlacementSearch, correct_placement, find_placement
+from besman.stages.map.placement_cost import scale_about
+from besman.stages.map.stage import MapConfig, map_results
 
 ROBOT = load_robot("ur5", "gripper")
 LOOKING_DOWN = np.array([0.5, -0.5, 0.5, 0.5])

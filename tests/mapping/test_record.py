@@ -3,10 +3,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from besman.exceptions import MappingError
-from besman.frames import quaternion_to_rotation
-from besman.mapping.flight import object_touchdown
-from besman.mapping.record import map_record, select_segments
+from besman.geometry.frames import quaternion_to_rotation
 from besman.records import LabelledRecording, LabelledSegments
+from besman.stages.select.flight import object_touchdown
+from besman.stages.select.hand_trajectory import map_record, select_segments
 
 RATE = 200.0
 HAND = {"hand_top": [0.04, 0, 0], "hand_left": [-0.02, 0.03, 0], "hand_right": [-0.02, -0.03, 0]}

@@ -3,7 +3,7 @@ import threading
 import numpy as np
 import pytest
 
-from besman.mapping.search import OPTIMIZERS, make_search
+from besman.search.in_a_box import OPTIMIZERS, make_search
 
 LOW, HIGH = np.full(3, -4.0), np.full(3, 4.0)
 BEST = np.array([1.0, -2.0, 0.5])

@@ -6,17 +6,13 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from besman.exceptions import MappingError
-from besman.mapping import limit_program, path_change
-from besman.mapping.joint_spline import fit_spline
-from besman.mapping.time_scaling import (
-    ChangeTolerance,
-    needed_stretch,
-    scale_path,
-    torque_stretch,
-)
 from besman.robot.dynamics import inverse_dynamics
 from besman.robot.limits import check_limits, resample
 from besman.robot.model import load_robot
+from besman.stages.map import limit_program, path_change
+from besman.stages.map.joint_spline import fit_spline
+from besman.stages.map.needed_stretch import ChangeTolerance, needed_stretch, torque_stretch
+from besman.stages.map.time_scaling import scale_path
 
 ROBOTS = {name: load_robot(name) for name in ("ur5", "iiwa7", "compi")}
 UR5 = ROBOTS["ur5"]
@@ -164,7 +160,7 @@ def test_a_change_into_a_collision_is_not_taken(monkeypatch):
     plain = scale_path(UR5, time, path, tolerance=PLAIN)
     assert scale_path(UR5, time, path).stretch < plain.stretch
     distances = iter([-0.1, 0.1])
-    monkeypatch.setattr("besman.mapping.time_scaling.distances", lambda *_: next(distances))
+    monkeypatch.setattr("besman.stages.map.time_scaling.distances", lambda *_: next(distances))
     assert scale_path(UR5, time, path).stretch == plain.stretch
 
 

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from besman.exceptions import MappingError, RobotError
-from besman.mapping.demonstration import MappingSettings
-from besman.mapping.two_arms import arms_distance, map_two_arms
 from besman.records import HandTrajectory
 from besman.robot.collision import distances_between, place_capsules
 from besman.robot.kinematics import fill_frames
 from besman.robot.limits import check_limits, resample
 from besman.robot.model import load_robot
+from besman.stages.map.demonstration import MappingSettings
+from besman.stages.map.two_arms import arms_distance, map_two_arms
 
 RIGHT, LEFT = load_robot("rh5_right"), load_robot("rh5_left")
 QUICK = MappingSettings(evaluations=40)

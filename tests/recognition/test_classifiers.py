@@ -9,9 +9,9 @@ from besman.exceptions import RecognitionError
 
 
 def estimators():
-    from besman.recognition.hmm import HmmClassifier
-    from besman.recognition.lstm import LstmClassifier
-    from besman.recognition.neighbours import DtwNeighbour, NearestNeighbours
+    from besman.classifiers.hmm import HmmClassifier
+    from besman.classifiers.lstm import LstmClassifier
+    from besman.classifiers.neighbours import DtwNeighbour, NearestNeighbours
 
     return {
         "sklearn": NearestNeighbours(),
@@ -79,7 +79,7 @@ def test_probabilities_sum_to_one_with_one_example_a_class(library):
 
 def test_more_states_than_points_leave_a_proper_model():
     pytest.importorskip("hmmlearn")
-    from besman.recognition.hmm import HmmClassifier
+    from besman.classifiers.hmm import HmmClassifier
 
     X, y = waves(2, n_points=4)
     learnt = HmmClassifier(n_channels=2, n_states=10).fit(X, y)
@@ -89,7 +89,7 @@ def test_more_states_than_points_leave_a_proper_model():
 
 def test_warped_distances_are_those_of_dynamic_programming():
     pytest.importorskip("tslearn")
-    from besman.recognition.neighbours import DtwNeighbour
+    from besman.classifiers.neighbours import DtwNeighbour
 
     rng = np.random.default_rng(3)
     X = rng.normal(size=(4, 12))
@@ -108,14 +108,14 @@ def test_warped_distances_are_those_of_dynamic_programming():
 
 def test_values_that_make_no_whole_points_are_refused():
     pytest.importorskip("tslearn")
-    from besman.recognition.neighbours import DtwNeighbour
+    from besman.classifiers.neighbours import DtwNeighbour
 
     with pytest.raises(ValueError, match="got 5 values a sequence, expected a multiple of n_chann"):
         DtwNeighbour(n_channels=2).fit(np.zeros((2, 5)), ["a", "b"])
 
 
 def test_a_library_that_is_not_there_is_named(monkeypatch):
-    from besman.recognition import lstm
+    from besman.classifiers import lstm
 
     real = importlib.import_module
 

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
+from besman.classifiers.draw_examples import draw_examples
 from besman.exceptions import RecognitionError
-from besman.recognition.examples import draw_examples
 
 LABELS = ["b"] * 10 + ["a"] * 3 + ["c"] * 7
 

@@ -5,8 +5,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from besman.exceptions import RecognitionError
-from besman.recognition.features import FEATURE_NAMES, count_channels, extract_features
 from besman.records import LabelledRecording
+from besman.stages.recognize.features import FEATURE_NAMES, count_channels, extract_features
 
 MARKERS = ("hand_top", "elbow", "shoulder")
 OBJECTS = ("box_back", "box_left")

@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 from besman.exceptions import RecognitionError
-from besman.recognition.model import (
+from besman.records import LabelledRecording, Segments
+from besman.stages.recognize.model import (
     Examples,
     Recipe,
     classify_features,
     fit_model,
     name_segments,
 )
-from besman.recognition.stage import CONFIGS, RecognizeConfig
-from besman.records import LabelledRecording, Segments
+from besman.stages.recognize.stage import CONFIGS, RecognizeConfig
 
 RECIPE = Recipe(("speeds",), ("hand_top",), (), 4)
 METHODS = {"nearest_neighbour": "sklearn", "dtw": "tslearn", "hmm": "hmmlearn", "lstm": "torch"}

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from besman.exceptions import RecognitionError
-from besman.recognition.model import name_segments
-from besman.recognition.model_files import load_model, save_model
-from besman.recognition.stage import CONFIGS, RecognizeConfig
-from besman.record_files import save_record
+from besman.records.files import save_record
+from besman.stages.recognize.model import name_segments
+from besman.stages.recognize.model_files import load_model, save_model
+from besman.stages.recognize.stage import CONFIGS, RecognizeConfig
 
 METHODS = {"nearest_neighbour": "sklearn", "dtw": "tslearn", "hmm": "hmmlearn", "lstm": "torch"}
 

@@ -2,13 +2,8 @@ import numpy as np
 import pytest
 from sklearn.neighbors import KNeighborsClassifier
 
+from besman.classifiers.nearest_neighbour import classify, fit_scale, fit_spread, scale
 from besman.exceptions import RecognitionError
-from besman.recognition.nearest_neighbour import (
-    classify,
-    fit_scale,
-    fit_spread,
-    scale,
-)
 
 
 def test_labels_and_distances_are_those_of_a_second_library():

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from besman.recognition.novelty import distances, fit_threshold, measure_novelty
+from besman.classifiers.novelty import distances, fit_threshold, measure_novelty
 
 
 def test_the_threshold_lies_between_what_is_known_and_what_is_outside():

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from besman.exceptions import RecognitionError
-from besman.recognition.model import Recipe, RecognitionModel
-from besman.recognition.scores import score_labels
 from besman.records import LabelledSegments
+from besman.stages.recognize.model import Recipe, RecognitionModel
+from besman.stages.recognize.scores import score_labels
 
 
 def segments(*rows, source="a.tsv"):

@@ -3,7 +3,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
 
-from besman.recognition.splines import resample
+from besman.stages.recognize.splines import resample
 
 
 @settings(max_examples=50, deadline=None)

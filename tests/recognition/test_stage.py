@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from besman.config.stage import Work
 from besman.exceptions import RecognitionError
-from besman.recognition.features import count_channels
-from besman.recognition.scores import score_labels
-from besman.recognition.stage import RecognizeConfig
 from besman.records import LabelledRecording, LabelledSegments, Segments
-from besman.stage import Work
+from besman.stages.recognize.features import count_channels
+from besman.stages.recognize.scores import score_labels
+from besman.stages.recognize.stage import RecognizeConfig
 
 REAL_DATA = Path(os.environ.get("BESMAN_REAL_DATA", Path(__file__).parents[3] / "shared" / "data"))
 NAMES = (
@@ -188,7 +188,7 @@ def real():
     folder = REAL_DATA / "pick_and_place"
     if not folder.is_dir():
         pytest.skip(f"no real recordings in {folder}; set BESMAN_REAL_DATA")
-    from besman.io.qtm_tsv import read_tsv
+    from besman.io.recordings.qtm_tsv import read_tsv
     from besman.io.segments_json import read_segments, segments_path
 
     recordings, truth = [], []

@@ -7,10 +7,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from besman.exceptions import RecognitionError
-from besman.recognition.examples import find_candidates
-from besman.recognition.features import FEATURE_NAMES, count_channels, extract_features
-from besman.recognition.stage import RecognizeConfig
 from besman.records import LabelledRecording, LabelledSegments
+from besman.stages.recognize.examples import find_candidates
+from besman.stages.recognize.features import FEATURE_NAMES, count_channels, extract_features
+from besman.stages.recognize.stage import RecognizeConfig
 
 BACK = ("back_top", "back_left", "back_right")
 ARM = ("shoulder", "elbow", "hand_top", "hand_left", "hand_right")

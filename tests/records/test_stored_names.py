@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from besman import record_files
-from besman.record_files import load_record, save_record
 from besman.records import Record
+from besman.records import files as record_files
+from besman.records.files import load_record, save_record
 
 WRITTEN = sorted((Path(__file__).parent / "written_by_58ea6d7").glob("*.npz"))
 

@@ -8,14 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from besman.record_files import save_record
-from besman.refinement.checkpoint import Checkpoint, Generation
-from besman.refinement.methods import METHODS
-from besman.refinement.stage import RefineConfig
-from besman.run import Run
-from besman.simulation.tasks import load_task
+from besman.pipeline.run_folder import Run
+from besman.records.files import save_record
+from besman.simulation.tasks.kinds import load_task
 from besman.simulation.trial import Trial
-from besman.work import Work
+from besman.stages.refine.checkpoint import Checkpoint, Generation
+from besman.stages.refine.methods import METHODS
+from besman.stages.refine.stage import RefineConfig
+from besman.work.work import Work
 
 THROW = load_task("stick_throw")
 FAR = np.array([5.0, 0, 0])
@@ -40,7 +40,7 @@ def assert_same(one, two):
 def config_of(method, **more):
     from pydantic import TypeAdapter
 
-    from besman.refinement.methods import RefineStage
+    from besman.stages.refine.methods import RefineStage
 
     return TypeAdapter(RefineStage).validate_python({"method": method, "episodes": 40, **more})
 
@@ -95,7 +95,7 @@ def test_an_ended_search_goes_on_as_if_it_had_not_been(robot, make_plan, tmp_pat
 def test_what_is_finished_is_not_tried_again(robot, make_plan, tmp_path, monkeypatch):
     plans, config = (make_plan(0.54, target=FAR),), config_of("cma_es")
     (whole,) = refined(config, plans, robot, tmp_path)
-    from besman.refinement import pool
+    from besman.stages.refine import search_loop as pool
 
     monkeypatch.setattr(pool.Pursuit, "advance", lambda self: pytest.fail("tried again"))
     (again,) = refined(config, plans, robot, tmp_path)
@@ -157,11 +157,11 @@ SCRIPT = """
 import sys
 from pathlib import Path
 
-from besman.record_files import load_record
-from besman.refinement.stage import RefineConfig
+from besman.records.files import load_record
+from besman.stages.refine.stage import RefineConfig
 from besman.robot.model import load_robot
-from besman.run import Run
-from besman.simulation.tasks import load_task
+from besman.pipeline.run_folder import Run
+from besman.simulation.tasks.kinds import load_task
 
 plans, folder = load_record(Path(sys.argv[1])), Path(sys.argv[2])
 robot, task = load_robot("ur5", "stick_holder"), load_task("stick_throw")

@@ -1,6 +1,6 @@
 import numpy as np
 
-from besman.refinement.cma_es import CmaEs
+from besman.search.cma_es import CmaEs
 
 
 def minimise(function, search, generations):

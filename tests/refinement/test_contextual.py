@@ -5,19 +5,15 @@ from hypothesis import strategies as st
 from scipy.optimize import approx_fprime
 
 from besman.exceptions import RefinementError
-from besman.refinement.contextual_cma_es import (
+from besman.search.contextual_cma_es import (
     ContextualCmaEs,
     advantages,
     rank_weights,
     usual_population,
 )
-from besman.refinement.contextual_reps import (
-    ContextualReps,
-    contextual_dual,
-    contextual_weights,
-)
-from besman.refinement.reps import Reps, reps_weights
-from besman.refinement.upper_level import context_features, first_policy
+from besman.search.contextual_reps import ContextualReps, contextual_dual, contextual_weights
+from besman.search.reps import Reps, reps_weights
+from besman.search.upper_level import context_features, first_policy
 
 REGION = (np.ones(2), np.full(2, 2.0))
 N = 20

@@ -6,11 +6,11 @@ from scipy.optimize import approx_fprime
 from scipy.special import softmax
 
 from besman.exceptions import RefinementError
-from besman.refinement.cem import Cem
-from besman.refinement.cma_es import CmaEs
-from besman.refinement.gaussian import weighted_covariance
-from besman.refinement.pi2 import Pi2, Pi2Cma, path_weights
-from besman.refinement.reps import Reps, reps_dual, reps_weights
+from besman.search.cem import Cem
+from besman.search.cma_es import CmaEs
+from besman.search.gaussian import weighted_covariance
+from besman.search.pi2 import Pi2, Pi2Cma, path_weights
+from besman.search.reps import Reps, reps_dual, reps_weights
 
 N = 20
 SEARCHES = {

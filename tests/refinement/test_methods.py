@@ -5,11 +5,11 @@ import pytest
 from pydantic import TypeAdapter, ValidationError
 
 from besman.exceptions import RefinementError
-from besman.refinement.methods import METHODS, RefineStage
-from besman.refinement.stage import RefineConfig
-from besman.simulation.tasks import load_task
+from besman.simulation.tasks.kinds import load_task
 from besman.simulation.trial import try_plans
-from besman.work import Work
+from besman.stages.refine.methods import METHODS, RefineStage
+from besman.stages.refine.stage import RefineConfig
+from besman.work.work import Work
 
 THROW = load_task("stick_throw")
 parse = TypeAdapter(RefineStage).validate_python

@@ -7,21 +7,21 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from besman.frames import rotation_to_quaternion
-from besman.imitation.cartesian_dmp import fit_poses
-from besman.imitation.dmp import roll_out
-from besman.imitation.movement import roll_out_plans, sample_plan
-from besman.imitation.velocity_dmp import fit_velocity_weights
+from besman.geometry.frames import rotation_to_quaternion
+from besman.geometry.quaternions import conjugate, multiply, rotation_vector
 from besman.io.exports import read_joint_csv
-from besman.motion_exports import write_exports
-from besman.quaternions import conjugate, multiply, rotation_vector
+from besman.motion.cartesian_dmp import fit_poses
+from besman.motion.dmp import roll_out
+from besman.motion.rollout import roll_out_plans, sample_plan
+from besman.motion.velocity_dmp import fit_velocity_weights
 from besman.records import CartesianPlan, MotionPlan
-from besman.refinement.plan_space import CartesianPlanSpace, PlanSpace, Units, plan_space
-from besman.refinement.stage import RefineConfig
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.limits import check_limits
-from besman.simulation.tasks import load_task
+from besman.simulation.tasks.kinds import load_task
 from besman.simulation.trial import try_plans
+from besman.stages.export.motion_exports import write_exports
+from besman.stages.refine.plan_space import CartesianPlanSpace, PlanSpace, Units, plan_space
+from besman.stages.refine.stage import RefineConfig
 
 ALL = ("start", "goal", "duration", "weights")
 KINDS = ("joint_dmp_velocity", "cartesian_dmp")

@@ -5,10 +5,10 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from besman.imitation.dmp import fit_weights, roll_out
-from besman.imitation.movement import least_duration
-from besman.refinement.plan_space import PlanSpace, Units
+from besman.motion.dmp import fit_weights, roll_out
+from besman.motion.rollout import least_duration
 from besman.robot.limits import check_limits
+from besman.stages.refine.plan_space import PlanSpace, Units
 
 ALL = ("start", "goal", "duration", "weights")
 

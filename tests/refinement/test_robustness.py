@@ -1,15 +1,15 @@
 import numpy as np
 import pytest
 
-from besman.record_files import load_record, save_record
-from besman.refinement.robustness import Robustness, RobustnessConfig, robustness_results
-from besman.refinement.stage import RefineConfig
+from besman.config.stage import Work
+from besman.records.files import load_record, save_record
 from besman.report.robustness import ROBUSTNESS_HEADER, robustness_cells, robustness_table
 from besman.report.terminal import robustness_line
 from besman.simulation.perturbation import Spreads
-from besman.simulation.tasks import load_task
+from besman.simulation.tasks.kinds import load_task
 from besman.simulation.trial import try_plans
-from besman.stage import Work
+from besman.stages.refine.robustness import Robustness, RobustnessConfig, robustness_results
+from besman.stages.refine.stage import RefineConfig
 
 THROW = load_task("stick_throw")
 NONE = dict.fromkeys(Spreads.model_fields, 0.0)

@@ -3,16 +3,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from besman.config.stage import Work
 from besman.exceptions import RefinementError
-from besman.refinement.stage import RefineConfig, refine_results
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.limits import LimitReport, check_limits
 from besman.robot.model import load_robot
 from besman.robot.mujoco_model import matrix_to_quaternion
 from besman.simulation.perturbed_trials import finer_task
-from besman.simulation.tasks import load_task
+from besman.simulation.tasks.kinds import load_task
 from besman.simulation.trial import try_plans
-from besman.stage import Work
+from besman.stages.refine.stage import RefineConfig, refine_results
 
 THROW, REACH = load_task("stick_throw"), load_task("reach")
 
@@ -74,7 +74,7 @@ def test_a_success_beyond_a_limit_is_none(robot, make_plan, monkeypatch):
     # A search that misses a violation between the samples it looks at.
     monkeypatch.setattr("besman.simulation.trial._CLEARANCE_M", -1.0)
     monkeypatch.setattr(
-        "besman.refinement.quest.check_limits",
+        "besman.stages.refine.motion_search.check_limits",
         lambda *_: LimitReport(1, 0, 0, 0, 1, 0.0, 0.5, 0.5, -0.001),
     )
     plan = make_plan(0.54)
@@ -94,7 +94,9 @@ def test_a_success_of_the_usual_time_step_alone_is_none(robot, make_plan, monkey
     # A finer simulation in which the target is missed, though by little.
     radius = THROW.success.model_copy(update={"success_radius_m": 1e-9})
     exact = THROW.model_copy(update={"success": radius})
-    monkeypatch.setattr("besman.refinement.quest.finer_task", lambda _: finer_task(exact))
+    monkeypatch.setattr(
+        "besman.stages.refine.motion_search.finer_task", lambda _: finer_task(exact)
+    )
     plan = make_plan(0.54)
     usual, fine = (try_plans(robot, one, [plan])[0] for one in (THROW, finer_task(THROW)))
     (motion,) = RefineConfig(episodes=1).run((replace(plan, target=usual.outcome),), robot, THROW)

@@ -6,9 +6,9 @@ from scipy import stats
 from scipy.special import logsumexp
 
 from besman.exceptions import SegmentationError
-from besman.segmentation.bp_ar_hmm import BpArHmmSampler, infer_shared_states
-from besman.segmentation.bp_ar_hmm_prior import BpArHmmPrior
-from besman.segmentation.hmm_kernel import draw_states, filter_states
+from besman.stages.segment.bp_ar_hmm import BpArHmmSampler, infer_shared_states
+from besman.stages.segment.bp_ar_hmm_prior import BpArHmmPrior
+from besman.stages.segment.hmm_kernel import draw_states, filter_states
 
 WEIGHTS = (
     np.array([[0.99, 0.1], [-0.1, 0.99]]),

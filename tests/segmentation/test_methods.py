@@ -4,16 +4,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from besman.config_file import parse_config
+from besman.config.yaml_file import parse_config
 from besman.exceptions import ConfigError, SegmentationError
-from besman.inputs import read_inputs
-from besman.labelling.marker_set import load_marker_set
-from besman.labelling.stage import LabelConfig
-from besman.pipeline import PipelineConfig
+from besman.person.marker_set import load_marker_set
+from besman.pipeline.config import PipelineConfig
 from besman.records import LabelledRecording
-from besman.segmentation.methods import CONFIGS, DEFAULT_METHOD
-from besman.segmentation.scores import mean_score
-from besman.segmentation.stage import SegmentConfig, ValleyVmciConfig, VmciOnlineConfig
+from besman.stages.label.stage import LabelConfig
+from besman.stages.read.read_inputs import read_inputs
+from besman.stages.segment.methods import CONFIGS, DEFAULT_METHOD
+from besman.stages.segment.scores import mean_score
+from besman.stages.segment.stage import SegmentConfig, ValleyVmciConfig, VmciOnlineConfig
 
 REAL_DATA = Path(os.environ.get("BESMAN_REAL_DATA", Path(__file__).parents[3] / "shared" / "data"))
 EXACT = (ValleyVmciConfig, SegmentConfig, VmciOnlineConfig)

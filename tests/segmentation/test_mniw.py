@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from besman.segmentation.mniw import Mniw, log_likelihoods
+from besman.stages.segment.mniw import Mniw, log_likelihoods
 
 
 def make(d, seed=0):

@@ -6,8 +6,8 @@ from scipy import stats
 from scipy.special import logsumexp
 
 from besman.exceptions import SegmentationError
-from besman.segmentation import probs
-from besman.segmentation.probs import segment_with_primitives
+from besman.stages.segment import probs
+from besman.stages.segment.probs import segment_with_primitives
 
 POINTS = np.array([[0.0, 0.0], [1.0, 0.2], [0.3, 1.0], [0.0, 0.0]])
 

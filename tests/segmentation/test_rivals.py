@@ -5,10 +5,10 @@ from hypothesis import strategies as st
 
 from besman.exceptions import SegmentationError
 from besman.records import LabelledRecording
-from besman.segmentation.locmin import find_speed_minima
-from besman.segmentation.mci import find_position_changes
-from besman.segmentation.rivals import BpArHmmConfig, LocminConfig, MciConfig, ProbsConfig
-from besman.segmentation.vmci_plain import find_change_points_plainly
+from besman.stages.segment.locmin import find_speed_minima
+from besman.stages.segment.mci import find_position_changes
+from besman.stages.segment.rivals import BpArHmmConfig, LocminConfig, MciConfig, ProbsConfig
+from besman.stages.segment.vmci_plain import find_change_points_plainly
 from besman.synthetic.sequenced_dmps import generate
 
 CONFIGS = (MciConfig(), LocminConfig(), BpArHmmConfig(sweeps=10), ProbsConfig(most_primitives=2))
@@ -72,7 +72,7 @@ def test_what_every_rival_does(config):
     assert all(
         a.bounds.tobytes() == b.bounds.tobytes() for a, b in zip(segments, again, strict=True)
     )
-    from besman.stage import Work
+    from besman.config.stage import Work
 
     config.run(recordings, Work(progress=shares.append))
     assert shares[-1] == 1.0

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from besman.exceptions import SegmentationError
 from besman.records import LabelledSegments, Segments
-from besman.segmentation.scores import manual_borders, match_borders, mean_score, score_borders
+from besman.stages.segment.scores import manual_borders, match_borders, mean_score, score_borders
 
 
 def found(borders, rate_hz=10.0, source="a.tsv"):

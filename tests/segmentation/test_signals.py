@@ -4,12 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from besman.segmentation.signals import (
-    measure_scaling,
-    pool_scalings,
-    prepare_signals,
-    resample,
-)
+from besman.stages.segment.signals import measure_scaling, pool_scalings, prepare_signals, resample
 
 
 def make_path(seed=0, n_samples=80, m=1):

@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from besman.exceptions import LabellingError, SegmentationError
 from besman.records import LabelledRecording, LabelledSegments
-from besman.segmentation.scores import manual_borders, mean_score
-from besman.segmentation.stage import SegmentConfig
+from besman.stages.segment.scores import manual_borders, mean_score
+from besman.stages.segment.stage import SegmentConfig
 
 REAL_DATA = Path(os.environ.get("BESMAN_REAL_DATA", Path(__file__).parents[3] / "shared" / "data"))
 
@@ -127,7 +127,7 @@ def test_config_is_checked():
 
 
 def test_progress_is_reported():
-    from besman.stage import Work
+    from besman.config.stage import Work
 
     shares = []
     SegmentConfig().run((record(reach()[0]),) * 2, work=Work(progress=shares.append))
@@ -139,7 +139,7 @@ def real():
     folder = REAL_DATA / "pick_and_place"
     if not folder.is_dir():
         pytest.skip(f"no real recordings in {folder}; set BESMAN_REAL_DATA")
-    from besman.io.qtm_tsv import read_tsv
+    from besman.io.recordings.qtm_tsv import read_tsv
     from besman.io.segments_json import read_segments, segments_path
 
     recordings, truth = [], []

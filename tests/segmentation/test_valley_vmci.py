@@ -7,11 +7,11 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from scipy.special import logsumexp
 
-from besman.segmentation.signals import prepare_signals, resample
-from besman.segmentation.span_kernel import evaluate_spans
-from besman.segmentation.valley_vmci import _search, _weigh, find_movements
-from besman.segmentation.vmci import VmciModel, tabulate_lengths
-from besman.segmentation.vmci_plain import evaluate_segments
+from besman.stages.segment.signals import prepare_signals, resample
+from besman.stages.segment.span_kernel import evaluate_spans
+from besman.stages.segment.valley_vmci import _search, _weigh, find_movements
+from besman.stages.segment.vmci import VmciModel, tabulate_lengths
+from besman.stages.segment.vmci_plain import evaluate_segments
 
 
 def reach(seed=0, n_moves=5, rate_hz=100.0, pause_s=0.0):

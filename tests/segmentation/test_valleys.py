@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from besman.segmentation.valleys import (
+from besman.stages.segment.valleys import (
     GRID_HZ,
     ValleyShape,
     find_valleys,

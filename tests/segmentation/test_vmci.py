@@ -8,8 +8,8 @@ from scipy.special import multigammaln
 from scipy.stats import multivariate_t
 
 from besman.exceptions import SegmentationError
-from besman.segmentation.vmci import VmciModel, find_change_points, merge_single_samples
-from besman.segmentation.vmci_plain import find_change_points_plainly
+from besman.stages.segment.vmci import VmciModel, find_change_points, merge_single_samples
+from besman.stages.segment.vmci_plain import find_change_points_plainly
 
 
 def make_walk(seed, n_samples, d=3, s=1):

@@ -4,10 +4,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from besman.exceptions import SegmentationError
-from besman.segmentation import vmci_online
-from besman.segmentation.signals import measure_scaling, prepare_signals, resample
-from besman.segmentation.vmci import find_change_points, merge_single_samples
-from besman.segmentation.vmci_online import OnlineVmci
+from besman.stages.segment import vmci_online
+from besman.stages.segment.signals import measure_scaling, prepare_signals, resample
+from besman.stages.segment.vmci import find_change_points, merge_single_samples
+from besman.stages.segment.vmci_online import OnlineVmci
 
 
 def walk(seed, n_samples, n_markers=1):

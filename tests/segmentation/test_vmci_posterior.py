@@ -5,7 +5,7 @@ import pytest
 from scipy.special import logsumexp, multigammaln
 
 from besman.exceptions import SegmentationError
-from besman.segmentation.vmci import VmciModel, find_change_points, weigh_borders
+from besman.stages.segment.vmci import VmciModel, find_change_points, weigh_borders
 
 
 def make_walk(seed, n_samples, d=3, s=1):

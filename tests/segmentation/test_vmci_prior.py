@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from besman.exceptions import SegmentationError
-from besman.segmentation.signals import prepare_signals
-from besman.segmentation.vmci import VmciModel, find_change_points
-from besman.segmentation.vmci_plain import find_change_points_plainly
+from besman.stages.segment.signals import prepare_signals
+from besman.stages.segment.vmci import VmciModel, find_change_points
+from besman.stages.segment.vmci_plain import find_change_points_plainly
 
 
 def make_signals(seed, n=40):

@@ -5,15 +5,15 @@ import numpy as np
 import pytest
 
 from besman.exceptions import RefinementError
-from besman.refinement.stage import RefineConfig
 from besman.robot.model import load_robot
 from besman.robot.mujoco_model import servo_controls
-from besman.simulation.ball_throw import ball_model
 from besman.simulation.episodes import Movements
 from besman.simulation.scenes import lay_in_tool
-from besman.simulation.tasks import load_task
-from besman.simulation.throwing import ballistic_touchdown
+from besman.simulation.tasks.ball_throw.ball_throw import ball_model
+from besman.simulation.tasks.kinds import load_task
+from besman.simulation.tasks.stick_throw.throwing import ballistic_touchdown
 from besman.simulation.trial import move, try_plans
+from besman.stages.refine.stage import RefineConfig
 
 TASK = load_task("ball_throw")
 ROBOT = load_robot("ur5", "scoop")

@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 
 from besman.robot.model import load_robot
-from besman.simulation import ball_throw, throw
-from besman.simulation.tasks import load_task
+from besman.simulation.tasks.ball_throw import ball_throw
+from besman.simulation.tasks.kinds import load_task
+from besman.simulation.tasks.stick_throw import throw
 
 SCENES = [
     ("stick_throw", "ur5", "stick_holder", throw, "throw_model"),

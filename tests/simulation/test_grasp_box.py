@@ -8,10 +8,10 @@ from besman.robot.kinematics import forward_kinematics
 from besman.robot.limits import check_limits
 from besman.robot.model import load_robot
 from besman.simulation.episodes import Movements
-from besman.simulation.grasp_scene import grasp_model
-from besman.simulation.gripper import GripperConfig, finger_controls
-from besman.simulation.lift import move_along, plan_lift
-from besman.simulation.tasks import load_task
+from besman.simulation.tasks.grasp_box.grasp_scene import grasp_model
+from besman.simulation.tasks.grasp_box.gripper import GripperConfig, finger_controls
+from besman.simulation.tasks.grasp_box.lift import move_along, plan_lift
+from besman.simulation.tasks.kinds import load_task
 from besman.simulation.trial import try_plans
 
 TASK = load_task("grasp_box")

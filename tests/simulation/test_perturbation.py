@@ -15,8 +15,8 @@ from besman.simulation.perturbation import (
     play,
 )
 from besman.simulation.perturbed_trials import finer_task, quarter_step_shift, try_perturbed
-from besman.simulation.tasks import load_task
-from besman.simulation.throw import throw_model
+from besman.simulation.tasks.kinds import load_task
+from besman.simulation.tasks.stick_throw.throw import throw_model
 from besman.simulation.trial import try_plans
 
 TASK = load_task("stick_throw")

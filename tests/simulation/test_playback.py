@@ -4,13 +4,13 @@ import mujoco
 import numpy as np
 import pytest
 
-from besman.refinement.stage import RefineConfig
+from besman.pictures.camera import frame_points
+from besman.pictures.scene_geoms import follow, scene_geoms
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.model import load_robot
-from besman.simulation.camera import frame_points
-from besman.simulation.scene_geoms import follow, scene_geoms
-from besman.simulation.tasks import load_task
+from besman.simulation.tasks.kinds import load_task
 from besman.simulation.trial import try_plans
+from besman.stages.refine.stage import RefineConfig
 
 THROW, REACH = load_task("stick_throw"), load_task("reach")
 

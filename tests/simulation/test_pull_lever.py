@@ -8,12 +8,12 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from besman.exceptions import RefinementError
-from besman.refinement.stage import RefineConfig
 from besman.robot.model import load_robot
 from besman.simulation.episodes import Movements
-from besman.simulation.lever_scene import find_hinge, lever_model
-from besman.simulation.tasks import load_task
+from besman.simulation.tasks.kinds import load_task
+from besman.simulation.tasks.pull_lever.lever_scene import find_hinge, lever_model
 from besman.simulation.trial import try_plans
+from besman.stages.refine.stage import RefineConfig
 
 TASK = load_task("pull_lever")
 

@@ -6,8 +6,8 @@ import pytest
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.model import load_robot
 from besman.robot.mujoco_model import matrix_to_quaternion
-from besman.simulation.reach import rotation_between, simulate_reaching
-from besman.simulation.tasks import load_task
+from besman.simulation.tasks.kinds import load_task
+from besman.simulation.tasks.reach.reach import rotation_between, simulate_reaching
 from besman.simulation.trial import move, try_plans
 
 TASK = load_task("reach")

@@ -2,10 +2,11 @@ import json
 
 import pytest
 
-from besman.check import check_pipeline
+from besman.config.resources import find_resource
 from besman.exceptions import ConfigError
-from besman.pipeline import load_pipeline, run_pipeline
-from besman.resources import find_resource
+from besman.pipeline.check import check_pipeline
+from besman.pipeline.config import load_pipeline
+from besman.pipeline.pipeline import run_pipeline
 
 RECIPES = ("compi_ball_throw", "iiwa7_grasp", "ur10_lever")
 

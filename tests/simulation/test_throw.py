@@ -4,9 +4,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from besman.simulation.episodes import Movements
-from besman.simulation.tasks import load_task
-from besman.simulation.throw import simulate_throws, throw_model
-from besman.simulation.throwing import ballistic_touchdown, flight
+from besman.simulation.tasks.kinds import load_task
+from besman.simulation.tasks.stick_throw.throw import simulate_throws, throw_model
+from besman.simulation.tasks.stick_throw.throwing import ballistic_touchdown, flight
 from besman.simulation.trial import move
 
 TASK = load_task("stick_throw")

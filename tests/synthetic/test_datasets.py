@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from besman import cli
+from besman.cli import main as cli
 from besman.exceptions import ConfigError, RecordingError
-from besman.io.recordings import find_recordings, read_recording
+from besman.io.recordings.formats import find_recordings, read_recording
 from besman.io.segments_json import find_segments, read_segments, read_throws
-from besman.manual_segments import LAYERS
+from besman.records.layers import LAYERS
 from besman.synthetic.cameras import Room
 from besman.synthetic.capture import truth_path
 from besman.synthetic.datasets import DATASETS, captures, write_synthetic

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from besman.exceptions import ConfigError
-from besman.frames import back_frame, hand_frame
+from besman.geometry.frames import back_frame, hand_frame
 from besman.synthetic.stick_throw import GRAVITY_MPS2, MARKERS, generate
 from besman.synthetic.throw_motion import STICK_AXIS_IN_HAND
 

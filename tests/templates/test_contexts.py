@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from besman.exceptions import RefinementError
-from besman.simulation.tasks import load_task
+from besman.simulation.tasks.kinds import load_task
 from besman.templates.contexts import (
     ObjectContext,
     TargetContext,
