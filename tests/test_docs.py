@@ -7,12 +7,11 @@ import json
 import re
 import sys
 from importlib import import_module
-from pathlib import Path
 
 import pytest
+from places import TOP
 from pydantic import BaseModel
 
-TOP = Path(__file__).parents[1]
 DOCS = TOP / "docs"
 PAGES = sorted(path for path in DOCS.rglob("*.md") if "_build" not in path.parts)
 NAME = re.compile(r"\bbesman(?:\.[A-Za-z_]\w*)+")

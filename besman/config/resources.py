@@ -4,7 +4,7 @@ from pathlib import Path
 
 from besman.exceptions import ConfigError, nearest
 
-_PACKAGE = Path(__file__).resolve().parent
+_PACKAGE = Path(__file__).resolve().parents[1]
 
 
 def resource_folder(kind: str) -> Path:

@@ -1,10 +1,9 @@
 import functools
 import json
-import os
-from pathlib import Path
 
 import numpy as np
 import pytest
+from places import REAL_DATA, SAMPLE
 from typer.testing import CliRunner
 
 from besman.cli.main import app
@@ -23,9 +22,6 @@ from besman.exceptions import ConfigError, RecordingError
 from besman.records import LabelledSegments
 from besman.stages.segment.methods import CONFIGS
 from besman.synthetic import sequenced_dmps
-
-REAL_DATA = Path(os.environ.get("BESMAN_REAL_DATA", Path(__file__).parents[3] / "shared" / "data"))
-SAMPLE = Path(__file__).parents[2] / "data" / "stick_throw"
 
 
 def labelled(bounds, labels, source="a.tsv"):

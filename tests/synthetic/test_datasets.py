@@ -1,10 +1,10 @@
 import hashlib
 import json
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
+from places import DATA
 
 from besman.cli import main as cli
 from besman.exceptions import ConfigError, RecordingError
@@ -16,8 +16,6 @@ from besman.synthetic.capture import truth_path
 from besman.synthetic.datasets import DATASETS, captures, write_synthetic
 from besman.synthetic.stick_throw import generate
 from besman.synthetic.two_arms import OBJECT_ROTATION_BLOCKS
-
-DATA = Path(__file__).parents[2] / "data"
 
 
 @pytest.mark.parametrize("folder", ["stick_throw", "stick_throw_unlabelled"])

@@ -15,7 +15,7 @@ from besman.io.recordings.c3d import read_c3d, write_c3d
 from besman.records import Recording
 
 REAL = Path(
-    os.environ.get("BESMAN_REAL_DATA", Path(__file__).parents[2].parent / "shared" / "data")
+    os.environ.get("BESMAN_REAL_DATA", Path(__file__).parents[3].parent / "shared" / "data")
 )
 RNG = np.random.default_rng(0)
 

@@ -1,15 +1,12 @@
 """A capture of a simulated arm that is known throughout."""
 
-from pathlib import Path
-
 import pytest
+from places import SAMPLE
 
 from besman.evaluation.degradation import GHOST, DegradeRecipe, degrade_recording
 from besman.io.recordings.formats import read_recording
 from besman.person.marker_set import load_marker_set
 from besman.records import Recording
-
-SAMPLE = Path(__file__).parents[2] / "data" / "stick_throw"
 
 
 class Unnamed:

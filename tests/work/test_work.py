@@ -2,10 +2,10 @@ import pickle
 import sys
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pytest
+from places import TESTS
 
 from besman.exceptions import BesmanError, MappingError, RobotError, RunError
 from besman.records import Failure, HandTrajectory
@@ -15,7 +15,7 @@ from besman.work.outcome import Notes
 from besman.work.work import Work
 from besman.work.workers import Workers
 
-sys.path.insert(0, str(Path(__file__).parent))
+sys.path.insert(0, str(TESTS))
 
 import worker_items
 

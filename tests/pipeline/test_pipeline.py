@@ -4,12 +4,12 @@ import hashlib
 import json
 import re
 import shutil
-from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
 from command_line import besman
+from places import TOP
 
 from besman.io.exports import read_joint_csv
 from besman.io.segments_json import read_throws
@@ -17,8 +17,7 @@ from besman.records.files import load_record
 from besman.robot.limits import check_limits, resample
 from besman.robot.model import load_robot
 
-ROOT = Path(__file__).parents[1]
-STICK_THROW = ROOT / "pipelines" / "ur5_stick_throw.yaml"
+STICK_THROW = TOP / "pipelines" / "ur5_stick_throw.yaml"
 
 
 def tree(folder):
@@ -73,7 +72,7 @@ def test_every_stage_did_its_work(finished):
 
 
 def test_every_figure_is_in_the_documentation(finished):
-    page = Path(__file__).parents[1] / "docs/reference/results.md"
+    page = TOP / "docs/reference/results.md"
     known = set(re.findall(r"`(\w+)`", page.read_text()))
     for stage, figures in results(finished).items():
         assert stage in known
@@ -267,7 +266,7 @@ def test_check_names_what_it_found(monkeypatch, capsys):
 def copy_pipeline(folder, **changes):
     """Write a changed copy of the pipeline; return its path."""
     content = yaml.safe_load(STICK_THROW.read_text())
-    content["recordings"] = str(ROOT / "data" / "stick_throw")
+    content["recordings"] = str(TOP / "data" / "stick_throw")
     for key, value in changes.items():
         content[key] = value
     path = folder / "p.yaml"
@@ -335,7 +334,7 @@ def unreachable(folder, capture):
 
 
 def limit_of_zero(folder, capture):
-    robot = (ROOT / "robots" / "ur5" / "robot.yaml").read_text().replace("name: ur5", "name: own")
+    robot = (TOP / "robots" / "ur5" / "robot.yaml").read_text().replace("name: ur5", "name: own")
     text = robot.replace("velocity_deg_s: 180", "velocity_deg_s: 0", 1)
     assert text != robot
     (folder / "robot.yaml").write_text(text)

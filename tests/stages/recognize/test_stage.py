@@ -1,8 +1,6 @@
-import os
-from pathlib import Path
-
 import numpy as np
 import pytest
+from places import REAL_DATA
 from pydantic import ValidationError
 
 from besman.config.stage import Work
@@ -12,7 +10,6 @@ from besman.stages.recognize.features import count_channels
 from besman.stages.recognize.scores import score_labels
 from besman.stages.recognize.stage import RecognizeConfig
 
-REAL_DATA = Path(os.environ.get("BESMAN_REAL_DATA", Path(__file__).parents[3] / "shared" / "data"))
 NAMES = (
     "back_top",
     "back_left",

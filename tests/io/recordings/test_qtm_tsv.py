@@ -12,7 +12,7 @@ from besman.io.recordings.qtm_tsv import read_tsv, write_tsv
 from besman.records import Recording
 
 REAL = Path(
-    os.environ.get("BESMAN_REAL_DATA", Path(__file__).parents[2].parent / "shared" / "data")
+    os.environ.get("BESMAN_REAL_DATA", Path(__file__).parents[3].parent / "shared" / "data")
 )
 
 HEADER = """NO_OF_FRAMES\t99

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from places import DATA
 
 from besman.exceptions import RecordingError
 from besman.io.recordings.c3d import write_c3d
@@ -43,7 +44,7 @@ def test_nothing_found(tmp_path):
 
 
 def test_read_recording_of_the_sample():
-    sample = Path(__file__).parents[2] / "data" / "stick_throw" / "subject1.tsv"
+    sample = DATA / "stick_throw" / "subject1.tsv"
     assert "Stick" in read_recording(sample).names
 
 

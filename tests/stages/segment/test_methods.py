@@ -1,8 +1,6 @@
-import os
-from pathlib import Path
-
 import numpy as np
 import pytest
+from places import REAL_DATA
 
 from besman.config.yaml_file import parse_config
 from besman.exceptions import ConfigError, SegmentationError
@@ -15,7 +13,6 @@ from besman.stages.segment.methods import CONFIGS, DEFAULT_METHOD
 from besman.stages.segment.scores import mean_score
 from besman.stages.segment.stage import SegmentConfig, ValleyVmciConfig, VmciOnlineConfig
 
-REAL_DATA = Path(os.environ.get("BESMAN_REAL_DATA", Path(__file__).parents[3] / "shared" / "data"))
 EXACT = (ValleyVmciConfig, SegmentConfig, VmciOnlineConfig)
 
 

@@ -3,6 +3,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from places import SAMPLE
 from pydantic import ValidationError
 
 from besman.config.stage import Work
@@ -15,9 +16,8 @@ from besman.stages.label.results import label_results
 from besman.stages.label.stage import LabelConfig
 
 REAL = Path(
-    os.environ.get("BESMAN_REAL_DATA", Path(__file__).parents[2].parent / "shared" / "data")
+    os.environ.get("BESMAN_REAL_DATA", Path(__file__).parents[3].parent / "shared" / "data")
 )
-SAMPLE = Path(__file__).parents[2] / "data" / "stick_throw"
 MARKERS = MarkerSet(
     name="two",
     markers={"elbow": (), "hand": ("Hand top",), "stick": ()},

@@ -1,11 +1,10 @@
-import os
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from places import REAL_DATA
 from pydantic import ValidationError
 from scipy.spatial.transform import Rotation
 
@@ -13,8 +12,6 @@ from besman.exceptions import LabellingError, SegmentationError
 from besman.records import LabelledRecording, LabelledSegments
 from besman.stages.segment.scores import manual_borders, mean_score
 from besman.stages.segment.stage import SegmentConfig
-
-REAL_DATA = Path(os.environ.get("BESMAN_REAL_DATA", Path(__file__).parents[3] / "shared" / "data"))
 
 
 def record(positions, rate_hz=60.0, first_frame=1):

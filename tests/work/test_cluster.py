@@ -9,10 +9,10 @@ import sys
 import time
 from contextlib import contextmanager
 from functools import partial
-from pathlib import Path
 
 import psutil
 import pytest
+from places import TESTS, TOP
 
 from besman.exceptions import RunError
 from besman.records import Failure
@@ -25,14 +25,13 @@ from besman.work.outcome import Notes
 from besman.work.work import Work
 from besman.work.workers import Workers
 
-sys.path.insert(0, str(Path(__file__).parent))
+sys.path.insert(0, str(TESTS))
 
 import worker_items
-from mapping.test_embodiment import throw
+from dart_throws import throw
 
 pytest.importorskip("distributed")
 
-HERE = Path(__file__).parent
 LOCAL = ("--host", "127.0.0.1", "--no-dashboard", "--dashboard-address", "127.0.0.1:0")
 ROBOT = load_robot("ur5", "stick_holder")
 QUICK = MapConfig(free_axis_spin=True, evaluations=10)
@@ -40,7 +39,7 @@ QUICK = MapConfig(free_axis_spin=True, evaluations=10)
 
 def start(part, folder, *options):
     command = [sys.executable, "-m", f"distributed.cli.dask_{part}", *LOCAL, *options]
-    path = os.pathsep.join([str(HERE), str(HERE.parent)])
+    path = os.pathsep.join([str(TESTS), str(TOP)])
     with (folder / f"{part}.log").open("a") as log:
         return subprocess.Popen(
             command, stdout=log, stderr=log, env={**os.environ, "PYTHONPATH": path}

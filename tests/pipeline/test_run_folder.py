@@ -102,7 +102,7 @@ def test_the_files_of_a_run(tmp_path):
 KILLED = """
     import os, signal, sys
     sys.path.insert(0, {tests!r})
-    import besman.records.files, besman.pipeline.run_folder, test_run
+    import besman.records.files, besman.pipeline.run_folder, test_run_folder
     from pathlib import Path
 
     if {when!r} == "while writing":
@@ -113,8 +113,8 @@ KILLED = """
     else:
         def run(self, segments, *, work):
             os.kill(os.getpid(), signal.SIGKILL)
-        test_run.Cut.run = run
-    test_run.two_stages(Path({folder!r}), second=5)
+        test_run_folder.Cut.run = run
+    test_run_folder.two_stages(Path({folder!r}), second=5)
 """
 
 

@@ -3,7 +3,7 @@ import pytest
 from besman.exceptions import ConfigError
 from besman.robot.model import load_robot
 from besman.simulation.task import SimulationConfig, Task
-from besman.simulation.tasks.kinds import kinds as tasks
+from besman.simulation.tasks import kinds as tasks
 from besman.simulation.tasks.kinds import load_task
 from besman.simulation.tasks.reach.reach import simulate_reaching
 from besman.simulation.trial import try_plans

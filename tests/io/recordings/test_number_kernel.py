@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from besman.exceptions import RecordingError
-from besman.io.recordings.formats import qtm_tsv
+from besman.io.recordings import qtm_tsv
 from besman.io.recordings.number_kernel import parse_numbers
 from besman.io.recordings.qtm_tsv import read_tsv, write_tsv
 from besman.records import Recording

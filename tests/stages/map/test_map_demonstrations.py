@@ -5,12 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from dart_throws import throw
 from scipy.spatial.transform import Rotation
 
 from besman.config.stage import Work
 from besman.config.yaml_file import parse_config
 from besman.exceptions import ConfigError, MappingError
-from besman.geometry.frames import rotation_to_quaternion
 from besman.records import Failure, HandTrajectory, LabelledSegments
 from besman.robot.limits import check_limits, resample
 from besman.robot.model import load_robot
@@ -23,22 +23,6 @@ from besman.stages.select.stage import SelectConfig
 
 ROBOT = load_robot("ur5", "stick_holder")
 QUICK = MapConfig(free_axis_spin=True, evaluations=40)
-
-
-def throw(index, size=1.0):
-    """A dart-like throw from beside the head, half a second, hand turning forward."""
-    rng = np.random.default_rng(index)
-    time = np.linspace(0, 0.5, 51)
-    u = time / 0.5
-    u = 10 * u**3 - 15 * u**4 + 6 * u**5
-    path = np.array([0.1, -0.4, 0.15]) + rng.normal(0, 0.02, 3)
-    path = path + size * np.outer(u, [0.5, 0.1, 0.3])
-    elevation = np.radians(45 - 35 * u)
-    turn = Rotation.from_rotvec(np.outer(-elevation, [0, 1, 0])).as_matrix()
-    # The palm looks forward: back of the hand (z) backwards, fingers (x) up.
-    palm = np.array([[0.0, 0, -1], [0, 1, 0], [1, 0, 0]])
-    poses = np.hstack([path, rotation_to_quaternion(turn @ palm)])
-    return HandTrajectory(time, poses, f"a.tsv:{index}", "throw", np.array([2.1, 0.0, -1.35]))
 
 
 @pytest.fixture(scope="module")
@@ -203,7 +187,7 @@ def test_configs_refuse_what_makes_no_sense():
 
 
 REAL = Path(
-    os.environ.get("BESMAN_REAL_DATA", Path(__file__).parents[2].parent / "shared" / "data")
+    os.environ.get("BESMAN_REAL_DATA", Path(__file__).parents[3].parent / "shared" / "data")
 )
 
 
