@@ -141,6 +141,7 @@ def retarget(
 
     from besman.cli.progress_bars import stage_display
     from besman.pipeline.retarget import plan_retargeting, raise_failures, retarget_robots
+    from besman.report.page import write_page
     from besman.report.robots import robots_table
 
     plans = plan_retargeting(run, recordings, tuple(robots or ()), out)
@@ -152,6 +153,8 @@ def retarget(
         console = Console()
         console.print(robots_table(done))
         for one in done:
+            if one.error is None:
+                write_page(one.plan.folder)
             console.print(f"{one.plan.name}: {one.plan.folder}", highlight=False, soft_wrap=True)
     raise_failures(done)
 

@@ -9,7 +9,6 @@ from pathlib import Path
 from besman.exceptions import BesmanError, ConfigError, RunError
 from besman.pipeline.config import PipelineConfig
 from besman.pipeline.pipeline import retarget_pipeline, run_pipeline
-from besman.report.page import write_page
 from besman.work.display import Display
 
 
@@ -117,7 +116,6 @@ def retarget_robots(
                 display=_named(display, plan.name) if len(plans) > 1 else display,
                 trained_in=run,
             )
-            write_page(plan.folder)
         except Exception as error:
             done.append(Retargeted(plan, error))
         else:

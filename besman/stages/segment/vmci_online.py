@@ -1,8 +1,8 @@
 """Exact vMCI, sample by sample, in bounded memory.
 
 The recursion of `besman.stages.segment.vmci` needs, at every sample, the segments that end there:
-the last L samples, L the longest segment. A border is final when all segmentations that may still win
-share it. They all start their next segment within the last L samples; where the ways back from
+the last L samples, L the longest segment. A border is final when all segmentations that may still
+win share it. They all start their next segment within the last L samples; where the ways back from
 these starts meet, nothing that comes later can change what lies before.
 
 A start that stays 50 nats behind the best one for a second is given up, which lets the ways meet

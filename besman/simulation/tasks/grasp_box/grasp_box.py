@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
 from dataclasses import replace
-from typing import ClassVar, Literal
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -16,21 +16,14 @@ import numpy.typing as npt
 from besman.records import AnyPlan
 from besman.robot.model import Robot
 from besman.simulation.episodes import Episodes, Movements
-from besman.simulation.task import (
-    Task,
-)
-from besman.simulation.tasks.grasp_box.grasp_scene import BoxConfig, ShelfConfig, grasp_model
+from besman.simulation.tasks.grasp_box.grasp_scene import grasp_model
 from besman.simulation.tasks.grasp_box.grasping import (
     add_lifts,
     simulate_grasps,
     summarize_poses,
 )
-from besman.simulation.tasks.grasp_box.gripper import GripperConfig
 from besman.simulation.tasks.grasp_box.sections import (
-    GraspRewardConfig,
-    GraspSimulationConfig,
-    GraspSuccessConfig,
-    LiftConfig,
+    GraspBoxFields,
 )
 
 FloatArray = npt.NDArray[np.float64]
@@ -39,28 +32,8 @@ FloatArray = npt.NDArray[np.float64]
 _SPREAD = np.array([[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
 
 
-class GraspBoxConfig(Task):
-    """A box is taken from a shelf.
-
-    Attributes
-    ----------
-    kind : "grasp_box"
-    tool : str
-        Tool of the robot that is the gripper: its TCP is the middle between the fingers, TCP z
-        points ahead, and they close along TCP x.
-    box, shelf, gripper, lift, simulation, reward, failure, success
-        See the classes.
-    """
-
-    kind: Literal["grasp_box"]
-    tool: str = "gripper3"
-    box: BoxConfig = BoxConfig()
-    shelf: ShelfConfig = ShelfConfig()
-    gripper: GripperConfig = GripperConfig()
-    lift: LiftConfig = LiftConfig()
-    simulation: GraspSimulationConfig = GraspSimulationConfig()
-    reward: GraspRewardConfig = GraspRewardConfig()
-    success: GraspSuccessConfig = GraspSuccessConfig()
+class GraspBoxConfig(GraspBoxFields):
+    """A box is taken from a shelf; see `GraspBoxFields` for its sections."""
 
     needs: ClassVar[str] = "demonstrated end pose"
     worst: ClassVar[dict[str, float]] = {

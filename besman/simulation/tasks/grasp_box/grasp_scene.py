@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from functools import lru_cache
 from itertools import product
-from typing import TYPE_CHECKING, Annotated
 
 import mujoco
 import numpy as np
-from pydantic import Field
 
-from besman.config.stage import Config, NotNegative, Positive
 from besman.robot.model import Robot
 from besman.robot.mujoco_model import ARM_BIT, arm_spec
 from besman.simulation.scenes import (
@@ -20,11 +17,8 @@ from besman.simulation.scenes import (
     contact,
     set_contact_options,
 )
-from besman.simulation.task import Triple
 from besman.simulation.tasks.grasp_box.gripper import FINGERS, add_gripper
-
-if TYPE_CHECKING:
-    from besman.simulation.tasks.grasp_box.grasp_box import GraspBoxConfig
+from besman.simulation.tasks.grasp_box.sections import GraspBoxFields
 
 _BOX_BIT = 4 * ARM_BIT
 _FOOT_M = 0.004
@@ -32,57 +26,9 @@ _FOOT_M = 0.004
 _STRAY_M = 0.03
 
 
-class BoxConfig(Config):
-    """The box and where it stands.
-
-    Attributes
-    ----------
-    size_m : triple of float
-        Depth (ahead), width, height.
-    mass_kg : float
-        Spread evenly.
-    place_m : triple of float or None
-        Its middle in the robot's world, metres; null: where the demonstrated approach ends.
-    shift_m : pair of float
-        Where it is put on the shelf off that place: ahead and to the left, metres.
-    turn_deg : float
-        How far it is turned there about the vertical, to the left.
-    spread_m : float
-        Every motion plan is tried with the box there and this far ahead, behind, to the left and to
-        the right of it, and must succeed everywhere; 0: there alone.
-    """
-
-    size_m: tuple[Positive, Positive, Positive] = (0.08, 0.10, 0.18)
-    mass_kg: Positive = 0.4
-    place_m: Triple | None = None
-    shift_m: tuple[float, float] = (0.0, 0.0)
-    turn_deg: Annotated[float, Field(ge=-90, le=90)] = 0.0
-    spread_m: Annotated[float, Field(ge=0, le=0.1)] = 0.025
-
-
-class ShelfConfig(Config):
-    """The board that the box stands on.
-
-    Attributes
-    ----------
-    depth_m, width_m, thickness_m : float
-        Of the board.
-    overhang_m : float
-        How far a box at its place reaches out over the board's front edge.
-    friction : float
-        Coefficient of sliding friction between box and board.
-    """
-
-    depth_m: Positive = 0.3
-    width_m: Positive = 0.5
-    thickness_m: Positive = 0.02
-    overhang_m: NotNegative = 0.0
-    friction: NotNegative = 0.4
-
-
 @lru_cache(maxsize=64)
 def grasp_model(
-    robot: Robot, task: GraspBoxConfig, place: tuple[float, float, float, float]
+    robot: Robot, task: GraspBoxFields, place: tuple[float, float, float, float]
 ) -> mujoco.MjModel:
     """Build the scene: arm, gripper, shelf, box.
 
@@ -93,7 +39,7 @@ def grasp_model(
     Parameters
     ----------
     robot : Robot
-    task : GraspBoxConfig
+    task : GraspBoxFields
     place : tuple of 4 float
         Middle of a box at its place, metres in the robot's world, and which way is ahead, rad.
     """
@@ -115,7 +61,7 @@ def grasp_model(
 
 def _add_shelf(
     spec: mujoco.MjSpec,
-    task: GraspBoxConfig,
+    task: GraspBoxFields,
     place: tuple[float, float, float, float],
     on_board: dict[str, list[float]],
 ) -> None:
@@ -141,7 +87,7 @@ def _add_shelf(
 
 def _add_box(
     spec: mujoco.MjSpec,
-    task: GraspBoxConfig,
+    task: GraspBoxFields,
     touch: dict[str, list[float]],
     on_board: dict[str, list[float]],
 ) -> None:

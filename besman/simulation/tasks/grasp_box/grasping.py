@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -15,9 +15,7 @@ from besman.simulation.episodes import Episodes, Movements, Playback, arm_failur
 from besman.simulation.physics import Run, run_physics
 from besman.simulation.tasks.grasp_box.gripper import FINGERS, finger_controls
 from besman.simulation.tasks.grasp_box.lift import move_along, plan_lift
-
-if TYPE_CHECKING:
-    from besman.simulation.tasks.grasp_box.grasp_box import GraspBoxConfig
+from besman.simulation.tasks.grasp_box.sections import GraspBoxFields
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -26,7 +24,7 @@ IntArray = npt.NDArray[np.int64]
 _TOUCHES, _COLLISION = slice(7, 10), 10
 
 
-def add_lifts(robot: Robot, task: GraspBoxConfig, approach: Movements) -> Movements:
+def add_lifts(robot: Robot, task: GraspBoxFields, approach: Movements) -> Movements:
     """Let every arm rest while the fingers close, lift, and rest again.
 
     Returns
@@ -67,7 +65,7 @@ def add_lifts(robot: Robot, task: GraspBoxConfig, approach: Movements) -> Moveme
 
 def simulate_grasps(
     robot: Robot,
-    task: GraspBoxConfig,
+    task: GraspBoxFields,
     model: mujoco.MjModel,
     boxes: FloatArray,
     movements: Movements,
@@ -79,7 +77,7 @@ def simulate_grasps(
     ----------
     robot : Robot
         With the task's tool.
-    task : GraspBoxConfig
+    task : GraspBoxFields
         Criteria.
     model : mujoco.MjModel
         See `besman.simulation.tasks.grasp_box.grasp_scene.grasp_model`.
@@ -180,7 +178,7 @@ def _is_held(touching: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
 
 def _judge(
     run: Run,
-    task: GraspBoxConfig,
+    task: GraspBoxFields,
     movements: Movements,
     moments: tuple[IntArray, IntArray, IntArray],
     n: int,
@@ -237,7 +235,7 @@ def _failure(
     can_lift: bool,
     held: tuple[bool, bool, float],
     distance: float,
-    task: GraspBoxConfig,
+    task: GraspBoxFields,
 ) -> tuple[str, float]:
     """Name what went wrong in one episode, and how wrong it went (0 to 1).
 

@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from besman.config.stage import Config, NotNegative, Positive
 from besman.robot.mujoco_model import ARM_BIT
+from besman.simulation.tasks.grasp_box.sections import GripperConfig
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -20,40 +20,6 @@ _SIDES, _SHARES = (-1.0, -1.0, 1.0), (0.5, 0.5, 1.0)
 _SATURATION_M = 0.01
 # The rotor of its motor, seen through the gears.
 _ROTOR_KG = 0.5
-
-
-class GripperConfig(Config):
-    """The gripper; by default of the size and strength of a Robotiq 3-Finger.
-
-    Attributes
-    ----------
-    opening_m : float
-        Between thumb and fingers when open.
-    speed_m_s : float
-        At which each side closes.
-    force_n : float
-        Of the thumb, and of both fingers together.
-    drag_n : float
-        Dry friction of each drive, which holds a finger where it is.
-    reach_m : pair of float
-        From the TCP back to the palm and ahead to the fingertips.
-    spacing_m : float
-        Between the two fingers, along TCP y.
-    finger_radius_m, finger_mass_kg : float
-        Of each finger.
-    friction : float
-        Coefficient of sliding friction between finger and box.
-    """
-
-    opening_m: Positive = 0.155
-    speed_m_s: Positive = 0.11
-    force_n: Positive = 60.0
-    drag_n: NotNegative = 10.0
-    reach_m: tuple[Positive, Positive] = (0.07, 0.035)
-    spacing_m: Positive = 0.06
-    finger_radius_m: Positive = 0.01
-    finger_mass_kg: Positive = 0.1
-    friction: NotNegative = 0.8
 
 
 def add_gripper(

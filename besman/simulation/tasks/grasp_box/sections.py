@@ -2,8 +2,19 @@
 
 from __future__ import annotations
 
+from typing import Annotated, Literal
+
+from pydantic import Field
+
 from besman.config.stage import Config, NotNegative, Positive
-from besman.simulation.task import ContactSimulationConfig, RewardConfig, SuccessConfig, TimeStep
+from besman.simulation.task import (
+    ContactSimulationConfig,
+    RewardConfig,
+    SuccessConfig,
+    Task,
+    TimeStep,
+    Triple,
+)
 
 
 class GraspSimulationConfig(ContactSimulationConfig):
@@ -63,3 +74,109 @@ class GraspSuccessConfig(SuccessConfig):
 
     success_radius_m: Positive = 0.03
     success_tilt_deg: Positive = 20.0
+
+
+class BoxConfig(Config):
+    """The box and where it stands.
+
+    Attributes
+    ----------
+    size_m : triple of float
+        Depth (ahead), width, height.
+    mass_kg : float
+        Spread evenly.
+    place_m : triple of float or None
+        Its middle in the robot's world, metres; null: where the demonstrated approach ends.
+    shift_m : pair of float
+        Where it is put on the shelf off that place: ahead and to the left, metres.
+    turn_deg : float
+        How far it is turned there about the vertical, to the left.
+    spread_m : float
+        Every motion plan is tried with the box there and this far ahead, behind, to the left and to
+        the right of it, and must succeed everywhere; 0: there alone.
+    """
+
+    size_m: tuple[Positive, Positive, Positive] = (0.08, 0.10, 0.18)
+    mass_kg: Positive = 0.4
+    place_m: Triple | None = None
+    shift_m: tuple[float, float] = (0.0, 0.0)
+    turn_deg: Annotated[float, Field(ge=-90, le=90)] = 0.0
+    spread_m: Annotated[float, Field(ge=0, le=0.1)] = 0.025
+
+
+class ShelfConfig(Config):
+    """The board that the box stands on.
+
+    Attributes
+    ----------
+    depth_m, width_m, thickness_m : float
+        Of the board.
+    overhang_m : float
+        How far a box at its place reaches out over the board's front edge.
+    friction : float
+        Coefficient of sliding friction between box and board.
+    """
+
+    depth_m: Positive = 0.3
+    width_m: Positive = 0.5
+    thickness_m: Positive = 0.02
+    overhang_m: NotNegative = 0.0
+    friction: NotNegative = 0.4
+
+
+class GripperConfig(Config):
+    """The gripper; by default of the size and strength of a Robotiq 3-Finger.
+
+    Attributes
+    ----------
+    opening_m : float
+        Between thumb and fingers when open.
+    speed_m_s : float
+        At which each side closes.
+    force_n : float
+        Of the thumb, and of both fingers together.
+    drag_n : float
+        Dry friction of each drive, which holds a finger where it is.
+    reach_m : pair of float
+        From the TCP back to the palm and ahead to the fingertips.
+    spacing_m : float
+        Between the two fingers, along TCP y.
+    finger_radius_m, finger_mass_kg : float
+        Of each finger.
+    friction : float
+        Coefficient of sliding friction between finger and box.
+    """
+
+    opening_m: Positive = 0.155
+    speed_m_s: Positive = 0.11
+    force_n: Positive = 60.0
+    drag_n: NotNegative = 10.0
+    reach_m: tuple[Positive, Positive] = (0.07, 0.035)
+    spacing_m: Positive = 0.06
+    finger_radius_m: Positive = 0.01
+    finger_mass_kg: Positive = 0.1
+    friction: NotNegative = 0.8
+
+
+class GraspBoxFields(Task):
+    """What a task file says of a box that is taken from a shelf.
+
+    Attributes
+    ----------
+    kind : "grasp_box"
+    tool : str
+        Tool of the robot that is the gripper: its TCP is the middle between the fingers, TCP z
+        points ahead, and they close along TCP x.
+    box, shelf, gripper, lift, simulation, reward, failure, success
+        See the classes.
+    """
+
+    kind: Literal["grasp_box"]
+    tool: str = "gripper3"
+    box: BoxConfig = BoxConfig()
+    shelf: ShelfConfig = ShelfConfig()
+    gripper: GripperConfig = GripperConfig()
+    lift: LiftConfig = LiftConfig()
+    simulation: GraspSimulationConfig = GraspSimulationConfig()
+    reward: GraspRewardConfig = GraspRewardConfig()
+    success: GraspSuccessConfig = GraspSuccessConfig()

@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Any
 
 import mujoco
 import numpy as np
 import numpy.typing as npt
-from pydantic import Field
 
-from besman.config.stage import Config, NotNegative, Positive
 from besman.exceptions import RefinementError
 from besman.robot.model import Robot
 from besman.robot.mujoco_model import ARM_BIT, arm_spec, matrix_to_quaternion
@@ -23,10 +21,7 @@ from besman.simulation.scenes import (
     contact,
     set_contact_options,
 )
-from besman.simulation.task import Triple
-
-if TYPE_CHECKING:
-    from besman.simulation.tasks.pull_lever.pull_lever import PullLeverConfig
+from besman.simulation.tasks.pull_lever.sections import PullLeverFields
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -34,64 +29,6 @@ FloatArray = npt.NDArray[np.float64]
 _LEAST_LEVEL_M = 0.02
 # Nor is a level pull's arc ahead of it; it is above.
 _LEAST_BULGE = 1e-3
-
-
-class LeverConfig(Config):
-    """The lever: a bar with a handle across its end, on a horizontal hinge.
-
-    Attributes
-    ----------
-    length_m : float
-        From the hinge's axis to the handle's.
-    handle_length_m, handle_radius_m : float
-        Of the handle.
-    bar_side : "left" or "right"
-        End of the handle that the bar is at, seen by who pulls; the other leaves room for the arm.
-    mass_kg : float
-        Spread evenly along the bar.
-    friction_nm : float
-        Torque of the hinge's dry friction; enough to hold the lever where it is.
-    damping_nms : float
-        Torque per rad/s of its viscous friction.
-    pull_deg : float
-        How far it is to be pulled.
-    stop_deg : float
-        Where it comes to a stop.
-    offset_m : triple of float
-        Where it stands off the demonstrated place, metres in the robot's world.
-    """
-
-    length_m: Positive = 0.28
-    handle_length_m: Positive = 0.2
-    handle_radius_m: Positive = 0.012
-    bar_side: Literal["left", "right"] = "left"
-    mass_kg: Positive = 1.0
-    friction_nm: NotNegative = 8.0
-    damping_nms: NotNegative = 0.5
-    pull_deg: Annotated[float, Field(gt=0, lt=170)] = 50.0
-    stop_deg: Annotated[float, Field(gt=0, lt=180)] = 100.0
-    offset_m: Triple = (0.0, 0.0, 0.0)
-
-
-class HookConfig(Config):
-    """The hook: rods behind, over and in front of the handle, open towards TCP x.
-
-    Attributes
-    ----------
-    rod_radius_m : float
-        Of each rod.
-    clearance_m : float
-        Between rods and a handle whose axis is at the TCP.
-    tip_m : float
-        How far the rod in front reaches beyond the handle's axis.
-    friction : float
-        Coefficient of sliding friction between hook and handle.
-    """
-
-    rod_radius_m: Positive = 0.008
-    clearance_m: NotNegative = 0.008
-    tip_m: NotNegative = 0.01
-    friction: NotNegative = 0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,7 +113,7 @@ def find_hinge(
 
 
 @lru_cache(maxsize=64)
-def lever_model(robot: Robot, task: PullLeverConfig, hinge: tuple[float, ...]) -> mujoco.MjModel:
+def lever_model(robot: Robot, task: PullLeverFields, hinge: tuple[float, ...]) -> mujoco.MjModel:
     """Build the scene: arm, hook, lever.
 
     The lever's joint is the last one, 0 before the pull. Sensors: position (3) and orientation
@@ -185,7 +122,7 @@ def lever_model(robot: Robot, task: PullLeverConfig, hinge: tuple[float, ...]) -
     Parameters
     ----------
     robot : Robot
-    task : PullLeverConfig
+    task : PullLeverFields
     hinge : tuple of 12 float
         `Hinge.key`.
     """
@@ -205,7 +142,7 @@ def lever_model(robot: Robot, task: PullLeverConfig, hinge: tuple[float, ...]) -
     return spec.compile()
 
 
-def _add_hook(hook: Any, task: PullLeverConfig, touch: dict[str, list[float]]) -> None:
+def _add_hook(hook: Any, task: PullLeverFields, touch: dict[str, list[float]]) -> None:
     """Add three rods in the plane of TCP x and z."""
     rod = task.hook.rod_radius_m
     reach = task.lever.handle_radius_m + task.hook.clearance_m + rod
@@ -229,7 +166,7 @@ def _add_hook(hook: Any, task: PullLeverConfig, touch: dict[str, list[float]]) -
 
 def _add_lever(
     spec: mujoco.MjSpec,
-    task: PullLeverConfig,
+    task: PullLeverFields,
     centre: FloatArray,
     axes: FloatArray,
     touch: dict[str, list[float]],

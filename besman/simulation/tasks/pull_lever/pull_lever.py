@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
 from dataclasses import replace
-from typing import ClassVar, Literal
+from typing import ClassVar
 
 import mujoco
 import numpy as np
@@ -19,20 +19,13 @@ from besman.robot.model import Robot
 from besman.robot.mujoco_model import servo_controls
 from besman.simulation.episodes import Episodes, Movements, Playback, arm_failure, tracking_errors
 from besman.simulation.physics import Run, run_physics
-from besman.simulation.task import (
-    Task,
-)
 from besman.simulation.tasks.pull_lever.lever_scene import (
     Hinge,
-    HookConfig,
-    LeverConfig,
     find_hinge,
     lever_model,
 )
 from besman.simulation.tasks.pull_lever.sections import (
-    LeverRewardConfig,
-    LeverSimulationConfig,
-    LeverSuccessConfig,
+    PullLeverFields,
 )
 
 FloatArray = npt.NDArray[np.float64]
@@ -41,26 +34,8 @@ FloatArray = npt.NDArray[np.float64]
 _HANDLE = slice(7, 10)
 
 
-class PullLeverConfig(Task):
-    """A lever is pulled beyond an angle.
-
-    Attributes
-    ----------
-    kind : "pull_lever"
-    tool : str
-        Tool of the robot that is the hook: its TCP is the handle's axis, TCP z points ahead and
-        TCP x where the hook is open.
-    lever, hook, simulation, reward, failure, success
-        See the classes.
-    """
-
-    kind: Literal["pull_lever"]
-    tool: str = "hook"
-    lever: LeverConfig = LeverConfig()
-    hook: HookConfig = HookConfig()
-    simulation: LeverSimulationConfig = LeverSimulationConfig()
-    reward: LeverRewardConfig = LeverRewardConfig()
-    success: LeverSuccessConfig = LeverSuccessConfig()
+class PullLeverConfig(PullLeverFields):
+    """A lever is pulled beyond an angle; see `PullLeverFields` for its sections."""
 
     needs: ClassVar[str] = "demonstrated start and end pose"
     worst: ClassVar[dict[str, float]] = {"slip_m": 1.0}
