@@ -11,7 +11,7 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from besman.records import LabelledSegments, Recording
-from besman.synthetic.body import RIGHT, Body, place_body
+from besman.synthetic.body import RIGHT, BodyMotion, place_body
 from besman.synthetic.capture import Box, Capture
 from besman.synthetic.person import Person, reach_with, see_from_torso
 from besman.synthetic.script import (
@@ -66,7 +66,7 @@ class Plan:
 
 Bounds = list[tuple[float, float, str]]
 Things = Callable[
-    [Plan, Mapping[str, list[tuple[float, float]]], Body, FloatArray], tuple[Box, ...]
+    [Plan, Mapping[str, list[tuple[float, float]]], BodyMotion, FloatArray], tuple[Box, ...]
 ]
 JointNoise = Callable[[FloatArray, float], FloatArray]
 
@@ -147,7 +147,7 @@ def play(person: Person, stance: Stance, plan: Plan, setting: Setting) -> Captur
 
 def _move_body(
     person: Person, stance: Stance, plan: Plan, setting: Setting, time: FloatArray
-) -> Body:
+) -> BodyMotion:
     """Solve both arms over the whole take."""
     paths = {side: follow(script, time) for side, script in plan.arms.items()}
     # A left arm's script is seen in a mirror, where the torso turns the other way.
