@@ -24,7 +24,7 @@ from besman.evaluation.dmp_settings import (
 )
 from besman.evaluation.segmentation_data import (
     SIMULATED,
-    Dataset,
+    SegmentedDataset,
     read_dataset,
     simulate_dataset,
 )
@@ -85,7 +85,7 @@ def evaluate_segmentation(
     names = choose_methods(methods)
     if margin_s is not None and not margin_s >= 0.0:
         raise ConfigError(f"evaluate segmentation: margin_s: got {margin_s}; must not be negative")
-    datasets: list[Dataset | str] = []
+    datasets: list[SegmentedDataset | str] = []
     if data is not None:
         datasets.append(read_dataset(data, source))
     else:
@@ -139,7 +139,7 @@ def make_method(name: str, settings: dict[str, Any]) -> Stage:
 
 
 def score_method(
-    dataset: Dataset,
+    dataset: SegmentedDataset,
     name: str,
     margin_s: float | None,
     seed: int,
