@@ -64,7 +64,7 @@ class Transferred:
 
 
 @dataclass(frozen=True)
-class Measured:
+class TransferMeasures:
     """What one transferred demonstration costs.
 
     Attributes
@@ -199,7 +199,7 @@ def _try_mapping(
     return mapping, mapping.failed
 
 
-def measure(trajectory: JointTrajectory, robot: Robot) -> Measured:
+def measure(trajectory: JointTrajectory, robot: Robot) -> TransferMeasures:
     """Check a trajectory at 1 kHz, and compare the tool's path with that of the hand.
 
     Parameters
@@ -214,7 +214,7 @@ def measure(trajectory: JointTrajectory, robot: Robot) -> Measured:
     reached = forward_kinematics(robot.chain, trajectory.positions)[:, :3, 3]
     has_dtw = importlib.util.find_spec("tslearn") is not None
     distance = average_dtw(trajectory.poses[:, :3], reached) if has_dtw else None
-    return Measured(report.violations, report.self_collisions, distance)
+    return TransferMeasures(report.violations, report.self_collisions, distance)
 
 
 def average_dtw(first: FloatArray, second: FloatArray) -> float:
@@ -242,14 +242,14 @@ def average_dtw(first: FloatArray, second: FloatArray) -> float:
 
 
 def figures(
-    trajectories: Sequence[JointTrajectory], measured: Sequence[Measured]
+    trajectories: Sequence[JointTrajectory], measured: Sequence[TransferMeasures]
 ) -> dict[str, Any]:
     """Return the figures of transferred demonstrations, None where there are none.
 
     Parameters
     ----------
     trajectories : sequence of JointTrajectory
-    measured : sequence of Measured
+    measured : sequence of TransferMeasures
         Of each of them.
     """
     if not trajectories:

@@ -13,7 +13,13 @@ from scipy.spatial.distance import cdist
 
 from besman.cli import main as cli
 from besman.evaluation import mapping as study
-from besman.evaluation.mapping import Measured, average_dtw, evaluate_mapping, figures, measure
+from besman.evaluation.mapping import (
+    TransferMeasures,
+    average_dtw,
+    evaluate_mapping,
+    figures,
+    measure,
+)
 from besman.evaluation.mapping_data import (
     DemonstrationSet,
     choose_sets,
@@ -90,7 +96,12 @@ def test_figures_of_trajectories_with_known_errors():
         trajectory(stretch=1.5),
         trajectory(stretch=3.0),
     ]
-    measured = [Measured(1, 0, 0.01), Measured(2, 5, 0.02), Measured(0, 0, 0.03), Measured(0, 1, 0)]
+    measured = [
+        TransferMeasures(1, 0, 0.01),
+        TransferMeasures(2, 5, 0.02),
+        TransferMeasures(0, 0, 0.03),
+        TransferMeasures(0, 1, 0),
+    ]
     found = figures(own, measured)
     errors = [0.01, 0.02, 0.03, 0.0, 0.0, 0.06] + 6 * [0.0]
     assert found["position_error_m"] == pytest.approx(
