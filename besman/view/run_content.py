@@ -20,7 +20,7 @@ from besman.simulation.task import Task
 from besman.simulation.tasks.kinds import load_task
 from besman.stages.map.demonstration import tool_poses
 from besman.view.packing import Packer
-from besman.view.person import Person, find_person
+from besman.view.person import PersonMarkers, find_person
 from besman.view.shapes import robot_content
 from besman.view.takes import Leads, mapped_take, simulated_takes
 
@@ -202,7 +202,7 @@ class RunContent:
             }
         )
 
-    def _person(self, hand: HandTrajectory, rate_hz: float) -> Person:
+    def _person(self, hand: HandTrajectory, rate_hz: float) -> PersonMarkers:
         source, _, segment = hand.name.rpartition(":")
         at = self._sources.index(source)
         recording = self._records["label"][at]
@@ -213,7 +213,7 @@ class RunContent:
         return find_person(recording, (start, stop), thrown, rate_hz)
 
     def _arm(
-        self, name: str, arm: ShownArm, person: Person, packer: Packer, rate_hz: float
+        self, name: str, arm: ShownArm, person: PersonMarkers, packer: Packer, rate_hz: float
     ) -> dict[str, Any]:
         """Describe what one arm did of a demonstration."""
         hand, mapped = arm.demonstrations.get(name), arm.trajectories.get(name)
