@@ -14,7 +14,7 @@ from besman.robot.dynamics import GRAVITY
 from besman.robot.model import Robot
 from besman.robot.mujoco_model import servo_controls
 from besman.simulation.episodes import Episodes, Movements, Playback, arm_failure, tracking_errors
-from besman.simulation.physics import Run, run_physics
+from besman.simulation.physics import SimulatedStates, run_physics
 from besman.simulation.task import (
     ContactSimulationConfig,
     SuccessConfig,
@@ -143,7 +143,7 @@ def throw(
     longest = movements.durations + task.simulation.longest_wait_s
     last = np.ceil(longest / task.simulation.time_step_s).astype(np.int64) - 1
 
-    def finished(run: Run, span: slice) -> BoolArray:
+    def finished(run: SimulatedStates, span: slice) -> BoolArray:
         clear = thing.is_clear(run.sensors[:, span, THING])
         return np.asarray(clear.any(axis=1) | (last < span.stop))
 
@@ -161,7 +161,9 @@ def throw(
     return replace(episodes, playbacks=played)
 
 
-def _states(run: Run, movements: Movements, row: int, at: int, step_s: float) -> FloatArray:
+def _states(
+    run: SimulatedStates, movements: Movements, row: int, at: int, step_s: float
+) -> FloatArray:
     """Return what is seen of a throw that is clear after step `at` (-1: never), shape (F, nq).
 
     The arm, which is simulated no longer than needed, goes on as it was told to.
@@ -189,7 +191,7 @@ def _states(run: Run, movements: Movements, row: int, at: int, step_s: float) ->
 
 
 def _judge(
-    run: Run,
+    run: SimulatedStates,
     task: ThrowConfig,
     thing: Thing,
     movements: Movements,
