@@ -13,7 +13,7 @@ from besman.annotate.document import Document
 from besman.annotate.named_file import NamedFile
 from besman.annotate.naming import Names, Naming, View
 from besman.annotate.proposals import Stretch, propose_stretches
-from besman.annotate.signals import Signals
+from besman.annotate.signals import SignalPyramids
 from besman.annotate.skeleton import find_bones
 from besman.exceptions import AnnotationError, BesmanError, ChangedError, LabellingError
 from besman.io.recordings.formats import read_recording
@@ -141,7 +141,7 @@ class Take:
         """Show a recording; what was computed of another is forgotten."""
         self.shown, self._columns = view
         shown = self.shown
-        self.signals = Signals(shown.time, shown.positions, shown.rate_hz)
+        self.signals = SignalPyramids(shown.time, shown.positions, shown.rate_hz)
         self._labelled: tuple[LabelledRecording, MarkerSet] | BesmanError | None = None
         self._stretches: dict[str, list[Stretch]] = {}
 
