@@ -12,7 +12,7 @@ import numpy as np
 from besman.annotate.document import Document
 from besman.annotate.named_file import NamedFile
 from besman.annotate.naming import Names, Naming, View
-from besman.annotate.proposals import Stretch, propose_stretches
+from besman.annotate.proposals import ProposedSegment, propose_stretches
 from besman.annotate.signals import SignalPyramids
 from besman.annotate.skeleton import find_bones
 from besman.exceptions import AnnotationError, BesmanError, ChangedError, LabellingError
@@ -143,7 +143,7 @@ class Take:
         shown = self.shown
         self.signals = SignalPyramids(shown.time, shown.positions, shown.rate_hz)
         self._labelled: tuple[LabelledRecording, MarkerSet] | BesmanError | None = None
-        self._stretches: dict[str, list[Stretch]] = {}
+        self._stretches: dict[str, list[ProposedSegment]] = {}
 
     def labelled(self) -> tuple[LabelledRecording, MarkerSet]:
         """Return the recording with the names of a marker set, and the set.
@@ -162,7 +162,7 @@ class Take:
             raise labelled
         return labelled
 
-    def stretches(self, layer: str) -> list[Stretch]:
+    def stretches(self, layer: str) -> list[ProposedSegment]:
         """Return proposals for the segments of a layer, computed once.
 
         Raises
