@@ -11,7 +11,7 @@ import numpy as np
 
 from besman.annotate.document import Document
 from besman.annotate.named_file import NamedFile
-from besman.annotate.naming import Names, Naming, View
+from besman.annotate.naming import NamedView, Names, Naming
 from besman.annotate.proposals import ProposedSegment, propose_stretches
 from besman.annotate.signals import SignalPyramids
 from besman.annotate.skeleton import find_bones
@@ -95,7 +95,7 @@ class Take:
             self.naming = Naming(self.recording, marker_set, teacher)
             self._show(self.naming.view({}))
         else:
-            self._show(View(self.recording, {}))
+            self._show(NamedView(self.recording, {}))
 
     def give_names(self, names: Names, revision: int | None = None) -> None:
         """Give names to fragments; those not mentioned have none.
@@ -137,7 +137,7 @@ class Take:
         with self._lock:
             return self.named_file.write(self.shown)
 
-    def _show(self, view: View) -> None:
+    def _show(self, view: NamedView) -> None:
         """Show a recording; what was computed of another is forgotten."""
         self.shown, self._columns = view
         shown = self.shown

@@ -14,7 +14,7 @@ import numpy as np
 
 from besman.config.yaml_file import read_yaml
 from besman.exceptions import RenderingError, RunError, nearest
-from besman.pictures.camera import View, frame_points
+from besman.pictures.camera import CameraView, frame_points
 from besman.pictures.rendering import Renderer
 from besman.pictures.scene_geoms import SceneGeoms, follow, scene_geoms
 from besman.records import FloatArray, RefinedMotion
@@ -66,7 +66,7 @@ def check_video() -> None:
         If the encoder is not installed, or nothing can be drawn without a screen.
     """
     _encoder()
-    nothing = View(np.zeros(3), 1.0, 0.0, 0.0)
+    nothing = CameraView(np.zeros(3), 1.0, 0.0, 0.0)
     with Renderer(load_robot("ur5"), nothing, 16, 16):
         pass
 
@@ -192,7 +192,7 @@ def _tool_path(playback: Playback) -> FloatArray:
     return path
 
 
-def _view(panels: list[Panel], robot: Robot, target: FloatArray, aspect: float) -> View:
+def _view(panels: list[Panel], robot: Robot, target: FloatArray, aspect: float) -> CameraView:
     """Choose one view for all panels."""
     base = robot.chain.placements[0, :3, 3]
     foot = base * [1.0, 1.0, 0.0]
