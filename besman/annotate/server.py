@@ -84,12 +84,12 @@ class _Routes:
         return _binary(signals.chunk(request.query.get("group", ""), marker, level, index))
 
     def frames(self, request: Request) -> Answer:
-        """Return a piece of all markers' places, see `besman.annotate.signals.SignalPyramids.frames`."""
+        """Return a piece of all places, see `besman.annotate.signals.SignalPyramids.frames`."""
         signals = self._session.take(request.query.get("recording", "")).signals
         return _binary(signals.frames(request.whole("index")))
 
     def sketch(self, request: Request) -> Answer:
-        """Return curves as they are drawn first, see `besman.annotate.signals.SignalPyramids.sketch`."""
+        """Return what is drawn first, see `besman.annotate.signals.SignalPyramids.sketch`."""
         signals = self._session.take(request.query.get("recording", "")).signals
         return _binary(signals.sketch()[0])
 
