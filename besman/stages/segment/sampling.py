@@ -17,7 +17,7 @@ IntArray = npt.NDArray[np.int64]
 _UNEVEN = 0.1
 
 
-def gather_paths(recording: LabelledRecording, markers: tuple[str, ...]) -> FloatArray:
+def gather_gapless_paths(recording: LabelledRecording, markers: tuple[str, ...]) -> FloatArray:
     """Stack the paths of markers, shape (T, m, 3), metres; refuse gaps and uneven time.
 
     Raises
@@ -75,7 +75,7 @@ def sample_paths(
     SegmentationError
         If a marker was not seen throughout, there are fewer than two samples, or time steps differ.
     """
-    paths = gather_paths(recording, markers)
+    paths = gather_gapless_paths(recording, markers)
     rate_hz = min(rate_hz, recording.rate_hz)
     samples = resample(recording.time, paths, rate_hz)
     if len(samples) < 2:
