@@ -19,7 +19,7 @@ from rich.console import Console
 from besman.evaluation.mapping import ROBOTS, evaluate_mapping
 from besman.evaluation.mapping_data import load_demonstrations, simulate_throws
 from besman.evaluation.mapping_figures import write_figures
-from besman.evaluation.mapping_tables import failure_lines, mapping_tables
+from besman.evaluation.mapping_tables import mapping_tables, reason_lines
 from besman.io.atomic_files import write_json
 from besman.work.work import Work
 from besman.work.workers import Workers
@@ -42,7 +42,7 @@ def study(sets: list, options: argparse.Namespace) -> tuple[dict, list]:
     console = Console(width=110)
     for table in mapping_tables(result["rows"]):
         console.print(table)
-    for line in failure_lines(result["rows"]):
+    for line in reason_lines(result["rows"]):
         print(line)
     return result, mapped
 

@@ -177,7 +177,7 @@ def _map_set(
         "n_corrected": 0 if mapping is None else len(mapping.corrected),
         "scale": None if mapping is None else mapping.scale,
         "failed": [asdict(failure) for failure in (*one.failed, *failed)],
-        **figures(trajectories, measured),
+        **transfer_figures(trajectories, measured),
         "seconds_per_demonstration": wall / max(len(one.demonstrations), 1),
         "cpu_seconds_per_demonstration": cpu / max(len(one.demonstrations), 1),
         "peak_rss_mb": max([own_peak_mb, *notes.workers.values()]),
@@ -241,7 +241,7 @@ def average_dtw(first: FloatArray, second: FloatArray) -> float:
     return float(total) / max(len(first), len(second))
 
 
-def figures(
+def transfer_figures(
     trajectories: Sequence[JointTrajectory], measured: Sequence[TransferMeasures]
 ) -> dict[str, Any]:
     """Return the figures of transferred demonstrations, None where there are none.

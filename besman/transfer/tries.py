@@ -143,7 +143,7 @@ def record_tries(run: Path, table: Path) -> list[tuple[TransferState, FloatArray
     return [(state, motions[name].plan.target[:2]) for name, state in changed.items()]
 
 
-def distances(state: TransferState, target: FloatArray) -> list[float | None]:
+def miss_distances(state: TransferState, target: FloatArray) -> list[float | None]:
     """Return how far from the target every try came down, metres; None if it is not known."""
     return [
         None if one.outcome_m is None else float(np.linalg.norm(np.array(one.outcome_m) - target))

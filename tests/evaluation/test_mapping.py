@@ -17,8 +17,8 @@ from besman.evaluation.mapping import (
     TransferMeasures,
     average_dtw,
     evaluate_mapping,
-    figures,
     measure,
+    transfer_figures,
 )
 from besman.evaluation.mapping_data import (
     DemonstrationSet,
@@ -28,7 +28,7 @@ from besman.evaluation.mapping_data import (
     subject_of,
 )
 from besman.evaluation.mapping_figures import write_figures
-from besman.evaluation.mapping_tables import failure_lines, mapping_tables
+from besman.evaluation.mapping_tables import mapping_tables, reason_lines
 from besman.exceptions import ConfigError, MappingError
 from besman.records import Failure, HandTrajectory, JointTrajectory
 from besman.robot.kinematics import forward_kinematics
@@ -102,7 +102,7 @@ def test_figures_of_trajectories_with_known_errors():
         TransferMeasures(0, 0, 0.03),
         TransferMeasures(0, 1, 0),
     ]
-    found = figures(own, measured)
+    found = transfer_figures(own, measured)
     errors = [0.01, 0.02, 0.03, 0.0, 0.0, 0.06] + 6 * [0.0]
     assert found["position_error_m"] == pytest.approx(
         {"mean": 0.01, "p95": np.percentile(errors, 95), "max": 0.06}
@@ -114,7 +114,7 @@ def test_figures_of_trajectories_with_known_errors():
     assert found["time_stretch"]["max"] == 3.0
     assert (found["limit_violations"], found["self_collisions"]) == (3, 6)
     assert found["dtw_m"] == pytest.approx({"mean": 0.015, "p95": 0.0285, "max": 0.03})
-    none = figures([], [])
+    none = transfer_figures([], [])
     assert none["position_error_m"] is none["unscaled_share"] is none["dtw_m"] is None
     assert none["limit_violations"] == none["self_collisions"] == 0
 
@@ -180,7 +180,7 @@ def test_bad_demonstrations_are_rows_with_their_reasons():
     assert row["n_demonstrations"] == 8
     assert row["n_transferred"] == len(mapped[0].trajectories) == 8 - len(reasons)
     assert row["transferred_to_all"] == row["n_transferred"] / 8
-    lines = failure_lines(result["rows"])
+    lines = reason_lines(result["rows"])
     assert f"ur5, throw: s1_a.tsv:4: {reasons['4']}" in lines
 
 

@@ -5,7 +5,7 @@ import pytest
 from typer.testing import CliRunner
 
 from besman.cli.main import app
-from besman.evaluation.refinement import best_so_far, evaluate_refinement, summary
+from besman.evaluation.refinement import best_rewards, evaluate_refinement, summary
 from besman.evaluation.refinement_functions import ContextualProblem, FunctionProblem, sphere
 from besman.evaluation.refinement_problems import TaskProblem, load_problem
 from besman.evaluation.refinement_tables import refinement_tables, write_curves
@@ -76,7 +76,7 @@ def test_imitations_are_refined_as_in_the_stage(robot, make_plan):
 
 
 def test_best_so_far_stays_and_knows_no_nan():
-    np.testing.assert_array_equal(best_so_far([-3, np.nan, -1, -2], 6), [-3, -3, -1, -1, -1, -1])
+    np.testing.assert_array_equal(best_rewards([-3, np.nan, -1, -2], 6), [-3, -3, -1, -1, -1, -1])
 
 
 def test_summary():
