@@ -137,9 +137,8 @@ def evaluate_recognition(
     console = Console()
     console.print(recognition_table(result))
     if figures is not None:
-        from besman.evaluation.recognition_figures import write_figures
 
-        for path in write_figures(result, sets, figures):
+        for path in write_mapping_figures(result, sets, figures):
             console.print(f"wrote {path}", highlight=False, soft_wrap=True)
 
 
@@ -192,9 +191,9 @@ def evaluate_mapping(
     for line in reason_lines(result["rows"]):
         console.print(line, highlight=False, markup=False, soft_wrap=True)
     if figures is not None:
-        from besman.evaluation.mapping_figures import write_figures
+        from besman.evaluation.mapping_figures import write_mapping_figures
 
-        for path in write_figures(mapped, figures):
+        for path in write_mapping_figures(mapped, figures):
             console.print(f"wrote {path}", highlight=False, soft_wrap=True)
 
 

@@ -26,7 +26,7 @@ from besman.exceptions import BesmanError, ConfigError
 from besman.records import Failure, JointTrajectory
 from besman.robot.config import RobotConfig
 from besman.robot.kinematics import forward_kinematics
-from besman.robot.limits import check_limits, resample
+from besman.robot.limits import check_limits, resample_trajectory
 from besman.robot.model import Robot, find_robot, load_robot
 from besman.stages.map.map_demonstrations import Mapping
 from besman.stages.map.stage import MapConfig
@@ -207,7 +207,7 @@ def measure(trajectory: JointTrajectory, robot: Robot) -> TransferMeasures:
     trajectory : JointTrajectory
     robot : Robot
     """
-    _, *dense = resample(
+    _, *dense = resample_trajectory(
         trajectory.time, trajectory.positions, trajectory.velocities, trajectory.accelerations
     )
     report = check_limits(robot, *dense)

@@ -119,7 +119,7 @@ def evaluate_segmentation(
 
 def _warm_up_recordings(seed: int) -> tuple[Any, ...]:
     """Return one short recording, for compiling kernels before anything is timed."""
-    return (sequenced_dmps.generate(seed=seed)[0].recording(),)
+    return (sequenced_dmps.generate_sequenced_dmps(seed=seed)[0].recording(),)
 
 
 def choose_methods(methods: Sequence[str] | None) -> tuple[str, ...]:
@@ -222,7 +222,7 @@ def _score_dmps(
     progress: Callable[[float], None],
 ) -> dict[str, Any]:
     """Score a method on sequenced DMPs."""
-    movements = sequenced_dmps.generate(NOISE_M[dataset], seed=seed)
+    movements = sequenced_dmps.generate_sequenced_dmps(NOISE_M[dataset], seed=seed)
     margin = MARGIN_S if margin_s is None else margin_s
     stage = make_method(name, {"rate_hz": RATE_HZ})
     figures = score_settings(movements, name, stage, margin, progress)

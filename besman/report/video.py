@@ -16,7 +16,7 @@ from besman.config.yaml_file import read_yaml
 from besman.exceptions import RenderingError, RunError, nearest
 from besman.pictures.camera import CameraView, frame_points
 from besman.pictures.rendering import Renderer
-from besman.pictures.scene_geoms import SceneGeoms, follow, scene_geoms
+from besman.pictures.scene_geoms import SceneGeoms, farthest_path, scene_geoms
 from besman.records import FloatArray, RefinedMotion
 from besman.records.files import load_record
 from besman.report.panels import BAND, Picture, join_panels, text_band
@@ -160,7 +160,7 @@ def _panel(motion: RefinedMotion, index: int, robot: Robot, task: Task) -> Panel
     if not len(playback.states):
         raise RunError(f"{plan.name}: episode {episode}: the simulation diverged at its start")
     geoms = scene_geoms(robot, playback.model)
-    trail = follow(playback.model, playback.states, geoms)
+    trail = farthest_path(playback.model, playback.states, geoms)
     if not len(trail):
         trail = _tool_path(playback)
     return Panel(_caption(motion, index, robot, task), playback, geoms, trail)

@@ -17,8 +17,8 @@ from besman.synthetic.capture import Capture, write_capture
 from besman.synthetic.person import Person, draw_person
 from besman.synthetic.script import Temper, draw_temper
 from besman.synthetic.stance import draw_stance, stream
-from besman.synthetic.stick_throw import STICK, ThrowKind, simulate_throws
-from besman.synthetic.take import Plan, Setting, Things, play
+from besman.synthetic.stick_throw import STICK, ThrowKind, simulate_throw_take
+from besman.synthetic.take import Plan, Setting, Things, play_plan
 
 Planner = Callable[[Person, Temper, Callable[[int], np.random.Generator], range], Plan]
 Progress = Callable[[float], None]
@@ -273,7 +273,7 @@ def _simulate(
 ) -> Capture:
     """Simulate one take."""
     if dataset.kind is not None:
-        return simulate_throws(dataset.kind, subject, rows, rate_hz, seed, source)
+        return simulate_throw_take(dataset.kind, subject, rows, rate_hz, seed, source)
     key = (zlib.crc32(name.encode()), subject)
     rng = stream(seed, *key, 0)
     person, temper, stance = draw_person(rng), draw_temper(rng, dataset.diversity), draw_stance(rng)
@@ -287,7 +287,7 @@ def _simulate(
     # The person's own choices have number 0, the repetitions follow.
     plan = planner(person, temper, lambda index: stream(seed, *key, task, index + 1), rows)
     setting = Setting(rate_hz, source, noise, things=dataset.things, joint_noise=joint_noise)
-    capture = play(person, stance, plan, setting)
+    capture = play_plan(person, stance, plan, setting)
     if dataset.seen_by == "suit":
         return gestures.see_segments(capture, noise)
     if dataset.seen_by == "exoskeleton":

@@ -80,7 +80,7 @@ class _Throw:
     on_ground_for: float
 
 
-def generate(
+def generate_stick_throws(
     n_subjects: int = 2, n_repetitions: int = 8, rate_hz: float = 100, seed: int = 0
 ) -> list[Capture]:
     """Simulate people who throw a stick.
@@ -118,12 +118,12 @@ def generate(
         if not low <= value <= high:
             raise ConfigError(f"stick_throw: {name}: got {value}, expected {low} to {high}")
     return [
-        simulate_throws(STICK, subject, range(n_repetitions), float(rate_hz), seed)
+        simulate_throw_take(STICK, subject, range(n_repetitions), float(rate_hz), seed)
         for subject in range(n_subjects)
     ]
 
 
-def simulate_throws(
+def simulate_throw_take(
     kind: ThrowKind,
     subject: int,
     repetitions: range,

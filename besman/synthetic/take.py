@@ -17,8 +17,8 @@ from besman.synthetic.person import Person, reach_with, see_from_torso
 from besman.synthetic.script import (
     ArmScript,
     Movement,
-    follow,
     keep_within_reach,
+    play_script,
 )
 from besman.synthetic.stance import Stance
 from besman.synthetic.true_borders import time_parts, time_phases
@@ -99,7 +99,7 @@ class Setting:
     hidden: frozenset[str] = field(default_factory=frozenset)
 
 
-def play(person: Person, stance: Stance, plan: Plan, setting: Setting) -> Capture:
+def play_plan(person: Person, stance: Stance, plan: Plan, setting: Setting) -> Capture:
     """Let a person do what a plan says, before cameras that see everything.
 
     Parameters
@@ -149,7 +149,7 @@ def _move_body(
     person: Person, stance: Stance, plan: Plan, setting: Setting, time: FloatArray
 ) -> BodyMotion:
     """Solve both arms over the whole take."""
-    paths = {side: follow(script, time) for side, script in plan.arms.items()}
+    paths = {side: play_script(script, time) for side, script in plan.arms.items()}
     # A left arm's script is seen in a mirror, where the torso turns the other way.
     twist = sum(
         (path[3] if side == RIGHT else -path[3] for side, path in paths.items()),

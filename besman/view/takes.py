@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from besman.exceptions import BesmanError
-from besman.pictures.scene_geoms import follow, scene_geoms
+from besman.pictures.scene_geoms import farthest_path, scene_geoms
 from besman.records import AnyPlan, FloatArray, JointTrajectory, RefinedMotion
 from besman.robot.model import Robot
 from besman.simulation.task import Task
@@ -190,7 +190,7 @@ def _perform(plan: AnyPlan, robot: Robot, task: Task, rate_hz: float) -> Perform
         failure=trial.failure,
         bodies=_body_poses(model, states, bodies),
         shapes=shapes,
-        object_path=follow(model, states, scene_geoms(robot, model)),
+        object_path=farthest_path(model, states, scene_geoms(robot, model)),
     )
 
 

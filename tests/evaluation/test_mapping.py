@@ -24,10 +24,10 @@ from besman.evaluation.mapping_data import (
     DemonstrationSet,
     choose_sets,
     load_demonstrations,
-    simulate_throws,
+    simulate_throw_set,
     subject_of,
 )
-from besman.evaluation.mapping_figures import write_figures
+from besman.evaluation.mapping_figures import write_mapping_figures
 from besman.evaluation.mapping_tables import mapping_tables, reason_lines
 from besman.exceptions import ConfigError, MappingError
 from besman.records import Failure, HandTrajectory, JointTrajectory
@@ -195,7 +195,7 @@ def test_where_nothing_can_be_transferred_there_is_a_row_and_a_table(tmp_path):
     assert json.loads(json.dumps(result))["rows"][1]["position_error_m"] is None
     text = render(result["rows"])
     assert "0/1" in text
-    assert write_figures(mapped, tmp_path) == []
+    assert write_mapping_figures(mapped, tmp_path) == []
 
 
 def test_shares_count_what_every_robot_can_do(monkeypatch):
@@ -242,7 +242,7 @@ def test_without_tslearn_the_distance_is_null_and_the_table_says_so(monkeypatch)
 
 
 def test_the_number_of_jobs_changes_no_figure():
-    own = simulate_throws(2, 1)
+    own = simulate_throw_set(2, 1)
     rows = []
     for jobs in (1, 2):
         (row,) = evaluate_mapping([own], ["ur5"], config=QUICK, work=study.Work(jobs))[0]["rows"]
@@ -251,7 +251,7 @@ def test_the_number_of_jobs_changes_no_figure():
 
 
 def test_simulated_throws_have_subjects_and_targets():
-    own = simulate_throws(2, 3)
+    own = simulate_throw_set(2, 3)
     assert (own.n, own.tool, own.free_spin) == (6, "stick_holder", True)
     assert [subject_of(one.name) for one in own.demonstrations] == 3 * ["subject1"] + 3 * [
         "subject2"

@@ -9,10 +9,10 @@ from besman.robot.dynamics import body_inertias
 from besman.simulation.perturbation import (
     Spreads,
     draw_perturbation,
+    follow_with_play,
     no_perturbation,
     perturb_controls,
     perturb_model,
-    play,
 )
 from besman.simulation.perturbed_trials import finer_task, quarter_step_shift, try_perturbed
 from besman.simulation.tasks.kinds import load_task
@@ -144,7 +144,7 @@ def test_lag_is_that_of_a_first_order_system(robot):
 )
 def test_play_follows_within_its_width_and_only_when_driven(driving, width):
     driving = np.array(driving)
-    driven = play(driving, width)
+    driven = follow_with_play(driving, width)
     assert (np.abs(driven - driving) <= width / 2 + 1e-12).all()
     moved = np.diff(driven) != 0
     touching = np.isclose(np.abs(driven - driving)[1:], width / 2)

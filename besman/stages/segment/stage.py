@@ -9,7 +9,12 @@ from pydantic import Field
 
 from besman.config.stage import Stage, Work
 from besman.records import LabelledRecording, Segments
-from besman.stages.segment.sampling import gather_gapless_paths, sample_paths, spread, to_segments
+from besman.stages.segment.sampling import (
+    gather_gapless_paths,
+    sample_paths,
+    spread_over_rows,
+    to_segments,
+)
 from besman.stages.segment.signals import measure_scaling, prepare_signals
 from besman.stages.segment.valley_vmci import EVIDENCE_HZ, find_movements
 from besman.stages.segment.vmci import (
@@ -206,5 +211,5 @@ class ValleyVmciConfig(Stage):
             rate_hz=rate_hz,
             source=recording.source,
             first_frame=recording.first_frame,
-            border_probability=spread(expected, EVIDENCE_HZ, recording),
+            border_probability=spread_over_rows(expected, EVIDENCE_HZ, recording),
         )

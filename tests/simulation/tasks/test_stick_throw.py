@@ -5,7 +5,7 @@ from scipy.integrate import solve_ivp
 
 from besman.simulation.episodes import Movements
 from besman.simulation.tasks.kinds import load_task
-from besman.simulation.tasks.stick_throw.throw import simulate_throws, throw_model
+from besman.simulation.tasks.stick_throw.throw import simulate_stick_throws, throw_model
 from besman.simulation.tasks.stick_throw.throwing import ballistic_touchdown, flight
 from besman.simulation.trial import move
 
@@ -20,7 +20,7 @@ def changed(**sections):
 
 
 def throw(robot, plans, task=TASK, paths=False):
-    return simulate_throws(robot, task, move(plans, task), paths)
+    return simulate_stick_throws(robot, task, move(plans, task), paths)
 
 
 def test_stick_leaves_and_lands_in_front(robot, make_plan):
@@ -111,7 +111,7 @@ def test_a_holder_that_points_down_drops_the_stick(robot, make_plan):
         durations=np.array([plan.duration]),
     )
     task = changed(failure={"least_release_speed_m_s": 3.0})
-    assert simulate_throws(robot, task, still).failures == ("stick dropped",)
+    assert simulate_stick_throws(robot, task, still).failures == ("stick dropped",)
 
 
 def test_an_arm_without_the_strength_does_not_follow(robot, make_plan):
@@ -124,7 +124,7 @@ def test_a_movement_that_explodes_is_a_failed_episode_beside_a_good_one(robot, m
     wild = movements.positions.copy()
     wild[0, 100:] = np.nan
     broken = Movements(wild, movements.velocities, movements.accelerations, movements.durations)
-    episodes = simulate_throws(robot, TASK, broken)
+    episodes = simulate_stick_throws(robot, TASK, broken)
     assert episodes.failures[0] == "unstable simulation"
     assert np.isnan(episodes.outcomes[0]).all()
     assert episodes.failures[1] == ""

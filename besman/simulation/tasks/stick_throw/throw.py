@@ -88,7 +88,7 @@ class StickThrowConfig(ThrowConfig):
         self, robot: Robot, plans: Sequence[AnyPlan], movements: Movements, paths: bool
     ) -> Episodes:
         """Throw; the paths are those of the stick's centre."""
-        return simulate_throws(robot, self, movements, paths)
+        return simulate_stick_throws(robot, self, movements, paths)
 
 
 @lru_cache(maxsize=8)
@@ -183,7 +183,7 @@ def _add_stick(stick: Any, task: StickThrowConfig) -> None:
     stick.add_site(name="tail", pos=[0.0, 0.0, -half])
 
 
-def simulate_throws(
+def simulate_stick_throws(
     robot: Robot, task: StickThrowConfig, movements: Movements, paths: bool = False
 ) -> Episodes:
     """Throw.
