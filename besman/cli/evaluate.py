@@ -137,8 +137,9 @@ def evaluate_recognition(
     console = Console()
     console.print(recognition_table(result))
     if figures is not None:
+        from besman.evaluation.recognition_figures import write_recognition_figures
 
-        for path in write_mapping_figures(result, sets, figures):
+        for path in write_recognition_figures(result, sets, figures):
             console.print(f"wrote {path}", highlight=False, soft_wrap=True)
 
 
