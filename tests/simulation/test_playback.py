@@ -10,7 +10,7 @@ from besman.robot.kinematics import forward_kinematics
 from besman.robot.model import load_robot
 from besman.simulation.tasks.kinds import load_task
 from besman.simulation.trial import try_plans
-from besman.stages.refine.stage import RefineConfig
+from besman.stages.refine.stage import CmaEsConfig
 
 THROW, REACH = load_task("stick_throw"), load_task("reach")
 
@@ -68,7 +68,7 @@ def test_milestones_do_again_what_the_search_says_of_them(robot, make_plan):
     plan = make_plan()
     (trial,) = try_plans(robot, THROW, [plan])
     plan = replace(plan, target=trial.outcome + np.array([-0.15, 0.1, 0.0]))
-    (motion,) = RefineConfig(episodes=60).run((plan,), robot, THROW)
+    (motion,) = CmaEsConfig(episodes=60).run((plan,), robot, THROW)
     episodes = [episode for episode, _ in motion.milestones]
     assert episodes[0] == 0
     assert episodes == sorted(set(episodes))
