@@ -17,7 +17,7 @@ from besman.robot.kinematics import forward_kinematics
 from besman.robot.limits import check_limits
 from besman.robot.model import Robot
 from besman.search.protocol import Part
-from besman.simulation.tasks.stick_throw.throwing import ThrowConfig
+from besman.simulation.tasks.stick_throw.throw_and_flight import ThrowConfig
 from besman.simulation.trial import try_plans
 from besman.stages.export.motion_exports import write_exports
 from besman.stages.refine.plan_space import Space, plan_space

@@ -11,7 +11,7 @@ from besman.simulation.episodes import Movements
 from besman.simulation.scenes import lay_in_tool
 from besman.simulation.tasks.ball_throw.ball_throw import ball_model
 from besman.simulation.tasks.kinds import load_task
-from besman.simulation.tasks.stick_throw.throwing import ballistic_touchdown
+from besman.simulation.tasks.stick_throw.throw_and_flight import ballistic_touchdown
 from besman.simulation.trial import move, try_plans
 from besman.stages.refine.stage import CmaEsConfig
 
