@@ -22,7 +22,7 @@ from besman.stages.map.demonstration import tool_poses
 from besman.view.packing import Packer
 from besman.view.person import PersonMarkers, find_person
 from besman.view.shapes import robot_content
-from besman.view.takes import Leads, mapped_take, simulated_takes
+from besman.view.takes import DemonstrationInPlan, mapped_take, simulated_takes
 
 RATE_HZ = 100.0
 
@@ -225,8 +225,10 @@ class RunContent:
             takes.append(mapped_take(mapped, arm.robot, rate_hz))
         if mapped is not None and motion is not None:
             settings = self._config["imitate"]
-            leads = Leads(settings["lead_in_s"], settings["lead_out_s"], float(mapped.time[-1]))
-            takes += simulated_takes(motion, leads, arm.robot, self._task, rate_hz)
+            within = DemonstrationInPlan(
+                settings["lead_in_s"], settings["lead_out_s"], float(mapped.time[-1])
+            )
+            takes += simulated_takes(motion, within, arm.robot, self._task, rate_hz)
         target = np.full(3, np.nan) if motion is None else self._task.target(motion.plan)
         return {
             "yaw": float(np.arctan2(placement[1, 0], placement[0, 0])),

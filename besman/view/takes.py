@@ -19,7 +19,7 @@ from besman.view.shapes import scene_shapes, tool_shapes
 
 
 @dataclass(frozen=True)
-class Leads:
+class DemonstrationInPlan:
     """Where in a motion plan the demonstration is.
 
     Attributes
@@ -129,14 +129,14 @@ def mapped_take(trajectory: JointTrajectory, robot: Robot, rate_hz: float) -> Pe
 
 
 def simulated_takes(
-    motion: RefinedMotion, leads: Leads, robot: Robot, task: Task, rate_hz: float
+    motion: RefinedMotion, within: DemonstrationInPlan, robot: Robot, task: Task, rate_hz: float
 ) -> list[Performance]:
     """Perform the milestones of a search again.
 
     Parameters
     ----------
     motion : RefinedMotion
-    leads : Leads
+    within : DemonstrationInPlan
         Of the motion's imitation.
     robot : Robot
     task : Task
@@ -155,7 +155,7 @@ def simulated_takes(
         last = index == len(shown) - 1
         best = "refined" if motion.success else "best found"
         take.title = "imitated" if not episode else best if last else "on the way"
-        take.span = leads.span(plan)
+        take.span = within.span(plan)
         take.episode = episode
         take.generation = int(motion.generations[episode])
         take.miss_m = float(motion.miss if last else motion.misses[episode])
