@@ -159,7 +159,8 @@ def _look_at_arms(config: PipelineConfig) -> PipelineConfig:
 
 def pipeline_yaml(config: PipelineConfig) -> str:
     """Return a pipeline with every default written out."""
-    return yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False, allow_unicode=True)
+    plain = config.model_dump(mode="json")
+    return str(yaml.safe_dump(plain, sort_keys=False, allow_unicode=True))
 
 
 def needs_no_examples(config: PipelineConfig) -> bool:

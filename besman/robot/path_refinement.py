@@ -124,7 +124,7 @@ def _pose_cost(error: FloatArray, weights: FloatArray) -> float:
     off = np.sqrt(turn)
     if off > LINEAR_RAD:
         turn = LINEAR_RAD * (2.0 * off - LINEAR_RAD)
-    return weights[0] ** 2 * place + weights[1] ** 2 * turn
+    return float(weights[0] ** 2 * place + weights[1] ** 2 * turn)
 
 
 @compiled

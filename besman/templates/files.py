@@ -151,7 +151,8 @@ def load_template(folder: Path, method: str | None = None) -> Template:
             f"{folder}: no template{f' {method}' if method else ''} here (there: {there}); "
             f"expected one from besman template learn {folder}"
         )
-    return load_record(places[method] if method else next(iter(places.values())))
+    template: Template = load_record(places[method] if method else next(iter(places.values())))
+    return template
 
 
 def write_application(applied: Application, paths: list[Path]) -> None:
