@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial.transform import Rotation
 
 from besman.exceptions import LabellingError
 
@@ -92,6 +91,8 @@ def rotation_to_quaternion(rotation: npt.ArrayLike) -> FloatArray:
         Unit quaternions (w, x, y, z). A sequence, shape (T, 4), has no change of sign from one
         sample to the next and starts with w >= 0; otherwise w >= 0.
     """
+    from scipy.spatial.transform import Rotation
+
     matrices = np.asarray(rotation, dtype=np.float64)
     flat = Rotation.from_matrix(matrices.reshape(-1, 3, 3)).as_quat(
         canonical=True, scalar_first=True
@@ -104,6 +105,8 @@ def rotation_to_quaternion(rotation: npt.ArrayLike) -> FloatArray:
 
 def quaternion_to_rotation(quaternion: npt.ArrayLike) -> FloatArray:
     """Turn quaternions (w, x, y, z), shape (..., 4), into rotation matrices, shape (..., 3, 3)."""
+    from scipy.spatial.transform import Rotation
+
     quaternions = np.asarray(quaternion, dtype=np.float64)
     flat = Rotation.from_quat(quaternions.reshape(-1, 4), scalar_first=True).as_matrix()
     return flat.reshape(*quaternions.shape[:-1], 3, 3)
