@@ -62,7 +62,7 @@ def _reduce(values: Float32, function: np.ufunc) -> Float32:
     return np.asarray(function.reduceat(values, starts, axis=1), dtype=np.float32)
 
 
-class Signals:
+class SignalPyramids:
     """The signals of one recording, by groups.
 
     ``positions`` of a marker are x, y, z in metres, ``velocities`` those in metres per second,

@@ -137,9 +137,9 @@ def evaluate_recognition(
     console = Console()
     console.print(recognition_table(result))
     if figures is not None:
-        from besman.evaluation.recognition_figures import write_figures
+        from besman.evaluation.recognition_figures import write_recognition_figures
 
-        for path in write_figures(result, sets, figures):
+        for path in write_recognition_figures(result, sets, figures):
             console.print(f"wrote {path}", highlight=False, soft_wrap=True)
 
 
@@ -171,7 +171,7 @@ def evaluate_mapping(
     from besman.cli.progress_bars import stage_display
     from besman.evaluation import mapping
     from besman.evaluation.mapping_data import choose_sets
-    from besman.evaluation.mapping_tables import failure_lines, mapping_tables
+    from besman.evaluation.mapping_tables import mapping_tables, reason_lines
     from besman.io.atomic_files import write_json
     from besman.work.work import Work
     from besman.work.workers import Workers
@@ -189,12 +189,12 @@ def evaluate_mapping(
     console = Console()
     for table in mapping_tables(result["rows"]):
         console.print(table)
-    for line in failure_lines(result["rows"]):
+    for line in reason_lines(result["rows"]):
         console.print(line, highlight=False, markup=False, soft_wrap=True)
     if figures is not None:
-        from besman.evaluation.mapping_figures import write_figures
+        from besman.evaluation.mapping_figures import write_mapping_figures
 
-        for path in write_figures(mapped, figures):
+        for path in write_mapping_figures(mapped, figures):
             console.print(f"wrote {path}", highlight=False, soft_wrap=True)
 
 

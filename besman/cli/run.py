@@ -142,7 +142,7 @@ def retarget(
     from besman.cli.progress_bars import stage_display
     from besman.pipeline.retarget import plan_retargeting, raise_failures, retarget_robots
     from besman.report.page import write_page
-    from besman.report.robots import robots_table
+    from besman.report.robots import retargeted_table
 
     plans = plan_retargeting(run, recordings, tuple(robots or ()), out)
     with stage_display() as display:
@@ -151,7 +151,7 @@ def retarget(
         _finish(done[0].plan.folder)
     elif len(done) > 1:
         console = Console()
-        console.print(robots_table(done))
+        console.print(retargeted_table(done))
         for one in done:
             if one.error is None:
                 write_page(one.plan.folder)

@@ -42,7 +42,7 @@ def learn(
     from besman.cli.progress_bars import stage_display
     from besman.pipeline.finished_run import read_run
     from besman.templates.contexts import context_kind, parse_names, parse_region
-    from besman.templates.files import figures, learn_in_run, parse_settings
+    from besman.templates.files import learn_in_run, parse_settings, template_figures
     from besman.work.work import Work
 
     given = {"method": method, "episodes": episodes, "seed": seed}
@@ -53,7 +53,7 @@ def learn(
         progress, end = display("template")
         template, path = learn_in_run(run, names, wanted, config, Work(jobs, progress))
         end(True)
-    console, found = Console(), figures(template)
+    console, found = Console(), template_figures(template)
     bounds = ", ".join(f"{k} {low:.2f} to {high:.2f}" for k, (low, high) in found["region"].items())
     miss = found["miss_m"]["median"]
     console.print(
@@ -89,7 +89,7 @@ def apply(
     from besman.simulation.tasks.kinds import load_task
     from besman.templates.applying import apply_template
     from besman.templates.contexts import parse_context
-    from besman.templates.files import describe, load_template, write_application
+    from besman.templates.files import describe_application, load_template, write_application
 
     template = load_template(run, method)
     values = parse_context(context, template.family.names)
@@ -97,7 +97,7 @@ def apply(
     applied = apply_template(template, robot, task, values)
     write_application(applied, out or [])
     if json_file is not None:
-        write_json(json_file, describe(applied))
+        write_json(json_file, describe_application(applied))
     forecast, limits = applied.forecast, applied.limits
     for warning in applied.warnings:
         typer.echo(f"besman: warning: {warning}", err=True)

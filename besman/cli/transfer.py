@@ -71,10 +71,10 @@ def record(
 
 def _tries(state: TransferState, target: FloatArray, radius: float) -> list[str]:
     """Say of every try how far it was from the target."""
-    from besman.transfer.tries import distances
+    from besman.transfer.tries import miss_distances
 
     lines = [f"{state.motion}:"]
-    far = distances(state, target)
+    far = miss_distances(state, target)
     for number, (one, metres) in enumerate(zip(state.tries, far, strict=True), 1):
         said = "failed" if one.failed else "not recorded yet"
         if metres is not None:

@@ -20,7 +20,7 @@ from besman.stages.label.stage import LabelConfig, LabelStage, LabelTrajectories
 from besman.stages.map.stage import MapConfig
 from besman.stages.recognize.stage import RecognizeConfig, RecognizeStage
 from besman.stages.refine.methods import RefineStage
-from besman.stages.refine.stage import RefineConfig
+from besman.stages.refine.stage import CmaEsConfig
 from besman.stages.segment.methods import DefaultSegmentConfig, SegmentStage
 from besman.stages.select.stage import SelectConfig
 
@@ -81,7 +81,7 @@ class PipelineConfig(Config):
     select: SelectConfig
     map: MapConfig = MapConfig()
     imitate: ImitateStage = ImitateConfig()
-    refine: RefineStage = RefineConfig()
+    refine: RefineStage = CmaEsConfig()
 
     @field_validator("recordings", "training", mode="before")
     @classmethod

@@ -20,7 +20,7 @@ _SIGMA = 0.7
 _MEMBERS_PER_DIMENSION = 5
 
 
-class Search(Protocol):
+class BoxSearch(Protocol):
     """A search for the point of least cost in a box."""
 
     def ask(self) -> FloatArray:
@@ -41,9 +41,9 @@ class Search(Protocol):
         ...
 
 
-def make_search(
+def make_box_search(
     optimizer: Optimizer, start: FloatArray, low: FloatArray, high: FloatArray, seed: int
-) -> Search:
+) -> BoxSearch:
     """Return a search by name.
 
     Parameters

@@ -22,7 +22,7 @@ mujoco.set_mju_user_warning(lambda _: None)
 
 
 @dataclass(frozen=True, eq=False)
-class Run:
+class SimulatedStates:
     """States of B simulations after each of at most T steps; NaN after a simulation was stopped.
 
     Attributes
@@ -45,9 +45,9 @@ def run_physics(
     model: mujoco.MjModel,
     initial_qpos: FloatArray,
     controls: FloatArray,
-    finished: Callable[[Run, slice], BoolArray],
+    finished: Callable[[SimulatedStates, slice], BoolArray],
     perturbations: Sequence[Perturbation] = (),
-) -> Run:
+) -> SimulatedStates:
     """Simulate a batch from rest.
 
     Results do not depend on the batch: every simulation starts afresh and is looked at after the
@@ -69,13 +69,13 @@ def run_physics(
 
     Returns
     -------
-    Run
+    SimulatedStates
         A diverged simulation has states that are not finite.
     """
     batch, steps, _ = controls.shape
     state = np.zeros((batch, mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)))
     state[:, 1 : 1 + model.nq] = initial_qpos
-    run = Run(
+    run = SimulatedStates(
         qpos=np.full((batch, steps, model.nq), np.nan),
         qvel=np.full((batch, steps, model.nv), np.nan),
         sensors=np.full((batch, steps, model.nsensordata), np.nan),

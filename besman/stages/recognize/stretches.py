@@ -12,7 +12,7 @@ from besman.exceptions import LabellingError, RecognitionError, nearest
 from besman.geometry.frames import back_frame, quaternion_to_rotation
 from besman.person.body import Arm, find_body
 from besman.records import LabelledRecording
-from besman.stages.recognize.splines import resample
+from besman.stages.recognize.splines import resample_segments
 
 FloatArray = npt.NDArray[np.float64]
 Bounds = npt.NDArray[np.int64]
@@ -104,7 +104,7 @@ def cut_stretch(
     n_samples, n_wanted = positions.shape[:2]
     axes = _hand_axes(recording, hands)
     values = np.concatenate([positions.reshape(n_samples, -1), axes], axis=1)
-    points, step_s = resample(recording.time, values, rows, n_points)
+    points, step_s = resample_segments(recording.time, values, rows, n_points)
     back = positions[rows[:, 0]][:, [wanted.index(name) for name in body.back]]
     rotation, origin = _back_frames(back, rows, recording.source)
     vectors = points.reshape(len(rows), n_points, values.shape[1] // 3, 3)

@@ -84,7 +84,7 @@ _REST_NOISE = 0.1
 
 
 @dataclass(frozen=True)
-class Movements:
+class MovementsAndRests:
     """The most probable segmentation into movements and rests.
 
     Attributes
@@ -114,7 +114,7 @@ def find_movements(
     longest_s: float | None = None,
     model: VmciModel | None = None,
     shape: ValleyShape | None = None,
-) -> Movements:
+) -> MovementsAndRests:
     """Segment the paths of one or more markers into movements and rests.
 
     Parameters
@@ -133,7 +133,7 @@ def find_movements(
 
     Returns
     -------
-    Movements
+    MovementsAndRests
         Borders lie on a grid of 100 Hz.
 
     Raises
@@ -148,7 +148,7 @@ def find_movements(
     rate_hz = min(EVIDENCE_HZ, 1 / step)
     samples = resample(t, x, rate_hz)
     whole = np.array([0.0, len(t) * step])
-    still = Movements(whole, np.zeros(1, bool), np.nan, np.empty((0, 2)), np.empty(0))
+    still = MovementsAndRests(whole, np.zeros(1, bool), np.nan, np.empty((0, 2)), np.empty(0))
     if len(samples) < 2:
         return still
     signals = prepare_signals(samples)
@@ -175,7 +175,7 @@ def find_movements(
         borders.pop()
     else:
         rests.append(False)
-    return Movements(
+    return MovementsAndRests(
         np.array([*borders, whole[-1]]),
         np.array(rests),
         log_probability,

@@ -31,12 +31,12 @@ from besman.simulation.scenes import (
     set_contact_options,
 )
 from besman.simulation.task import TimeStep
-from besman.simulation.tasks.stick_throw.throwing import (
-    Thing,
+from besman.simulation.tasks.stick_throw.throw_and_flight import (
     ThrowConfig,
+    ThrownThing,
     ThrowSimulationConfig,
     ThrowSuccessConfig,
-    throw,
+    simulate_throw,
 )
 
 FloatArray = npt.NDArray[np.float64]
@@ -134,8 +134,8 @@ class BallThrowConfig(ThrowConfig):
         def way_out(place: FloatArray) -> FloatArray:
             return np.asarray(place[..., 2] / (rim + self.ball.radius_m))
 
-        thing = Thing("ball", is_clear, way_out)
-        return throw(robot, self, model, initial, thing, movements, paths)
+        thing = ThrownThing("ball", is_clear, way_out)
+        return simulate_throw(robot, self, model, initial, thing, movements, paths)
 
 
 @lru_cache(maxsize=8)

@@ -18,7 +18,7 @@ from besman.records import AnyPlan
 from besman.robot.model import Robot
 from besman.robot.mujoco_model import servo_controls
 from besman.simulation.episodes import Episodes, Movements, Playback, arm_failure, tracking_errors
-from besman.simulation.physics import Run, run_physics
+from besman.simulation.physics import SimulatedStates, run_physics
 from besman.simulation.tasks.pull_lever.lever_scene import (
     Hinge,
     find_hinge,
@@ -109,7 +109,7 @@ def simulate_pulling(
     last = np.ceil(ends / task.simulation.time_step_s).astype(np.int64) - 1
     initial = np.pad(movements.positions[:, 0], ((0, 0), (0, 1)))
 
-    def finished(_: Run, span: slice) -> npt.NDArray[np.bool_]:
+    def finished(_: SimulatedStates, span: slice) -> npt.NDArray[np.bool_]:
         return np.asarray(last < span.stop)
 
     run = run_physics(model, initial, controls, finished, movements.perturbations)

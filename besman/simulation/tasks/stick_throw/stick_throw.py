@@ -31,7 +31,11 @@ from besman.simulation.scenes import (
     lay_in_tool,
     set_contact_options,
 )
-from besman.simulation.tasks.stick_throw.throwing import Thing, ThrowConfig, throw
+from besman.simulation.tasks.stick_throw.throw_and_flight import (
+    ThrowConfig,
+    ThrownThing,
+    simulate_throw,
+)
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -88,11 +92,11 @@ class StickThrowConfig(ThrowConfig):
         self, robot: Robot, plans: Sequence[AnyPlan], movements: Movements, paths: bool
     ) -> Episodes:
         """Throw; the paths are those of the stick's centre."""
-        return simulate_throws(robot, self, movements, paths)
+        return simulate_stick_throws(robot, self, movements, paths)
 
 
 @lru_cache(maxsize=8)
-def throw_model(robot: Robot, task: StickThrowConfig) -> mujoco.MjModel:
+def stick_throw_model(robot: Robot, task: StickThrowConfig) -> mujoco.MjModel:
     """Build the scene: arm, holder, stick.
 
     Sensors: position of the stick's tail in the frame of the tool centre point (3), position (3)
@@ -183,7 +187,7 @@ def _add_stick(stick: Any, task: StickThrowConfig) -> None:
     stick.add_site(name="tail", pos=[0.0, 0.0, -half])
 
 
-def simulate_throws(
+def simulate_stick_throws(
     robot: Robot, task: StickThrowConfig, movements: Movements, paths: bool = False
 ) -> Episodes:
     """Throw.
@@ -204,7 +208,7 @@ def simulate_throws(
     Episodes
         Outcomes are where the stick's centre of mass meets the floor z = 0.
     """
-    model = throw_model(robot, task)
+    model = stick_throw_model(robot, task)
     initial = lay_in_tool(model, movements.positions[:, 0], task.stick.length_m / 2)
     length = task.holder.length_m
 
@@ -217,5 +221,5 @@ def simulate_throws(
     def way_out(tail: FloatArray) -> FloatArray:
         return np.asarray(tail[..., 2] / length)
 
-    stick = Thing("stick", is_clear, way_out)
-    return throw(robot, task, model, initial, stick, movements, paths)
+    stick = ThrownThing("stick", is_clear, way_out)
+    return simulate_throw(robot, task, model, initial, stick, movements, paths)
