@@ -104,12 +104,20 @@ def rotation_to_quaternion(rotation: npt.ArrayLike) -> FloatArray:
 
 
 def quaternion_to_rotation(quaternion: npt.ArrayLike) -> FloatArray:
-    """Turn quaternions (w, x, y, z), shape (..., 4), into rotation matrices, shape (..., 3, 3)."""
-    from scipy.spatial.transform import Rotation
+    """Turn quaternions (w, x, y, z), shape (..., 4), into rotation matrices, shape (..., 3, 3).
 
-    quaternions = np.asarray(quaternion, dtype=np.float64)
-    flat = Rotation.from_quat(quaternions.reshape(-1, 4), scalar_first=True).as_matrix()
-    return flat.reshape(*quaternions.shape[:-1], 3, 3)
+    They need not have length one; of one without any length, or not seen, the matrix is NaN.
+    """
+    w, x, y, z = np.moveaxis(np.asarray(quaternion, dtype=np.float64), -1, 0)
+    length = np.sqrt(x * x + y * y + z * z + w * w)
+    length = np.where(length > 0.0, length, np.nan)
+    w, x, y, z = w / length, x / length, y / length, z / length
+    rows = [
+        [x * x - y * y - z * z + w * w, 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
+        [2.0 * (x * y + z * w), -x * x + y * y - z * z + w * w, 2.0 * (y * z - x * w)],
+        [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), -x * x - y * y + z * z + w * w],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
 def _markers(part: str, *markers: npt.ArrayLike) -> list[FloatArray]:
