@@ -9,10 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.robot.model import Robot
+from besman.robot.parts import GRAVITY
 
 FloatArray = npt.NDArray[np.float64]
-
-GRAVITY = 9.81  # m/s^2
 
 
 @dataclass(frozen=True, eq=False)
