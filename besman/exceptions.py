@@ -72,6 +72,12 @@ class RenderingError(BesmanError):
     """A picture or video that cannot be made on this machine."""
 
 
+def one_of(allowed: Iterable[str]) -> str:
+    """Name what is allowed in an error message: ``a, b or c``."""
+    *others, last = allowed
+    return f"{', '.join(others)} or {last}" if others else last
+
+
 def nearest(name: str, allowed: Iterable[str]) -> str:
     """Say which allowed names there are and which is nearest, as the end of an error message.
 

@@ -9,6 +9,8 @@ from typing import Annotated
 import typer
 
 from besman.cli.options import Json, Recordings
+from besman.exceptions import one_of
+from besman.io.recordings.formats import WRITTEN_SUFFIXES
 
 # Datasets are heavy to import for a help text; a test compares.
 _DATASETS = (
@@ -104,7 +106,7 @@ def follow(
 
 def label_markers(
     recording: Annotated[Path, typer.Argument(help="A recording without names.")],
-    out: Annotated[Path, typer.Option(help="File to write, .tsv or .c3d.")],
+    out: Annotated[Path, typer.Option(help=f"File to write, {one_of(WRITTEN_SUFFIXES)}.")],
     markers: Annotated[str, typer.Option(help="Marker set.")] = "right_arm",
     learn_from: Annotated[
         Path | None, typer.Option(help="A recording with names, to learn distances from.")
