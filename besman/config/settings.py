@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, get_args
 
-import yaml
 from pydantic import BaseModel
 
 from besman.exceptions import ConfigError
+from besman.foreign.yaml_text import YamlTextError, parse_yaml
 
 _PATHS = ("recordings", "training", "label.learn_from", "recognize.model")
 _FILES = ("robot", "task", "second_arm.robot")
@@ -33,9 +33,11 @@ def parse_setting(setting: str, example: str) -> tuple[str, Any]:
     if not equals or not key:
         raise ConfigError(f"--set: got {setting!r}, expected KEY=VALUE, e.g. {example}")
     try:
-        return key, yaml.safe_load(text)
-    except yaml.YAMLError:
-        raise ConfigError(f"--set {key}: got {text!r}, which is not a YAML value") from None
+        return key, parse_yaml(text)[0]
+    except YamlTextError as error:
+        raise ConfigError(
+            f"--set {key}: got {text!r:.80}, which is not a YAML value: {error}"
+        ) from None
 
 
 def apply_settings(
