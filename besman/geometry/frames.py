@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial.transform import Rotation
 
 from besman.exceptions import LabellingError
 
@@ -92,6 +91,8 @@ def rotation_to_quaternion(rotation: npt.ArrayLike) -> FloatArray:
         Unit quaternions (w, x, y, z). A sequence, shape (T, 4), has no change of sign from one
         sample to the next and starts with w >= 0; otherwise w >= 0.
     """
+    from scipy.spatial.transform import Rotation
+
     matrices = np.asarray(rotation, dtype=np.float64)
     flat = Rotation.from_matrix(matrices.reshape(-1, 3, 3)).as_quat(
         canonical=True, scalar_first=True
@@ -104,11 +105,20 @@ def rotation_to_quaternion(rotation: npt.ArrayLike) -> FloatArray:
 
 
 def quaternion_to_rotation(quaternion: npt.ArrayLike) -> FloatArray:
-    """Turn quaternions (w, x, y, z), shape (..., 4), into rotation matrices, shape (..., 3, 3)."""
-    quaternions = np.asarray(quaternion, dtype=np.float64)
-    flat = Rotation.from_quat(quaternions.reshape(-1, 4), scalar_first=True).as_matrix()
-    matrices: FloatArray = flat.reshape(*quaternions.shape[:-1], 3, 3)
-    return matrices
+    """Turn quaternions (w, x, y, z), shape (..., 4), into rotation matrices, shape (..., 3, 3).
+
+    They need not have length one; of one without any length, or not seen, the matrix is NaN.
+    """
+    w, x, y, z = np.moveaxis(np.asarray(quaternion, dtype=np.float64), -1, 0)
+    length = np.sqrt(x * x + y * y + z * z + w * w)
+    length = np.where(length > 0.0, length, np.nan)
+    w, x, y, z = w / length, x / length, y / length, z / length
+    rows = [
+        [x * x - y * y - z * z + w * w, 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
+        [2.0 * (x * y + z * w), -x * x + y * y - z * z + w * w, 2.0 * (y * z - x * w)],
+        [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), -x * x - y * y + z * z + w * w],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
 def _markers(part: str, *markers: npt.ArrayLike) -> list[FloatArray]:

@@ -9,9 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
-from typing import Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
-import mujoco
 import numpy as np
 import numpy.typing as npt
 from pydantic import Field
@@ -38,6 +37,9 @@ from besman.simulation.tasks.stick_throw.throw_and_flight import (
     ThrowSuccessConfig,
     simulate_throw,
 )
+
+if TYPE_CHECKING:
+    import mujoco
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -145,6 +147,8 @@ def ball_model(robot: Robot, task: BallThrowConfig) -> mujoco.MjModel:
     Sensors: position of the ball in the frame of the tool centre point (3), position (3) and
     orientation (4, wxyz) of the tool centre point in the world.
     """
+    import mujoco
+
     spec, last = arm_spec(robot, task.simulation.time_step_s)
     set_contact_options(spec)
     _add_scoop(add_tool_body(last, robot, "scoop"), task)
@@ -167,6 +171,8 @@ def ball_model(robot: Robot, task: BallThrowConfig) -> mujoco.MjModel:
 
 def _add_scoop(scoop: Any, task: BallThrowConfig) -> None:
     """Add a plate and a rim; every wall would touch a ball that is larger by the clearance."""
+    import mujoco
+
     radius, steep = task.ball.radius_m, np.radians(task.scoop.wall_deg)
     reach = radius + task.scoop.clearance_m
     shape = {

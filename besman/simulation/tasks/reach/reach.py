@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
-import mujoco
 import numpy as np
 import numpy.typing as npt
 
@@ -18,6 +17,9 @@ from besman.simulation.episodes import Episodes, Movements, Playback, arm_failur
 from besman.simulation.physics import SimulatedStates, run_physics
 from besman.simulation.scenes import add_tool_sensors
 from besman.simulation.task import RewardConfig, SimulationConfig, SuccessConfig, Task
+
+if TYPE_CHECKING:
+    import mujoco
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -10,9 +10,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import lru_cache
 from itertools import product
-from typing import Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
-import mujoco
 import numpy as np
 import numpy.typing as npt
 from pydantic import Field
@@ -36,6 +35,9 @@ from besman.simulation.tasks.stick_throw.throw_and_flight import (
     ThrownThing,
     simulate_throw,
 )
+
+if TYPE_CHECKING:
+    import mujoco
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -102,6 +104,8 @@ def stick_throw_model(robot: Robot, task: StickThrowConfig) -> mujoco.MjModel:
     Sensors: position of the stick's tail in the frame of the tool centre point (3), position (3)
     and orientation (4, wxyz) of the tool centre point in the world.
     """
+    import mujoco
+
     spec, last = arm_spec(robot, task.simulation.time_step_s)
     set_contact_options(spec)
     # Three contacts that slide most of the time: conjugate gradients get there in two thirds of
@@ -133,6 +137,8 @@ def _add_holder(holder: Any, task: StickThrowConfig) -> None:
     pairs of shapes with one contact point that moves smoothly, which a long rod on a flat wall
     is not.
     """
+    import mujoco
+
     inner = task.stick.radius_m + task.holder.clearance_m
     length, outer = task.holder.length_m, inner + 2 * _WALL_M
     plates = [([0.0, 0.0, -_WALL_M], [outer, outer, _WALL_M])]
@@ -166,6 +172,8 @@ def _add_holder(holder: Any, task: StickThrowConfig) -> None:
 
 def _add_stick(stick: Any, task: StickThrowConfig) -> None:
     """Add a rod along z; its tail alone meets the holder's plates."""
+    import mujoco
+
     half, radius = task.stick.length_m / 2, task.stick.radius_m
     stick.add_geom(
         type=mujoco.mjtGeom.mjGEOM_CAPSULE,

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
-import mujoco
 import numpy as np
 import numpy.typing as npt
 
 from besman.config.stage import NotNegative, Positive
-from besman.robot.dynamics import GRAVITY
 from besman.robot.model import Robot
 from besman.robot.mujoco_model import servo_controls
+from besman.robot.parts import GRAVITY
 from besman.simulation.episodes import Episodes, Movements, Playback, arm_failure, tracking_errors
 from besman.simulation.physics import SimulatedStates, run_physics
 from besman.simulation.task import (
@@ -22,6 +22,9 @@ from besman.simulation.task import (
     TimeStep,
     TrackingFailureConfig,
 )
+
+if TYPE_CHECKING:
+    import mujoco
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -168,6 +171,8 @@ def _states(
 
     The arm, which is simulated no longer than needed, goes on as it was told to.
     """
+    import mujoco
+
     n = movements.positions.shape[2]
     states = run.qpos[row, : run.steps[row]]
     if at < 0 or not np.isfinite(states).all():
