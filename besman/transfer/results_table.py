@@ -30,7 +30,7 @@ _FARTHEST_M = 20.0
 
 
 @dataclass(frozen=True)
-class Measured:
+class MeasuredTry:
     """One row.
 
     Attributes
@@ -70,7 +70,7 @@ def add_row(path: Path, motion: str, number: int) -> None:
     write_text(path, text + buffer.getvalue())
 
 
-def read_results(path: Path, tries: Mapping[str, int]) -> list[Measured]:
+def read_results(path: Path, tries: Mapping[str, int]) -> list[MeasuredTry]:
     """Read what was measured.
 
     Parameters
@@ -82,7 +82,7 @@ def read_results(path: Path, tries: Mapping[str, int]) -> list[Measured]:
 
     Returns
     -------
-    list of Measured
+    list of MeasuredTry
         Rows that are filled in.
 
     Raises
@@ -91,7 +91,7 @@ def read_results(path: Path, tries: Mapping[str, int]) -> list[Measured]:
         If a column is missing, a motion or try was never suggested, a value is none, or nothing
         is filled in.
     """
-    found: dict[tuple[str, int], Measured] = {}
+    found: dict[tuple[str, int], MeasuredTry] = {}
     for line, row in _read(path)[1]:
         where = f"{path}:{line}"
         number = _try_number(where, row, tries)
@@ -100,7 +100,7 @@ def read_results(path: Path, tries: Mapping[str, int]) -> list[Measured]:
             continue
         if (row["motion"], number) in found:
             raise TransferError(f"{where}: try {number} of {row['motion']} stands there twice")
-        found[row["motion"], number] = Measured(row["motion"], number, outcome)
+        found[row["motion"], number] = MeasuredTry(row["motion"], number, outcome)
     if not found:
         raise TransferError(
             f"{path}: no row is filled in; expected x_m and y_m in metres, or success no"

@@ -104,7 +104,7 @@ def read_recording(path: Path, units: Units | None = None) -> Recording:
     if len(recording.time) < 2:
         raise RecordingError(f"{path}: a recording of one frame; expected at least two")
     distances = np.abs(recording.positions[np.isfinite(recording.positions)])
-    if distances.size and np.median(distances) > _FARTHEST_M:
+    if 2 * np.count_nonzero(distances > _FARTHEST_M) > distances.size:
         raise RecordingError(
             f"{path}: half of all coordinates are beyond {_FARTHEST_M:g} m (median "
             f"{np.median(distances):.4g} m); are the units of the file right?"

@@ -52,7 +52,7 @@ class TaskKind:
 KINDS = (
     TaskKind(
         "stick_throw",
-        "stick_throw.throw:StickThrowConfig",
+        "stick_throw.stick_throw:StickThrowConfig",
         "a stick in a square tube (tool `stick_holder`)",
         "the throw",
         "touchdown; where the person's stick came down",
