@@ -18,6 +18,9 @@ FARTHEST_M = 1000.0
 RATES_HZ = (1.0, 10_000.0)
 """Least and greatest frames per second."""
 
+GREATEST_FRAME = 10**9
+"""Greatest number of a frame, and of seconds on a clock: no recording counts farther."""
+
 
 @dataclass(frozen=True, eq=False)
 class Recording(

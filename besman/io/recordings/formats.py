@@ -7,21 +7,18 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Literal
 
-import numpy as np
-
 from besman.exceptions import RecordingError
 from besman.io.recordings.c3d import Units, read_c3d, write_c3d
 from besman.io.recordings.exoskeleton import find_log_urdf, read_joint_log
 from besman.io.recordings.mvnx import read_mvnx
 from besman.io.recordings.qtm_tsv import read_tsv, write_tsv
+from besman.io.recordings.sense import check_recording
 from besman.records import LabelledRecording, Recording
 
 Format = Literal["tsv", "c3d", "mvnx", "joint log"]
 
 _SUFFIXES = (".tsv", ".c3d", ".mvnx")
 _HEAD_BYTES = 16_384
-# No capture volume is that large, but metres that are millimetres look like it.
-_FARTHEST_M = 100.0
 _TSV_KEY = re.compile(
     rb"^(FILE_VERSION|NO_OF_[A-Z]+|FREQUENCY|DATA_INCLUDED|MARKER_NAMES)(\t|\r?$)", re.MULTILINE
 )
@@ -48,6 +45,12 @@ def read_recording(path: Path, units: Units | None = None) -> Recording:
     ------
     RecordingError
         If the file cannot be used; the message names file and line or frame.
+
+    Warns
+    -----
+    RecordingWarning
+        If samples that no body makes became gaps, and for what else was concluded: see
+        `besman.io.recordings.sense.check_recording` and the format's reader.
     """
     head = _read_head(path)
     found = _recognise(head)
@@ -64,15 +67,7 @@ def read_recording(path: Path, units: Units | None = None) -> Recording:
             "joint log": read_joint_log,
         }
         recording = read[found](path)
-    if len(recording.time) < 2:
-        raise RecordingError(f"{path}: a recording of one frame; expected at least two")
-    distances = np.abs(recording.positions[np.isfinite(recording.positions)])
-    if distances.size and np.median(distances) > _FARTHEST_M:
-        raise RecordingError(
-            f"{path}: half of all coordinates are beyond {_FARTHEST_M:g} m (median "
-            f"{np.median(distances):.4g} m); are the units of the file right?"
-        )
-    return recording
+    return check_recording(recording, path)
 
 
 def find_companions(path: Path) -> tuple[Path, ...]:
