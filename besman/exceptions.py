@@ -82,6 +82,12 @@ class RenderingError(BesmanError):
     """A picture or video that cannot be made on this machine."""
 
 
+def one_of(allowed: Iterable[str]) -> str:
+    """Name what is allowed in an error message: ``a, b or c``."""
+    *others, last = allowed
+    return f"{', '.join(others)} or {last}" if others else last
+
+
 def one_line(text: str) -> str:
     """Return a text with everything that is not printable written as in Python's source.
 

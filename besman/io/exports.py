@@ -11,6 +11,7 @@ import numpy as np
 
 from besman.exceptions import RecordingError
 from besman.foreign.json_text import parse_json
+from besman.io.csv_cells import quote_text
 from besman.records import FloatArray
 
 
@@ -37,7 +38,7 @@ def write_joint_csv(
     """
     header = ["time_s"]
     for unit in ("rad", "rad_per_s", "rad_per_s2"):
-        header += [f"{name}_{unit}" for name in joint_names]
+        header += [quote_text(f"{name}_{unit}") for name in joint_names]
     table = np.column_stack([time, positions, velocities, accelerations])
     with path.open("w", newline="", encoding="utf-8") as file:
         csv.writer(file).writerow(header)

@@ -90,13 +90,13 @@ def learn_in_run(
     # The figures name the key and come last: with them the template is whole.
     path.with_suffix(".json").unlink(missing_ok=True)
     _replace(path, template)
-    content = {"key": key, "config": config.model_dump(mode="json"), **figures(template)}
+    content = {"key": key, "config": config.model_dump(mode="json"), **template_figures(template)}
     write_json(path.with_suffix(".json"), content)
     part.unlink(missing_ok=True)
     return template, path
 
 
-def figures(template: Template) -> dict[str, Any]:
+def template_figures(template: Template) -> dict[str, Any]:
     """Return the figures of a template: context, region, and what its last episodes gave."""
     checks = template.checks
     landed = checks.misses[np.isfinite(checks.misses)]
@@ -146,7 +146,8 @@ def load_template(folder: Path, method: str | None = None) -> Template:
             f"{folder}: no template{f' {method}' if method else ''} here (there: {there}); "
             f"expected one from besman template learn {folder}"
         )
-    return load_record(places[method] if method else next(iter(places.values())))
+    template: Template = load_record(places[method] if method else next(iter(places.values())))
+    return template
 
 
 def write_application(applied: Application, paths: list[Path]) -> None:
@@ -184,7 +185,7 @@ def write_application(applied: Application, paths: list[Path]) -> None:
             write_ros_joint_trajectory(path, message)
 
 
-def describe(applied: Application) -> dict[str, Any]:
+def describe_application(applied: Application) -> dict[str, Any]:
     """Return what is known about an application, for JSON."""
     return {
         "name": applied.plan.name,

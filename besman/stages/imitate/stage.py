@@ -5,17 +5,17 @@ from __future__ import annotations
 from abc import abstractmethod
 from dataclasses import replace
 from functools import partial
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
-from besman.config.stage import Stage, Work
+from besman.config.stage import Items, Stage, Truth, Work
 from besman.exceptions import PlanError
 from besman.geometry.frames import rotation_to_quaternion
 from besman.motion.cartesian_dmp import fit_poses
 from besman.motion.dmp import fit_weights, roll_out
-from besman.motion.rest_at_ends import add_leads
+from besman.motion.rest_at_ends import rest_at_both_ends
 from besman.motion.velocity_dmp import fit_velocity_weights
 from besman.records import AnyPlan, CartesianPlan, FloatArray, JointTrajectory, MotionPlan
 from besman.robot.model import Robot
@@ -30,6 +30,8 @@ class _DmpConfig(Stage):
     n_weights: Annotated[int, Field(ge=6, le=100)] = 20
     lead_in_s: Annotated[float, Field(ge=0, le=2)] = 0.1
     lead_out_s: Annotated[float, Field(ge=0, le=2)] = 0.2
+
+    leaves_out: ClassVar[bool] = True
 
     def run(
         self,
@@ -61,13 +63,21 @@ class _DmpConfig(Stage):
         imitate = partial(self._imitate, robot=robot)
         return tuple(work.map(imitate, trajectories, processes=_PROCESSES_FROM, local=True))
 
+    def items(self, trajectories: tuple[JointTrajectory, ...], *others: Any) -> Items:
+        """Count the trajectories: each becomes a motion."""
+        return Items(len(trajectories), "motions")
+
+    def figures(self, plans: tuple[AnyPlan, ...], truth: Truth, *records: Any) -> dict[str, Any]:
+        """Return how far the plans are from what they imitate; see `imitate_results`."""
+        return imitate_results(plans)
+
     @abstractmethod
     def _imitate(self, trajectory: JointTrajectory, robot: Robot | None) -> AnyPlan:
         """Fit one motion plan."""
 
-    def _with_leads(self, trajectory: JointTrajectory) -> tuple[FloatArray, FloatArray]:
+    def _at_rest_at_ends(self, trajectory: JointTrajectory) -> tuple[FloatArray, FloatArray]:
         """Lengthen a trajectory so that it starts and ends at rest."""
-        return add_leads(
+        return rest_at_both_ends(
             trajectory.time,
             trajectory.positions,
             trajectory.velocities,
@@ -94,7 +104,7 @@ class ImitateConfig(_DmpConfig):
     method: Literal["joint_dmp"] = "joint_dmp"
 
     def _imitate(self, trajectory: JointTrajectory, robot: Robot | None) -> MotionPlan:
-        time, positions = self._with_leads(trajectory)
+        time, positions = self._at_rest_at_ends(trajectory)
         weights = fit_weights(time, positions, self.n_weights)
         imitated, _, _ = roll_out(
             weights, positions[0], positions[-1], time[-1], trajectory.time + self.lead_in_s
@@ -197,7 +207,7 @@ class CartesianDmpConfig(_DmpConfig):
                 f"{trajectory.name}: method cartesian_dmp needs the arm with the joints "
                 f"{', '.join(trajectory.joint_names)}; got {got}"
             )
-        time, positions = self._with_leads(trajectory)
+        time, positions = self._at_rest_at_ends(trajectory)
         reached = forward_kinematics(robot.chain, positions)
         poses = np.column_stack([reached[:, :3, 3], rotation_to_quaternion(reached[:, :3, :3])])
         weights, start, goal = fit_poses(time, poses, self.n_weights)

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
 from pydantic import Field
 
-from besman.config.stage import Stage, Work
+from besman.config.stage import Work
 from besman.records import LabelledRecording, Segments
-from besman.stages.segment.sampling import gather_paths, sample_paths, spread, to_segments
+from besman.stages.segment.of_hands import SegmentingStage
+from besman.stages.segment.sampling import (
+    gather_gapless_paths,
+    sample_paths,
+    spread_over_rows,
+    to_segments,
+)
 from besman.stages.segment.signals import measure_scaling, prepare_signals
 from besman.stages.segment.valley_vmci import EVIDENCE_HZ, find_movements
 from besman.stages.segment.vmci import (
@@ -21,7 +27,7 @@ from besman.stages.segment.vmci import (
 from besman.stages.segment.vmci_online import OnlineVmci
 
 
-class SegmentConfig(Stage):
+class SegmentConfig(SegmentingStage):
     """Velocity-based multiple change-point inference, exact.
 
     Attributes
@@ -41,7 +47,6 @@ class SegmentConfig(Stage):
 
     method: Literal["vmci"] = "vmci"
     rate_hz: float = Field(default=20.0, gt=0)
-    markers: Annotated[tuple[str, ...], Field(min_length=1)] = ("hand_top",)
     n_centres: int = Field(default=3, ge=1)
     longest_s: float | None = Field(default=None, gt=0)
     border_probability: float | None = Field(default=None, gt=0, lt=1)
@@ -99,7 +104,7 @@ class SegmentConfig(Stage):
         return to_segments(borders, rate_hz, recording, found.log_probability, weights.probability)
 
 
-class VmciOnlineConfig(Stage):
+class VmciOnlineConfig(SegmentingStage):
     """Velocity-based multiple change-point inference, sample by sample.
 
     Attributes
@@ -115,7 +120,6 @@ class VmciOnlineConfig(Stage):
 
     method: Literal["vmci_online"] = "vmci_online"
     rate_hz: float = Field(default=20.0, gt=0)
-    markers: Annotated[tuple[str, ...], Field(min_length=1)] = ("hand_top",)
     n_centres: int = Field(default=3, ge=1)
     longest_s: float = Field(default=10.0, gt=0)
     border_probability: float | None = Field(default=None, gt=0, lt=1)
@@ -148,7 +152,7 @@ class VmciOnlineConfig(Stage):
                 self.longest_s,
                 VmciModel(n_centres=self.n_centres),
             )
-            for sample in gather_paths(recording, self.markers):
+            for sample in gather_gapless_paths(recording, self.markers):
                 borders += online.update(sample)
             borders += online.finish()
         rows = np.array([*borders, n_rows], dtype=np.int64)
@@ -161,7 +165,7 @@ class VmciOnlineConfig(Stage):
         )
 
 
-class ValleyVmciConfig(Stage):
+class ValleyVmciConfig(SegmentingStage):
     """vMCI over the valleys of the speed, with rests; see `besman.stages.segment.valley_vmci`.
 
     Attributes
@@ -173,7 +177,6 @@ class ValleyVmciConfig(Stage):
     """
 
     method: Literal["valley_vmci"] = "valley_vmci"
-    markers: Annotated[tuple[str, ...], Field(min_length=1)] = ("hand_top",)
     longest_s: float | None = Field(default=None, gt=0)
 
     def run(
@@ -187,7 +190,7 @@ class ValleyVmciConfig(Stage):
         return tuple(results)
 
     def _segment(self, recording: LabelledRecording) -> Segments:
-        paths = gather_paths(recording, self.markers)
+        paths = gather_gapless_paths(recording, self.markers)
         found = find_movements(recording.time, paths, self.longest_s)
         n_rows, rate_hz = len(paths), recording.rate_hz
         rows = np.round(found.borders_s * rate_hz).astype(np.int64)
@@ -206,5 +209,5 @@ class ValleyVmciConfig(Stage):
             rate_hz=rate_hz,
             source=recording.source,
             first_frame=recording.first_frame,
-            border_probability=spread(expected, EVIDENCE_HZ, recording),
+            border_probability=spread_over_rows(expected, EVIDENCE_HZ, recording),
         )
