@@ -191,7 +191,7 @@ def test_names_that_are_not_there():
 def test_pinocchio_that_cannot_be_loaded(monkeypatch):
     # As on a machine without GCC's OpenMP library.
     monkeypatch.setitem(sys.modules, "besman.robot.pinocchio_model", None)
-    monkeypatch.delattr(besman.robot, "pinocchio_model")
+    monkeypatch.delattr(besman.robot, "pinocchio_model", raising=False)
     message = (
         "robot ur5: Pinocchio cannot be loaded: .*pinocchio_model.*; libgomp.so.1, .* libgomp1"
     )
