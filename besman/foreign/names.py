@@ -27,9 +27,14 @@ def fault_of_name(name: str) -> str | None:
     """
     if len(name) > LONGEST:
         return f"has {len(name)} characters, more than {LONGEST}"
-    if name.isprintable():
+    return fault_of_characters(name)
+
+
+def fault_of_characters(text: str) -> str | None:
+    """Say which control character a text has, None if none; it may be of any length."""
+    if text.isprintable():
         return None
-    for one in name:
+    for one in text:
         if unicodedata.category(one) in _REFUSED or one in _TURNS_TEXT:
             return f"has the control character U+{ord(one):04X}"
     return None

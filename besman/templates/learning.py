@@ -84,7 +84,11 @@ class TemplateConfig(Config):
 
 
 @dataclass(frozen=True, eq=False)
-class Tries(Record, stored_as="besman.templates.learning:Tries"):
+class Tries(
+    Record,
+    stored_as="besman.templates.learning:Tries",
+    finite=("contexts", "points"),
+):
     """Episodes: what was tried in which context, and what came of it.
 
     Attributes

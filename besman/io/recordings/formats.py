@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from besman.records import LabelledRecording, Recording
 
 _HEAD_BYTES = 16_384
-# No capture volume is that large, but metres that are millimetres look like it.
-_FARTHEST_M = 100.0
 
 
 def _is_c3d(head: bytes) -> bool:
@@ -91,8 +89,14 @@ def read_recording(path: Path, units: Units | None = None) -> Recording:
     ------
     RecordingError
         If the file cannot be used; the message names file and line or frame.
+
+    Warns
+    -----
+    RecordingWarning
+        If samples that no body makes became gaps, and for what else was concluded: see
+        `besman.io.recordings.sense.check_recording` and the format's reader.
     """
-    import numpy as np
+    from besman.io.recordings.sense import check_recording
 
     head = _read_head(path)
     found = recognise(head)
@@ -100,16 +104,7 @@ def read_recording(path: Path, units: Units | None = None) -> Recording:
         if not head.strip():
             raise RecordingError(f"{path}: the file is empty; expected {KNOWN_FORMATS}")
         raise RecordingError(f"{path}: a format that is not known; expected {KNOWN_FORMATS}")
-    recording = found.read(path, units)
-    if len(recording.time) < 2:
-        raise RecordingError(f"{path}: a recording of one frame; expected at least two")
-    distances = np.abs(recording.positions[np.isfinite(recording.positions)])
-    if 2 * np.count_nonzero(distances > _FARTHEST_M) > distances.size:
-        raise RecordingError(
-            f"{path}: half of all coordinates are beyond {_FARTHEST_M:g} m (median "
-            f"{np.median(distances):.4g} m); are the units of the file right?"
-        )
-    return recording
+    return check_recording(found.read(path, units), path)
 
 
 def find_companions(path: Path) -> tuple[Path, ...]:
