@@ -35,7 +35,7 @@ def load_models(run: Path | None, model: Path | None) -> tuple[RecognitionModel,
     """
     models = () if model is None else (load_model(model),)
     if run is not None:
-        from besman.pipeline.pipeline import trained_model
+        from besman.pipeline.finished_run import trained_model
 
         models += (trained_model(run),)
     return models

@@ -13,7 +13,8 @@ from besman.classifiers.sequences import SequenceClassifier, import_extra
 FloatArray = npt.NDArray[np.float64]
 
 
-class NearestNeighbours(KNeighborsClassifier):
+# scikit-learn has no types.
+class NearestNeighbours(KNeighborsClassifier):  # type: ignore[misc]
     """k nearest neighbours, Euclidean.
 
     Parameters
@@ -77,7 +78,7 @@ class DtwNeighbour(SequenceClassifier):
     def _apart(self, X: npt.ArrayLike) -> FloatArray:
         """Return distances to all examples, shape (S, N)."""
         sequences = self._check_test(X)
-        metrics = import_extra("tslearn.metrics", "dtw", "sequences")
+        metrics = import_extra("tslearn.metrics", "dtw", "besman[sequences]")
         return np.asarray(
             metrics.cdist_dtw(
                 sequences,

@@ -58,7 +58,8 @@ def fit_threshold(examples: FloatArray, labels: Sequence[str], factor: float = 1
     far = max(near, float(np.quantile(outside, _OUTSIDE)))
     # Examples that are all alike leave no scale but that of what is outside.
     near = max(near, 1e-3 * far)
-    return factor * near ** (1.0 - _TOWARDS_OUTSIDE) * far**_TOWARDS_OUTSIDE
+    threshold: float = factor * near ** (1.0 - _TOWARDS_OUTSIDE) * far**_TOWARDS_OUTSIDE
+    return threshold
 
 
 def measure_novelty(vectors: FloatArray, examples: FloatArray) -> FloatArray:

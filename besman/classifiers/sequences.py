@@ -16,7 +16,7 @@ from besman.exceptions import RecognitionError
 FloatArray = npt.NDArray[np.float64]
 
 
-def import_extra(name: str, method: str, extra: str) -> Any:
+def import_extra(name: str, method: str, requirement: str) -> Any:
     """Import a library that only one method needs.
 
     Raises
@@ -29,11 +29,12 @@ def import_extra(name: str, method: str, extra: str) -> Any:
     except ImportError:
         library = name.split(".")[0]
         raise RecognitionError(
-            f"method {method} needs {library}, which is not installed: pip install besman[{extra}]"
+            f"method {method} needs {library}, which is not installed: pip install {requirement}"
         ) from None
 
 
-class SequenceClassifier(ClassifierMixin, BaseEstimator):
+# scikit-learn has no types.
+class SequenceClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
     """A classifier of sequences under scikit-learn's interface.
 
     A row of ``X`` is one sequence: all channels of its first point, then of its second, and so on.

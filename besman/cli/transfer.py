@@ -90,6 +90,6 @@ def _tries(state: TransferState, target: FloatArray, radius: float) -> list[str]
 
 def _print(line: str) -> None:
     """Print a line as it is."""
-    from rich.console import Console
+    from besman.cli.terminal import open_terminal
 
-    Console().print(line, highlight=False, markup=False, soft_wrap=True)
+    open_terminal().print(line, soft_wrap=True)

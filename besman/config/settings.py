@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, get_args
 
-import yaml
 from pydantic import BaseModel
 
 from besman.exceptions import ConfigError
+from besman.foreign.yaml_text import YamlTextError, parse_yaml
 
-_PATHS = ("recordings", "training", "label.learn_from", "recognize.model")
-_FILES = ("robot", "task", "second_arm.robot")
+PathKeys = Mapping[str, Callable[[Any, Path], Any]]
+"""Dotted keys whose values are paths, each with what makes it absolute."""
 
 
 def parse_setting(setting: str, example: str) -> tuple[str, Any]:
@@ -33,13 +34,18 @@ def parse_setting(setting: str, example: str) -> tuple[str, Any]:
     if not equals or not key:
         raise ConfigError(f"--set: got {setting!r}, expected KEY=VALUE, e.g. {example}")
     try:
-        return key, yaml.safe_load(text)
-    except yaml.YAMLError:
-        raise ConfigError(f"--set {key}: got {text!r}, which is not a YAML value") from None
+        return key, parse_yaml(text)[0]
+    except YamlTextError as error:
+        raise ConfigError(
+            f"--set {key}: got {text!r:.80}, which is not a YAML value: {error}"
+        ) from None
 
 
 def apply_settings(
-    content: dict[str, Any], settings: tuple[str, ...], config: type[BaseModel]
+    content: dict[str, Any],
+    settings: tuple[str, ...],
+    config: type[BaseModel],
+    paths: PathKeys,
 ) -> None:
     """Put settings into the content of a file.
 
@@ -54,6 +60,8 @@ def apply_settings(
         Keys are dotted; paths in values are relative to the working directory.
     config : type
         What the content is checked against later on.
+    paths : mapping
+        Keys whose values are paths.
 
     Raises
     ------
@@ -67,6 +75,9 @@ def apply_settings(
             _leave_out_other_options(content[section], value, config, section)
     for key, value in pairs:
         _put(content, key, value)
+        # Of a whole section that is set, too.
+        own = {path: make for path, make in paths.items() if f"{path}.".startswith(f"{key}.")}
+        resolve_paths(content, Path.cwd(), own)
 
 
 def _leave_out_other_options(
@@ -87,16 +98,33 @@ def _leave_out_other_options(
 
 def _put(content: dict[str, Any], key: str, value: Any) -> None:
     """Put the value of a dotted key into a file's content."""
-    if key in _PATHS:
-        value = absolute(value, Path.cwd())
-    if key in _FILES:
-        value = own_file(value, Path.cwd())
     *parents, last = key.split(".")
     for parent in parents:
         content = content.setdefault(parent, {})
         if not isinstance(content, dict):
             raise ConfigError(f"--set {key}: {parent!r} is a value and has no keys below it")
     content[last] = value
+
+
+def resolve_paths(content: dict[str, Any], folder: Path, paths: PathKeys) -> None:
+    """Make the paths in a file's content absolute.
+
+    Parameters
+    ----------
+    content : dict
+        Changed in place; what is not there, or no section, is left for the config's own check.
+    folder : Path
+        To which they are relative.
+    paths : mapping
+        Keys whose values are paths.
+    """
+    for key, make in paths.items():
+        *parents, last = key.split(".")
+        section: Any = content
+        for parent in parents:
+            section = section.get(parent) if isinstance(section, dict) else None
+        if isinstance(section, dict) and last in section:
+            section[last] = make(section[last], folder)
 
 
 def absolute(paths: Any, folder: Path) -> Any:

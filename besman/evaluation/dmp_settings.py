@@ -12,7 +12,8 @@ import numpy.typing as npt
 
 from besman.config.stage import Stage
 from besman.records import LabelledRecording, Segments
-from besman.stages.segment.bp_ar_hmm import BpArHmmPrior, infer_shared_states
+from besman.stages.segment.bp_ar_hmm import infer_shared_states
+from besman.stages.segment.bp_ar_hmm_prior import BpArHmmPrior
 from besman.stages.segment.sampling import gather_gapless_paths, sample_paths, to_segments
 from besman.stages.segment.scores import score_borders
 from besman.stages.segment.signals import prepare_signals

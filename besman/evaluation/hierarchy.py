@@ -129,7 +129,7 @@ def simulate_demonstrations(name: str, seed: int = 0) -> list[Demonstration]:
     ConfigError
         If there is no such experiment.
     """
-    from besman.synthetic.datasets import captures  # type: ignore[attr-defined]
+    from besman.synthetic.datasets import captures
 
     plan = _find(name)
     found: list[Demonstration] = []

@@ -14,7 +14,7 @@ from besman.following.follower import Follower
 from besman.person.body import find_body
 from besman.person.marker_set import load_marker_set
 from besman.pipeline.config import PipelineConfig, learn_from
-from besman.pipeline.pipeline import trained_model
+from besman.pipeline.finished_run import trained_model
 from besman.records import LabelledRecording, Recording
 from besman.records.layers import side_of
 from besman.stages.compose.actions import LevelModel

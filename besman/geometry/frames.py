@@ -100,7 +100,8 @@ def rotation_to_quaternion(rotation: npt.ArrayLike) -> FloatArray:
     if matrices.ndim == 3 and len(flat) > 1:
         turns = np.sign(np.einsum("ti,ti->t", flat[1:], flat[:-1]))
         flat[1:] *= np.cumprod(np.where(turns < 0, -1.0, 1.0))[:, np.newaxis]
-    return flat.reshape(*matrices.shape[:-2], 4)
+    quaternions: FloatArray = flat.reshape(*matrices.shape[:-2], 4)
+    return quaternions
 
 
 def quaternion_to_rotation(quaternion: npt.ArrayLike) -> FloatArray:
@@ -140,4 +141,5 @@ def _unit(vectors: FloatArray, what: str, expected: str) -> FloatArray:
         first = np.unravel_index(np.argmin(usable), lengths.shape)
         place = f" at sample {first[0]}" if first else ""
         raise LabellingError(f"{what}{place}: expected {expected}, got {vectors[first].tolist()}")
-    return vectors / lengths[..., np.newaxis]
+    units: FloatArray = vectors / lengths[..., np.newaxis]
+    return units

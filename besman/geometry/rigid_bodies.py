@@ -107,7 +107,7 @@ def learn_shape(positions: FloatArray, n_most: int = 500) -> FloatArray:
         Metres, in a frame of its own.
     """
     positions = positions[:: -(-len(positions) // n_most)]
-    shape = positions[0] - positions[0].mean(axis=0)
+    shape: FloatArray = positions[0] - positions[0].mean(axis=0)
     weights = np.ones(len(shape))
     for _ in range(3):
         rotation, _ = _fit(positions, shape, weights)
@@ -136,7 +136,8 @@ def place_shape(shape: FloatArray, points: FloatArray, weights: FloatArray) -> F
     """
     centre = np.average(shape, axis=0, weights=weights)
     rotation, middle = _fit(points, shape - centre, weights)
-    return np.einsum("tji,kj->tki", rotation, shape - centre) + middle[:, None]
+    laid: FloatArray = np.einsum("tji,kj->tki", rotation, shape - centre) + middle[:, None]
+    return laid
 
 
 def _fit(

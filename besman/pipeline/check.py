@@ -62,7 +62,7 @@ def _check_recordings(config: PipelineConfig) -> list[str]:
     markers = load_marker_set(config.label.markers)
     state = f"all markers of {markers.name} there"
     if isinstance(config.label, LabelTrajectoriesConfig):
-        model = config.label.learn(markers, *inputs.teacher)
+        model = config.label.learn(markers, inputs.teacher)
         state = f"to be named as {model.n_markers} markers of {markers.name}"
     else:
         for recording in inputs.recordings:

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import yaml
 from pydantic import Field, field_validator, model_validator
 
-from besman.config.settings import absolute, apply_settings, own_file
+from besman.config.settings import PathKeys, absolute, apply_settings, own_file, resolve_paths
 from besman.config.stage import Config
 from besman.config.yaml_file import parse_config, read_yaml
 from besman.exceptions import nearest
@@ -23,6 +23,18 @@ from besman.stages.refine.methods import RefineStage
 from besman.stages.refine.stage import CmaEsConfig
 from besman.stages.segment.methods import DefaultSegmentConfig, SegmentStage
 from besman.stages.select.stage import SelectConfig
+
+# Relative to the file they stand in, or to the working directory where a setting has them. A name
+# of a robot or a task that is there is no path.
+PATHS: PathKeys = {
+    "recordings": absolute,
+    "training": absolute,
+    "label.learn_from": absolute,
+    "recognize.model": absolute,
+    "robot": own_file,
+    "second_arm.robot": own_file,
+    "task": own_file,
+}
 
 
 class SecondArmConfig(Config):
@@ -122,21 +134,8 @@ def load_pipeline(path: Path, settings: tuple[str, ...] = ()) -> PipelineConfig:
         For anything in the file or the settings that does not fit.
     """
     content, lines = read_yaml(path)
-    for key in ("recordings", "training"):
-        if key in content:
-            content[key] = absolute(content[key], path.resolve().parent)
-    label = content.get("label")
-    if isinstance(label, dict) and "learn_from" in label:
-        label["learn_from"] = absolute(label["learn_from"], path.resolve().parent)
-    for key in ("robot", "task"):
-        content[key] = own_file(content.get(key), path.resolve().parent)
-    second = content.get("second_arm")
-    if isinstance(second, dict) and "robot" in second:
-        second["robot"] = own_file(second["robot"], path.resolve().parent)
-    recognize = content.get("recognize")
-    if isinstance(recognize, dict) and "model" in recognize:
-        recognize["model"] = absolute(recognize["model"], path.resolve().parent)
-    apply_settings(content, settings, PipelineConfig)
+    resolve_paths(content, path.resolve().parent, PATHS)
+    apply_settings(content, settings, PipelineConfig, PATHS)
     if isinstance(content.get("label"), dict):
         # A config without a method is the simplest one.
         content["label"].setdefault("method", "named")
@@ -159,7 +158,8 @@ def _look_at_arms(config: PipelineConfig) -> PipelineConfig:
 
 def pipeline_yaml(config: PipelineConfig) -> str:
     """Return a pipeline with every default written out."""
-    return yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False, allow_unicode=True)
+    plain = config.model_dump(mode="json")
+    return str(yaml.safe_dump(plain, sort_keys=False, allow_unicode=True))
 
 
 def needs_no_examples(config: PipelineConfig) -> bool:

@@ -1,9 +1,10 @@
-"""What a run that is done holds: robot, task and refined motions."""
+"""What a run that is done holds: trained models; robot, task and refined motions."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from besman.config.yaml_file import load_config
 from besman.exceptions import RunError
@@ -51,3 +52,24 @@ def read_run(folder: Path) -> FinishedRun:
     robot, task = load_robot(config.robot, config.tool), load_task(config.task)
     labels = (config.robot, config.tool, config.task)
     return FinishedRun(labels, robot, task, load_record(places[-1]))
+
+
+def trained_model(folder: Path, stage: str = "train") -> Any:
+    """Load the trained model of a run.
+
+    Parameters
+    ----------
+    folder : Path
+        The run.
+    stage : str
+        ``train``, or ``train_actions`` for the actions of ``compose``.
+
+    Raises
+    ------
+    RunError
+        If the folder is not a run, or its training has not been done.
+    """
+    places = sorted(folder.glob(f"[0-9][0-9]_{stage}"))
+    if not places:
+        raise RunError(f"{folder}: no trained model here: expected a run folder with NN_{stage}")
+    return load_record(places[-1] / "record.npz")

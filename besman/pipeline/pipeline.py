@@ -4,35 +4,30 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import Any
 
-from besman.config.settings import own_file
-from besman.config.yaml_file import load_config
+from besman.config.stage import Truth
 from besman.exceptions import BesmanError, RecognitionError, RunError, nearest
-from besman.person.marker_set import MarkerSet, load_marker_set
-from besman.pipeline.compose_step import run_compose
+from besman.person.marker_set import load_marker_set
 from besman.pipeline.config import (
     PipelineConfig,
-    SecondArmConfig,
     learn_from,
     needs_no_examples,
     pipeline_yaml,
 )
+from besman.pipeline.finished_run import trained_model
 from besman.pipeline.run_folder import Run
-from besman.records import LabelledRecording, LabelledSegments
-from besman.records.files import load_record, save_record
+from besman.records import JointTrajectory, LabelledRecording, LabelledSegments
+from besman.records.files import save_record
 from besman.records.layers import side_of
-from besman.stages.compose.stage import leave_out_actions
+from besman.robot.model import Robot, find_robot, load_robot
+from besman.simulation.tasks.kinds import load_task
+from besman.stages.compose.actions import LevelModel
+from besman.stages.compose.stage import leave_out_actions, pick_level
 from besman.stages.export.motion_exports import write_exports
-from besman.stages.imitate.stage import imitate_results
-from besman.stages.label.results import label_results
-from besman.stages.map.stage import map_results
+from besman.stages.map.stage import MapBothArms
 from besman.stages.read.read_inputs import Inputs, read_inputs
-from besman.stages.recognize.figures import recognize_results
+from besman.stages.recognize.model import RecognitionModel
 from besman.stages.recognize.model_files import load_model
-from besman.stages.refine.robustness import robustness_results
-from besman.stages.refine.stage import refine_results
-from besman.stages.segment.figures import segment_results
 from besman.work.display import Display
 from besman.work.workers import Workers
 
@@ -78,8 +73,6 @@ def run_pipeline(
     """
     from threadpoolctl import threadpool_limits
 
-    from besman.robot.model import find_robot
-
     if fresh is not None and fresh not in STAGES:
         raise RunError(f"--fresh: no stage {fresh!r}; {nearest(fresh, STAGES)}")
     with Workers(jobs, cluster) as workers:
@@ -123,87 +116,48 @@ STAGES = (
 
 def _run_stages(config: PipelineConfig, run: Run, inputs: Inputs, trained_in: Path | None) -> None:
     """Run the stages in their order."""
-    recordings, truth = inputs.recordings, inputs.truth
-    blocks = leave_out_actions(truth, config.compose, side_of(config.segment.markers))
-    save_record(blocks, run.folder / "truth.npz")
+    run.truth = _known_truth(config, inputs)
+    save_record(run.truth.blocks, run.folder / "truth.npz")
+
     markers = load_marker_set(config.label.markers)
-
-    n = len(recordings)
-    known = (markers, *inputs.teacher)
-    labelled = run.step("label", config.label, recordings, *known, items=n, unit="recordings")
-    run.results["label"] = label_results(recordings, labelled, markers, inputs.names)
-
-    segments = run.step("segment", config.segment, labelled, items=n, unit="recordings")
-    run.results["segment"] = segment_results(
-        segments, blocks, config.segment.markers[0], config.margin_s
-    )
-
-    examples = None
-    if trained_in is None and not needs_no_examples(config):
-        examples = _examples(config, run, labelled, truth, markers)
-    model = _train(config, run, examples, trained_in)
-    n = sum(len(found.bounds) for found in segments)
-    recognized = run.step(
-        "recognize", config.recognize, labelled, segments, model, items=n, unit="segments"
-    )
-    run.results["recognize"] = recognize_results(
-        config.recognize, labelled, recognized, blocks, model
-    )
-
-    choice = recognized
+    labelled = run.step("label", config.label, inputs.recordings, markers, inputs.teacher)
+    segments = run.step("segment", config.segment, labelled)
+    examples = _find_examples(config, run, inputs, labelled, trained_in)
+    model = _learn_blocks(config, run, examples, trained_in)
+    found = run.step("recognize", config.recognize, labelled, segments, model)
     if config.compose is not None:
-        models = None if trained_in is None else trained_model(trained_in, "train_actions")
-        choice = run_compose(
-            config.compose, run, (labelled, recognized), examples, models, config.select.action
-        )
-    n = sum(found.labels.count(config.select.wanted) for found in choice)
-    demonstrations = run.step("select", config.select, labelled, choice, items=n, unit="segments")
-    run.results["select"] = {"n_demonstrations": len(demonstrations)} | run.left_out("select")
-
-    robot = _load_robot(config)
+        levels = _learn_actions(config, run, examples, trained_in)
+        actions = run.step("compose", config.compose, labelled, found, levels)
+        if config.select.action is not None:
+            found = pick_level(actions, config.compose, config.select.action)
+    hands = run.step("select", config.select, labelled, found)
+    robot = load_robot(config.robot, config.tool)
     if config.second_arm is None:
-        n = len(demonstrations)
-        mapping = run.step("map", config.map, demonstrations, robot, items=n, unit="demos")
-        run.results["map"] = map_results(mapping)
-        _learn_motions(config, run, mapping, robot)
+        mapping = run.step("map", config.map, hands, robot)
+        _learn_motions(config, run, mapping.trajectories, robot)
         return
 
-    others = run.step(
-        "select_second", config.select.other_arm, labelled, choice, items=n, unit="segments"
-    )
-    robots = (robot, _load_robot(config.second_arm))
-    n = len(demonstrations) + len(others)
-    mappings = run.step(
-        "map", config.map, demonstrations, others, *robots, items=n, unit="demos", method="run_both"
-    )
-    for mapping, arm, name in zip(mappings, robots, ("", "_second"), strict=True):
-        run.results[f"map{name}"] = map_results(mapping)
-        _learn_motions(config, run, mapping, arm, name)
+    others = run.prepare("select_second", config.select.other_arm, labelled, found)
+    second = load_robot(config.second_arm.robot, config.second_arm.tool)
+    both = run.step("map", MapBothArms(config.map), hands, others, robot, second)
+    for mapping, arm, name in zip(both, (robot, second), ("", "_second"), strict=True):
+        _learn_motions(config, run, mapping.trajectories, arm, name)
 
 
 def _learn_motions(
-    config: PipelineConfig, run: Run, mapping: Any, robot: Any, arm: str = ""
+    config: PipelineConfig,
+    run: Run,
+    trajectories: tuple[JointTrajectory, ...],
+    robot: Robot,
+    arm: str = "",
 ) -> None:
     """Imitate what was mapped to an arm, refine it, and export it."""
-    n = len(mapping.trajectories)
-    plans = run.step(
-        f"imitate{arm}", config.imitate, mapping.trajectories, robot, items=n, unit="motions"
-    )
-    run.results[f"imitate{arm}"] = imitate_results(plans) | run.left_out(f"imitate{arm}")
-
-    task = _load_task(config)
-    n = len(plans)
-    # Without what comes after the search: a change of it does not search again.
-    search = config.refine.model_copy(update={"robustness": None})
-    motions = run.step(f"refine{arm}", search, plans, robot, task, items=n, unit="motions")
-    results = refine_results(motions, task) | run.left_out(f"refine{arm}")
-    if config.refine.robustness is not None:
-        name, n = f"robustness{arm}", len(motions)
-        found = run.step(
-            name, config.refine.robustness, motions, robot, task, items=n, unit="motions"
-        )
-        results |= {"robustness": robustness_results(found) | run.left_out(name)}
-    run.results[f"refine{arm}"] = results
+    task, refine = load_task(config.task), config.refine
+    plans = run.step(f"imitate{arm}", config.imitate, trajectories, robot)
+    motions = run.step(f"refine{arm}", refine.without_robustness, plans, robot, task)
+    if refine.robustness is not None:
+        run.step(f"robustness{arm}", refine.robustness, motions, robot, task)
+        run.results[f"refine{arm}"]["robustness"] = run.results.pop(f"robustness{arm}")
     folder = run.folder / f"exports{arm}"
     if not _exports_are_current(run, folder, f"refine{arm}"):
         run.work(f"export{arm}", write_exports, motions, robot, folder)
@@ -216,123 +170,63 @@ def _exports_are_current(run: Run, folder: Path, stage: str) -> bool:
     return limits.is_file() and limits.stat().st_mtime_ns >= stored.stat().st_mtime_ns
 
 
+def _known_truth(config: PipelineConfig, inputs: Inputs) -> Truth:
+    """Return what is known of the recordings beforehand."""
+    side = side_of(config.segment.markers)
+    blocks = leave_out_actions(inputs.truth, config.compose, side)
+    return Truth(blocks, inputs.names, config.margin_s)
+
+
 Examples = tuple[tuple[LabelledRecording, ...], tuple[LabelledSegments, ...]]
 """Recordings, and the manual segments of those that have some."""
 
 
-def _examples(
+def _find_examples(
     config: PipelineConfig,
     run: Run,
+    inputs: Inputs,
     labelled: tuple[LabelledRecording, ...],
-    truth: tuple[LabelledSegments | None, ...],
-    markers: MarkerSet,
+    trained_in: Path | None,
 ) -> Examples:
-    """Return what can be learnt from."""
+    """Return what can be learnt from; nothing where all that is to be learnt is known."""
+    if trained_in is not None or needs_no_examples(config):
+        return (), ()
     if config.training:
         inputs = read_inputs(config.training, learn_from(config))
-        n = len(inputs.recordings)
-        labelled = run.step(
-            "label_training",
-            config.label,
-            inputs.recordings,
-            markers,
-            *inputs.teacher,
-            items=n,
-            unit="recordings",
-        )
-        truth = inputs.truth
-    manual = tuple(segments for segments in truth if segments is not None)
+        markers = load_marker_set(config.label.markers)
+        known = (inputs.recordings, markers, inputs.teacher)
+        labelled = run.prepare("label_training", config.label, *known)
+    manual = tuple(segments for segments in inputs.truth if segments is not None)
     if not manual:
         raise RecognitionError(
-            f"recognize: no labelled examples: none of {len(truth)} recordings has a segments file "
-            "beside it (STEM_manually_segmented.json); name recordings that have with training:"
+            f"recognize: no labelled examples: none of {len(inputs.truth)} recordings has a "
+            "segments file beside it (STEM_manually_segmented.json); name recordings that have "
+            "with training:"
         )
     return labelled, manual
 
 
-def _train(
-    config: PipelineConfig, run: Run, examples: Examples | None, trained_in: Path | None
-) -> Any:
+def _learn_blocks(
+    config: PipelineConfig, run: Run, examples: Examples, trained_in: Path | None
+) -> RecognitionModel:
     """Return the trained model: a file's, another run's, or one of the labelled examples."""
     if config.recognize.model is not None:
         return load_model(Path(config.recognize.model))
-    if examples is None:
-        assert trained_in is not None
-        return trained_model(trained_in)
+    if trained_in is not None:
+        model: RecognitionModel = trained_model(trained_in)
+        return model
     labelled, manual = examples
     blocks = leave_out_actions(manual, config.compose, side_of(config.segment.markers))
-    return run.step(
-        "train",
-        config.recognize,
-        labelled,
-        tuple(one for one in blocks if one is not None),
-        items=config.recognize.examples_per_class,
-        unit="a class",
-        method="train",
-    )
+    known = tuple(one for one in blocks if one is not None)
+    return run.prepare("train", config.recognize.training, labelled, known)
 
 
-def trained_model(folder: Path, stage: str = "train") -> Any:
-    """Load the trained model of a run.
-
-    Parameters
-    ----------
-    folder : Path
-        The run.
-    stage : str
-        ``train``, or ``train_actions`` for the actions of ``compose``.
-
-    Raises
-    ------
-    RunError
-        If the folder is not a run, or its training has not been done.
-    """
-    places = sorted(folder.glob(f"[0-9][0-9]_{stage}"))
-    if not places:
-        raise RunError(f"{folder}: no trained model here: expected a run folder with NN_{stage}")
-    return load_record(places[-1] / "record.npz")
-
-
-def retarget_pipeline(
-    folder: Path, recordings: list[Path], robot: str | None = None
-) -> PipelineConfig:
-    """Return a finished run's recipe for other recordings, and maybe another robot.
-
-    Parameters
-    ----------
-    folder : Path
-        The run.
-    recordings : list of Path
-        Files or folders.
-    robot : str, optional
-        A robot's name or the path of a robot.yaml.
-
-    Raises
-    ------
-    RunError, ConfigError
-        If the folder is not a run or the robot is not there.
-    """
-    if not (folder / "pipeline.yaml").is_file():
-        raise RunError(f"{folder}: not a run: pipeline.yaml is missing")
-    config = load_config(folder / "pipeline.yaml", PipelineConfig)
-    if config.recognize.model is None:
-        trained_model(folder)
-    changes: dict[str, Any] = {
-        "recordings": tuple(str(path.resolve()) for path in recordings),
-        "training": (),
-    }
-    if robot is not None:
-        changes["robot"] = own_file(robot, Path.cwd())
-    return config.model_copy(update=changes)
-
-
-def _load_robot(config: PipelineConfig | SecondArmConfig) -> Any:
-    from besman.robot.model import load_robot
-
-    return load_robot(config.robot, config.tool)
-
-
-def _load_task(config: PipelineConfig) -> Any:
-    from besman.simulation.tasks.kinds import load_task
-
-    return load_task(config.task)
+def _learn_actions(
+    config: PipelineConfig, run: Run, examples: Examples, trained_in: Path | None
+) -> tuple[LevelModel, ...]:
+    """Return the actions of every level: another run's, or those of the labelled examples."""
+    if trained_in is not None:
+        levels: tuple[LevelModel, ...] = trained_model(trained_in, "train_actions")
+        return levels
+    assert config.compose is not None
+    return run.prepare("train_actions", config.compose.training, *examples)

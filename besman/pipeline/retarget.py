@@ -5,10 +5,14 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+from besman.config.settings import own_file
+from besman.config.yaml_file import load_config
 from besman.exceptions import BesmanError, ConfigError, RunError
 from besman.pipeline.config import PipelineConfig
-from besman.pipeline.pipeline import retarget_pipeline, run_pipeline
+from besman.pipeline.finished_run import trained_model
+from besman.pipeline.pipeline import run_pipeline
 from besman.work.display import Display
 
 
@@ -80,6 +84,39 @@ def plan_retargeting(
     if twice:
         raise ConfigError(f"--robot: got {twice[0]!r} twice; expected each robot once")
     return tuple(plans)
+
+
+def retarget_pipeline(
+    folder: Path, recordings: list[Path], robot: str | None = None
+) -> PipelineConfig:
+    """Return a finished run's recipe for other recordings, and maybe another robot.
+
+    Parameters
+    ----------
+    folder : Path
+        The run.
+    recordings : list of Path
+        Files or folders.
+    robot : str, optional
+        A robot's name or the path of a robot.yaml.
+
+    Raises
+    ------
+    RunError, ConfigError
+        If the folder is not a run or the robot is not there.
+    """
+    if not (folder / "pipeline.yaml").is_file():
+        raise RunError(f"{folder}: not a run: pipeline.yaml is missing")
+    config = load_config(folder / "pipeline.yaml", PipelineConfig)
+    if config.recognize.model is None:
+        trained_model(folder)
+    changes: dict[str, Any] = {
+        "recordings": tuple(str(path.resolve()) for path in recordings),
+        "training": (),
+    }
+    if robot is not None:
+        changes["robot"] = own_file(robot, Path.cwd())
+    return config.model_copy(update=changes)
 
 
 def retarget_robots(

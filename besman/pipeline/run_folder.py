@@ -12,9 +12,9 @@ import time
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
-from besman.config.stage import Stage
+from besman.config.stage import Step, Truth
 from besman.exceptions import RunError
 from besman.io.atomic_files import write_json, write_text
 from besman.records import Failure
@@ -25,6 +25,9 @@ from besman.work.outcome import Notes
 from besman.work.versions import code_version, commit, library_versions
 from besman.work.work import Work
 from besman.work.workers import Workers
+
+Records = ParamSpec("Records")
+Result = TypeVar("Result")
 
 
 class Run:
@@ -47,8 +50,10 @@ class Run:
 
     Attributes
     ----------
-    failed : dict of list of Failure
-        What every stage left out, by its name.
+    truth : Truth
+        What the figures of the stages are held against.
+    results : dict
+        Those figures, for ``results.json``.
 
     Raises
     ------
@@ -78,9 +83,10 @@ class Run:
         self.name = name
         self.jobs = jobs
         self.fresh = fresh
+        self.truth = Truth()
         self.results: dict[str, Any] = {}
         self.timing: list[dict[str, Any]] = []
-        self.failed: dict[str, list[Failure]] = {}
+        self._failed: dict[str, list[Failure]] = {}
         self._workers = workers
         self._display = display
         self._code = code_version()
@@ -116,74 +122,99 @@ class Run:
     def step(
         self,
         name: str,
-        stage: Stage,
-        *records: Any,
-        items: int = 0,
-        unit: str = "item",
-        method: str = "run",
-    ) -> Any:
+        stage: Step[Records, Result],
+        /,
+        *records: Records.args,
+        **named: Records.kwargs,
+    ) -> Result:
+        """Run a stage as `prepare` does, and take its figures into the results.
+
+        Parameters
+        ----------
+        name, stage, *records, **named
+            As of `prepare`.
+
+        Returns
+        -------
+        record or tuple of records
+        """
+        result = self.prepare(name, stage, *records, **named)
+        figures = stage.figures(result, self.truth, *records)
+        left_out = {}
+        if stage.config.leaves_out:
+            left_out = {"failed": [asdict(one) for one in self._failed[name]]}
+        sections = figures if isinstance(figures, tuple) else (figures,)
+        for section, arm in zip(sections, ("", "_second"), strict=False):
+            if section:
+                self.results[f"{name}{arm}"] = section | left_out
+        return result
+
+    def prepare(
+        self,
+        name: str,
+        stage: Step[Records, Result],
+        /,
+        *records: Records.args,
+        **named: Records.kwargs,
+    ) -> Result:
         """Run a stage, or load its result if config, code and input are the same as before.
 
         Parameters
         ----------
         name : str
             Name of the stage; its folder is ``NN_name``.
-        stage : Stage
-            Its config.
+        stage : Step
+            Says what to do.
         *records
             What its ``run`` gets.
-        items, unit : int, str
-            How many of what it works on, for the timing table.
-        method : str
-            The stage's method to call.
+        **named
+            None: everything is given by its place.
 
         Returns
         -------
         record or tuple of records
         """
+        assert not named
+        config, items = stage.config, stage.items(*records)
         place = self.folder / f"{len(self.timing):02d}_{name}"
-        key = digest((stage, method, self._code, tuple(_content(record) for record in records)))
+        kind = type(stage).__name__
+        key = digest((config, kind, self._code, tuple(_content(record) for record in records)))
         wall, cpu = time.perf_counter(), _cpu_seconds()
         before = None if name == self.fresh else _stored(place, key)
         notes = Notes()
         if before is not None:
-            result = load_record(place / "record.npz")
+            result: Result = load_record(place / "record.npz")
             computed = before["wall_s"]
             notes.failures = [Failure(**one) for one in before["failed"]]
         else:
             going = self.folder / f".{place.name}.going"
-            kept = self._checkpoints(going, key, name) if stage.keeps_checkpoints else None
-            function = getattr(stage, method)
-            result = self.work(name, function, *records, notes=notes, checkpoints=kept)
+            kept = self._checkpoints(going, key, name) if config.keeps_checkpoints else None
+            result = self.work(name, stage.run, *records, notes=notes, checkpoints=kept)
             computed = time.perf_counter() - wall
             _store(
                 place,
                 result,
                 {
                     "key": key,
-                    "method": getattr(stage, "method", ""),
-                    "config": stage.model_dump(mode="json"),
+                    "method": getattr(config, "method", ""),
+                    "config": config.model_dump(mode="json"),
                     "wall_s": computed,
                     "failed": [asdict(one) for one in notes.failures],
                 },
             )
             shutil.rmtree(going, ignore_errors=True)
-        self.failed[name] = notes.failures
+        self._failed[name] = notes.failures
         self.record_time(
             name,
             wall,
             cpu,
-            items=items,
-            unit=unit,
+            items=items.n,
+            unit=items.unit,
             cached=before is not None,
             computed=computed,
             notes=notes,
         )
         return result
-
-    def left_out(self, name: str) -> dict[str, Any]:
-        """Return what a stage left out, for ``results.json``: failed (list of name and reason)."""
-        return {"failed": [asdict(one) for one in self.failed[name]]}
 
     def _checkpoints(self, going: Path, key: str, name: str) -> Path:
         """Return the folder of a stage's checkpoints; those of another config or input go."""
@@ -197,11 +228,11 @@ class Run:
     def work(
         self,
         name: str,
-        function: Callable[..., Any],
+        function: Callable[..., Result],
         *records: Any,
         notes: Notes | None = None,
         checkpoints: Path | None = None,
-    ) -> Any:
+    ) -> Result:
         """Call a function with the run's threads and workers, and its progress shown.
 
         Parameters

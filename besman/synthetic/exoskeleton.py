@@ -113,7 +113,8 @@ def constrain_joints(rng: np.random.Generator) -> JointNoise:
         # Nothing sticks where nothing moves.
         share = speed / (speed + np.deg2rad(12.0))
         jerky = joints + amplitude * share * noise
-        return np.clip(jerky, np.deg2rad(_JOINT_LOW_DEG), np.deg2rad(_JOINT_HIGH_DEG))
+        kept: FloatArray = np.clip(jerky, np.deg2rad(_JOINT_LOW_DEG), np.deg2rad(_JOINT_HIGH_DEG))
+        return kept
 
     return constrain
 

@@ -300,7 +300,8 @@ def _borders(throw: _Throw) -> list[float]:
 
     def visible(start: float, end: float) -> FloatArray:
         inside = (time >= start) & (time <= end)
-        return time[inside & (speed > _VISIBLE_SHARE * speed[inside].max())]
+        seen: FloatArray = time[inside & (speed > _VISIBLE_SHARE * speed[inside].max())]
+        return seen
 
     def slowest(start: float, end: float) -> float:
         inside = (time >= start) & (time <= end)
@@ -321,4 +322,5 @@ def _hand_speed(throw: _Throw, time: FloatArray) -> FloatArray:
     ahead, behind = (
         move_hand(throw.rest, throw.strokes, time + shift)[0] for shift in (5e-4, -5e-4)
     )
-    return np.linalg.norm(ahead - behind, axis=1) / 1e-3
+    speed: FloatArray = np.linalg.norm(ahead - behind, axis=1) / 1e-3
+    return speed

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from dataclasses import asdict
 from functools import partial
@@ -10,11 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
+from besman.config.settings import parse_setting
 from besman.config.stage import Work
 from besman.config.yaml_file import parse_config
-from besman.exceptions import ConfigError, RefinementError, RunError
+from besman.exceptions import RefinementError, RunError
+from besman.foreign.json_text import parse_json
 from besman.io.atomic_files import write_json
 from besman.io.exports import ros_joint_trajectory, write_joint_csv, write_ros_joint_trajectory
 from besman.io.urscript import UR_JOINTS, write_urscript
@@ -46,13 +46,8 @@ def parse_settings(given: dict[str, Any], settings: tuple[str, ...] = ()) -> Tem
     """
     content = dict(given)
     for setting in settings:
-        key, equals, text = setting.partition("=")
-        if not equals:
-            raise ConfigError(f"--set: got {setting!r}, expected KEY=VALUE, e.g. population=25")
-        try:
-            content[key] = yaml.safe_load(text)
-        except yaml.YAMLError:
-            raise ConfigError(f"--set {key}: got {text!r}, which is not a YAML value") from None
+        key, value = parse_setting(setting, "population=25")
+        content[key] = value
     return parse_config(content, TemplateConfig, "template")
 
 
@@ -151,7 +146,8 @@ def load_template(folder: Path, method: str | None = None) -> Template:
             f"{folder}: no template{f' {method}' if method else ''} here (there: {there}); "
             f"expected one from besman template learn {folder}"
         )
-    return load_record(places[method] if method else next(iter(places.values())))
+    template: Template = load_record(places[method] if method else next(iter(places.values())))
+    return template
 
 
 def write_application(applied: Application, paths: list[Path]) -> None:
@@ -204,10 +200,11 @@ def describe_application(applied: Application) -> dict[str, Any]:
 def _key(path: Path) -> str | None:
     """Return the key of a whole template."""
     try:
-        content = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
+        content = parse_json(path.with_suffix(".json").read_bytes())
     except (OSError, ValueError):
         return None
-    return str(content["key"]) if path.is_file() else None
+    key = content.get("key") if isinstance(content, dict) else None
+    return str(key) if path.is_file() else None
 
 
 def _episodes(part: Path, key: str) -> Tries | None:

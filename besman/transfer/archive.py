@@ -20,7 +20,11 @@ _RELEASE_UNITS = np.array([0.1, 0.1, 0.1, 0.3, 0.3, 0.3])
 
 
 @dataclass(frozen=True, eq=False)
-class Archive(Record, stored_as="besman.transfer.archive:Archive"):
+class Archive(
+    Record,
+    stored_as="besman.transfer.archive:Archive",
+    finite=("points",),
+):
     """N simulated motion plans.
 
     Attributes
@@ -50,7 +54,8 @@ class Archive(Record, stored_as="besman.transfer.archive:Archive"):
     @property
     def behaviours(self) -> FloatArray:
         """What tells throws apart, shape (N, 6), in units in which one matters; NaN if failed."""
-        return self.releases / _RELEASE_UNITS
+        scaled: FloatArray = self.releases / _RELEASE_UNITS
+        return scaled
 
     @property
     def thrown(self) -> npt.NDArray[np.bool_]:

@@ -20,6 +20,7 @@ import numpy.typing as npt
 
 from besman.exceptions import TransferError, nearest
 from besman.io.atomic_files import write_text
+from besman.io.csv_cells import quote_text, unquote_text
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -65,7 +66,7 @@ def add_row(path: Path, motion: str, number: int) -> None:
     else:
         header = [*COLUMNS, _NOTE]
     buffer = io.StringIO()
-    new = {"motion": motion, "try": str(number)}
+    new = {"motion": quote_text(motion), "try": str(number)}
     csv.writer(buffer, lineterminator="\n").writerow([new.get(name, "") for name in header])
     write_text(path, text + buffer.getvalue())
 
@@ -124,7 +125,8 @@ def _read(path: Path) -> tuple[list[str], list[tuple[int, dict[str, str]]]]:
             f"expected {', '.join(COLUMNS)}"
         )
     reader.fieldnames = header
-    return header, [(reader.line_num, row) for row in reader]
+    rows = [(reader.line_num, row | {"motion": unquote_text(row["motion"])}) for row in reader]
+    return header, rows
 
 
 def _try_number(where: str, row: dict[str, str], tries: Mapping[str, int]) -> int:

@@ -205,7 +205,7 @@ def test_what_fails_is_a_row_in_every_stage(finished, capture, tmp_path, monkeyp
     """A stage loses one demonstration; the next ones go on with the rest, also from the cache."""
     from besman.exceptions import MappingError
     from besman.stages.imitate.stage import ImitateConfig
-    from besman.stages.map import stage
+    from besman.stages.select import stage
 
     names = [one.name for one in load_record(finished / "05_select" / "record.npz")]
     select, imitate = stage.map_record, ImitateConfig._imitate

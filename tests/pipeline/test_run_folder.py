@@ -8,11 +8,11 @@ import textwrap
 import numpy as np
 import pytest
 
-from besman.config.stage import Stage, Work
+from besman.config.stage import Items, Stage, Training, Truth, Work
 from besman.exceptions import RunError
 from besman.io.atomic_files import write_json
 from besman.pipeline.run_folder import Run
-from besman.records import Segments
+from besman.records import Failure, Segments
 from besman.records.files import digest
 
 CALLS = []
@@ -39,7 +39,7 @@ START = Segments([[0, 9]], 0.0, 1.0, "x")
 def two_stages(folder, first=1, second=2, fresh=None):
     run = Run(folder, "test", fresh=fresh)
     run.start("name: test\n", {})
-    one = run.step("one", Cut(at=first), START, items=1, unit="recordings")
+    one = run.step("one", Cut(at=first), START)
     two = run.step("two", Cut(at=second), one)
     run.finish()
     return two, [row["cached"] for row in run.timing]
@@ -163,3 +163,66 @@ def test_a_failed_run_says_so(tmp_path):
 def test_json_has_no_nan(tmp_path):
     write_json(tmp_path / "a.json", {"x": np.float64("nan"), "y": (np.int64(3), np.arange(2.0))})
     assert json.loads((tmp_path / "a.json").read_text()) == {"x": None, "y": [3, [0.0, 1.0]]}
+
+
+class Told(Cut):
+    """A stage that tells what it did, and leaves out one item."""
+
+    leaves_out = True
+
+    def items(self, segments):
+        return Items(len(segments.bounds), "cuts")
+
+    def figures(self, result, truth, segments):
+        return {"n": len(result.bounds), "before": len(segments.bounds), "margin_s": truth.margin_s}
+
+    def run(self, segments, *, work=Work()):
+        work.notes.failures.append(Failure("a:0", "too short"))
+        return super().run(segments, work=work)
+
+
+class ForBothArms(Cut):
+    def figures(self, result, truth, segments):
+        return {"n": 1}, {"n": 2}
+
+
+def test_every_stage_tells_its_figures_and_items_also_from_the_cache(tmp_path):
+    for _ in range(2):
+        run = Run(tmp_path / "r", "test")
+        run.start("", {})
+        run.truth = Truth(margin_s=0.7)
+        one = run.step("one", Told(), START)
+        run.step("both", ForBothArms(), one)
+        run.prepare("quiet", Told(), one)
+        run.finish()
+        failed = [{"name": "a:0", "reason": "too short"}]
+        assert json.loads((tmp_path / "r" / "results.json").read_text()) == {
+            "one": {"n": 2, "before": 1, "margin_s": 0.7, "failed": failed},
+            "both": {"n": 1},
+            "both_second": {"n": 2},
+        }
+        rows = json.loads((tmp_path / "r" / "timing.json").read_text())["stages"]
+        assert [(row["name"], row["items"], row["unit"]) for row in rows] == [
+            ("one", 1, "cuts"),
+            ("both", 0, "item"),
+            ("quiet", 2, "cuts"),
+        ]
+
+
+def test_learning_is_a_step_with_the_stage_s_config(tmp_path):
+    def learn(recordings, truth, work):
+        CALLS.append((recordings, truth))
+        return recordings[0]
+
+    stage = Cut()
+    for _ in range(2):
+        run = Run(tmp_path / "r", "test")
+        run.start("", {})
+        learnt = run.prepare("train", Training(stage, learn, 4), (START,), ())
+        run.step("use", stage, learnt)
+        run.finish()
+    assert len([call for call in CALLS if call == ((START,), ())]) == 1
+    stored = json.loads((tmp_path / "r" / "00_train" / "stage.json").read_text())
+    assert stored["config"] == stage.model_dump()
+    assert [(row["items"], row["unit"]) for row in run.timing] == [(4, "a class"), (0, "item")]
+    assert "train" not in run.results

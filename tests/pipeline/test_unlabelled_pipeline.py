@@ -42,7 +42,7 @@ def test_dots_get_their_names(capture):
     assert "subject1.tsv" in inputs.checksums
     assert set(inputs.recordings[0].names) == {None}
     marker_set = load_marker_set(config.label.markers)
-    labelled = config.label.run(inputs.recordings, marker_set, *inputs.teacher)
+    labelled = config.label.run(inputs.recordings, marker_set, inputs.teacher)
     results = label_results(inputs.recordings, labelled, marker_set, inputs.names)
     assert results["wrong_share"] == 0.0
     assert results["right_share"] > 0.98

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from places import DATA
 
-from besman.cli import main as cli
+from besman.cli import recordings as cli
 from besman.exceptions import ConfigError, RecordingError
 from besman.io.recordings.formats import find_recordings, read_recording
 from besman.io.segments_json import find_segments, read_segments, read_throws

@@ -67,15 +67,15 @@ def read_joint_log(path: Path) -> Recording:
     )
 
 
-def find_log_urdf(path: Path) -> Path:
-    """Return the URDF that a joint log is read with.
+def find_log_files(path: Path) -> tuple[Path, ...]:
+    """Return the files that a joint log is read with: its URDF.
 
     Raises
     ------
     RecordingError
         If the log cannot be read, or names no URDF that is there.
     """
-    return _find_urdf(_read_head(_read_lines(path), path)[0], path)
+    return (_find_urdf(_read_head(_read_lines(path), path)[0], path),)
 
 
 def write_joint_log(

@@ -167,4 +167,5 @@ def give_way(borders: Rows, slow: Rows, rate_hz: float) -> Rows:
     if len(slow) == 0:
         return borders
     apart = np.abs(borders[:, np.newaxis] - slow).min(axis=1)
-    return borders[apart > SNAP_S * rate_hz]
+    kept: Rows = borders[apart > SNAP_S * rate_hz]
+    return kept

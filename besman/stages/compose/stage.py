@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field, field_validator
 
 from besman.classifiers.draw_examples import draw_examples
-from besman.config.stage import Stage, Work
+from besman.config.stage import Items, Stage, Training, Truth, Work
 from besman.exceptions import RecognitionError, nearest
 from besman.records import Actions, LabelledRecording, LabelledSegments, Segments
 from besman.records.layers import IDLE, Side, actions_of, building_blocks, complete_truth
@@ -78,6 +78,24 @@ class ComposeConfig(Stage):
         """
         if name not in self.actions:
             raise RecognitionError(f"select: no action {name!r}; {nearest(name, self.actions)}")
+
+    @property
+    def training(self) -> Training[tuple[LevelModel, ...]]:
+        """Learning, as a step of its own."""
+        return Training(self, self.train, self.examples_per_class)
+
+    def items(
+        self,
+        recordings: tuple[LabelledRecording, ...],
+        blocks: tuple[Segments | LabelledSegments, ...],
+        models: tuple[LevelModel, ...],
+    ) -> Items:
+        """Count the building blocks."""
+        return Items(sum(len(found.bounds) for found in blocks), "blocks")
+
+    def figures(self, actions: tuple[Actions, ...], truth: Truth, *records: Any) -> dict[str, Any]:
+        """Return counts by action and fitness; see `compose_results`."""
+        return compose_results(actions)
 
     def train(
         self,

@@ -5,12 +5,12 @@ from __future__ import annotations
 from abc import abstractmethod
 from dataclasses import replace
 from functools import partial
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
-from besman.config.stage import Stage, Work
+from besman.config.stage import Items, Stage, Truth, Work
 from besman.exceptions import PlanError
 from besman.geometry.frames import rotation_to_quaternion
 from besman.motion.cartesian_dmp import fit_poses
@@ -30,6 +30,8 @@ class _DmpConfig(Stage):
     n_weights: Annotated[int, Field(ge=6, le=100)] = 20
     lead_in_s: Annotated[float, Field(ge=0, le=2)] = 0.1
     lead_out_s: Annotated[float, Field(ge=0, le=2)] = 0.2
+
+    leaves_out: ClassVar[bool] = True
 
     def run(
         self,
@@ -60,6 +62,14 @@ class _DmpConfig(Stage):
         """
         imitate = partial(self._imitate, robot=robot)
         return tuple(work.map(imitate, trajectories, processes=_PROCESSES_FROM, local=True))
+
+    def items(self, trajectories: tuple[JointTrajectory, ...], *others: Any) -> Items:
+        """Count the trajectories: each becomes a motion."""
+        return Items(len(trajectories), "motions")
+
+    def figures(self, plans: tuple[AnyPlan, ...], truth: Truth, *records: Any) -> dict[str, Any]:
+        """Return how far the plans are from what they imitate; see `imitate_results`."""
+        return imitate_results(plans)
 
     @abstractmethod
     def _imitate(self, trajectory: JointTrajectory, robot: Robot | None) -> AnyPlan:

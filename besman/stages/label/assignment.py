@@ -128,4 +128,5 @@ def _solve(
         bounds=Bounds(0.0, 1.0),
         constraints=LinearConstraint(matrix, -np.inf, 1.0),
     )
-    return answer.x > 0.5
+    chosen: npt.NDArray[np.bool_] = answer.x > 0.5
+    return chosen

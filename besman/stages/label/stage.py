@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
 
-from besman.config.stage import Stage, Work
+from besman.config.stage import Items, Stage, Truth, Work
 from besman.exceptions import LabellingError
 from besman.geometry.gaps import find_runs
 from besman.person.marker_set import MarkerSet
@@ -16,10 +16,30 @@ from besman.records import FloatArray, LabelledRecording, Recording
 from besman.stages.label.model import MarkerModel
 from besman.stages.label.model_from_pose import model_from_pose
 from besman.stages.label.named_recording import NamedRecording
+from besman.stages.label.results import label_results
 from besman.stages.label.trajectories import fill_markers, learn_from_recording, name_trajectories
 
 
-class LabelConfig(Stage):
+class _LabelStage(Stage):
+    """What both methods count and tell."""
+
+    def items(self, recordings: tuple[Recording, ...], *others: Any) -> Items:
+        """Count the recordings."""
+        return Items(len(recordings), "recordings")
+
+    def figures(
+        self,
+        labelled: tuple[LabelledRecording, ...],
+        truth: Truth,
+        recordings: tuple[Recording, ...],
+        marker_set: MarkerSet,
+        *others: Any,
+    ) -> dict[str, Any]:
+        """Return what was named, and how much of it right; see `label_results`."""
+        return label_results(recordings, labelled, marker_set, truth.names)
+
+
+class LabelConfig(_LabelStage):
     """Take named trajectories for markers and fill short gaps.
 
     Attributes
@@ -41,7 +61,11 @@ class LabelConfig(Stage):
     longest_rigid_gap_s: float = Field(default=1.0, ge=0.0)
 
     def run(
-        self, recordings: tuple[Recording, ...], marker_set: MarkerSet, work: Work = Work()
+        self,
+        recordings: tuple[Recording, ...],
+        marker_set: MarkerSet,
+        teacher: Recording | None = None,
+        work: Work = Work(),
     ) -> tuple[LabelledRecording, ...]:
         """Label recordings.
 
@@ -50,6 +74,8 @@ class LabelConfig(Stage):
         recordings : tuple of Recording
         marker_set : MarkerSet
             What `markers` names.
+        teacher : Recording, optional
+            Not looked at: names need not be learnt.
         work : Work
 
         Returns
@@ -123,7 +149,7 @@ def _refuse_gap(
     )
 
 
-class LabelTrajectoriesConfig(Stage):
+class LabelTrajectoriesConfig(_LabelStage):
     """Name unnamed, broken trajectories, and fill gaps.
 
     Attributes

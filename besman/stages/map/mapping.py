@@ -35,7 +35,7 @@ class Correction(Record, stored_as="besman.mapping.embodiment:Correction"):
 
 
 @dataclass(frozen=True, eq=False)
-class Mapping(Record, stored_as="besman.mapping.embodiment:Mapping"):
+class Mapping(Record, stored_as="besman.mapping.embodiment:Mapping", finite=("placement",)):
     """All demonstrations of a class in the workspace of one arm.
 
     Attributes

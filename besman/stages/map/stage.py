@@ -1,16 +1,20 @@
-"""The stages that select demonstrations and map them to an arm."""
+"""The stage that maps demonstrations to an arm, or to two."""
 
 from __future__ import annotations
 
-from dataclasses import asdict
-from typing import Annotated, Any, Literal
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, field_validator
 
-from besman.config.stage import Config, NotNegative, Positive, Stage, Work
+from besman.config.stage import Config, Items, NotNegative, Positive, Stage, Truth, Work
 from besman.records import HandTrajectory
 from besman.robot.model import Robot
+
+if TYPE_CHECKING:
+    from besman.stages.map.demonstration import MappingSettings
+    from besman.stages.map.map_demonstrations import Mapping
 
 
 class PlacementWeights(Config):
@@ -89,27 +93,23 @@ class MapConfig(Stage):
 
     def run(
         self, demonstrations: tuple[HandTrajectory, ...], robot: Robot, work: Work = Work()
-    ) -> Any:
+    ) -> Mapping:
         """Return a `besman.stages.map.map_demonstrations.Mapping`."""
         from besman.stages.map.map_demonstrations import map_embodiment
 
-        return map_embodiment(demonstrations, robot, self._settings(), work)
+        return map_embodiment(demonstrations, robot, self.settings, work)
 
-    def run_both(
-        self,
-        demonstrations: tuple[HandTrajectory, ...],
-        others: tuple[HandTrajectory, ...],
-        robot: Robot,
-        other_robot: Robot,
-        work: Work = Work(),
-    ) -> Any:
-        """Return a pair of `besman.stages.map.map_demonstrations.Mapping`, one for each arm."""
-        from besman.stages.map.two_arms import map_two_arms
+    def items(self, demonstrations: tuple[HandTrajectory, ...], robot: Robot) -> Items:
+        """Count the demonstrations."""
+        return Items(len(demonstrations), "demos")
 
-        robots = (robot, other_robot)
-        return map_two_arms((demonstrations, others), robots, self._settings(), work)
+    def figures(self, mapping: Mapping, truth: Truth, *records: Any) -> dict[str, Any]:
+        """Return how well the arm can follow; see `map_results`."""
+        return map_results(mapping)
 
-    def _settings(self) -> Any:
+    @property
+    def settings(self) -> MappingSettings:
+        """The settings as the algorithms take them."""
         from besman.robot.inverse_kinematics import IkWeights
         from besman.stages.map.demonstration import MappingSettings
         from besman.stages.map.terms import TermWeights
@@ -133,7 +133,48 @@ class MapConfig(Stage):
         )
 
 
-def map_results(mapping: Any) -> dict[str, Any]:
+@dataclass(frozen=True)
+class MapBothArms:
+    """The same for a robot with two arms and a person's two hands.
+
+    Attributes
+    ----------
+    config : MapConfig
+    """
+
+    config: MapConfig
+
+    def run(
+        self,
+        demonstrations: tuple[HandTrajectory, ...],
+        others: tuple[HandTrajectory, ...],
+        robot: Robot,
+        other_robot: Robot,
+        work: Work = Work(),
+    ) -> tuple[Mapping, Mapping]:
+        """Return a `besman.stages.map.map_demonstrations.Mapping` for each arm."""
+        from besman.stages.map.two_arms import map_two_arms
+
+        hands, robots = (demonstrations, others), (robot, other_robot)
+        return map_two_arms(hands, robots, self.config.settings, work)
+
+    def items(
+        self,
+        demonstrations: tuple[HandTrajectory, ...],
+        others: tuple[HandTrajectory, ...],
+        *robots: Robot,
+    ) -> Items:
+        """Count the demonstrations of both hands."""
+        return Items(len(demonstrations) + len(others), "demos")
+
+    def figures(
+        self, mappings: tuple[Mapping, Mapping], truth: Truth, *records: Any
+    ) -> tuple[dict[str, Any], ...]:
+        """Return how well each arm can follow; see `map_results`."""
+        return tuple(map_results(mapping) for mapping in mappings)
+
+
+def map_results(mapping: Mapping) -> dict[str, Any]:
     """Return the figures of a mapping by the names of ``results.json``.
 
     Parameters

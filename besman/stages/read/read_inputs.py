@@ -26,8 +26,8 @@ class Inputs:
         Manual segments of each recording, None where there are none.
     names : tuple of (tuple of str or None)
         For each recording the true marker of each trajectory, None where that is not known.
-    teacher : tuple of Recording
-        The recording that markers are learnt from, if there is one.
+    teacher : Recording, optional
+        The recording that markers are learnt from.
     checksums : dict of str
         SHA-256 of every file by its name; of the URDF of a joint log too, by both names where logs
         of two folders have different ones of one name.
@@ -36,7 +36,7 @@ class Inputs:
     recordings: tuple[Recording, ...]
     truth: tuple[LabelledSegments | None, ...]
     names: tuple[tuple[str, ...] | None, ...]
-    teacher: tuple[Recording, ...]
+    teacher: Recording | None
     checksums: dict[str, str]
 
 
@@ -75,9 +75,9 @@ def read_inputs(paths: Sequence[str], teacher: str | None = None) -> Inputs:
         names.append(None if names_file is None else read_true_names(names_file, recording))
         beside = (path for path in (segments, names_file) if path is not None)
         _note_checksums(checksums, file, *beside, *find_companions(file))
-    learnt: tuple[Recording, ...] = ()
+    learnt = None
     if teacher is not None:
-        learnt = (read_recording(Path(teacher)),)
+        learnt = read_recording(Path(teacher))
         _note_checksums(checksums, Path(teacher), *find_companions(Path(teacher)))
     return Inputs(tuple(recordings), tuple(truth), tuple(names), learnt, checksums)
 

@@ -13,23 +13,23 @@ from besman.records import LabelledRecording, LabelledSegments
 from besman.records.layers import side_of
 from besman.stages.recognize.examples import find_candidates
 from besman.stages.recognize.model import RecognitionModel
+from besman.stages.recognize.naming import name_recordings
 from besman.stages.recognize.scores import RecognitionScore, score_labels
-from besman.stages.recognize.stage import RecognizeMethod
 
 
 def recognize_results(
-    config: RecognizeMethod,
     recordings: tuple[LabelledRecording, ...],
     recognized: tuple[LabelledSegments, ...],
     truth: tuple[LabelledSegments | None, ...],
     model: RecognitionModel,
+    *,
+    idle_s: float,
+    idle_speed_m_s: float,
 ) -> dict[str, Any]:
     """Return the counts by label; with truth also how many labels are right.
 
     Parameters
     ----------
-    config : RecognizeMethod
-        The stage.
     recordings : tuple of LabelledRecording
     recognized : tuple of LabelledSegments
         What the stage gave, in the order of the recordings.
@@ -37,6 +37,9 @@ def recognize_results(
         In the same order.
     model : RecognitionModel
         Its examples do not count.
+    idle_s, idle_speed_m_s : float
+        What rest is, as training takes it: a stretch without a label that lasts longer, in seconds,
+        and in which the hand is slower, metres per second.
 
     Returns
     -------
@@ -55,10 +58,10 @@ def recognize_results(
     manual = tuple(segments for segments in truth if segments is not None)
     lengths = tuple(len(recording.time) for recording in known)
     # The same segments that training may choose from and `besman evaluate recognition` tests with.
-    whole, n_left_out = _comparable(config, known, manual, model)
+    whole, n_left_out = _comparable(known, manual, model, idle_s, idle_speed_m_s)
     found = tuple(recognized[row] for row in rows)
     detected = score_labels(found, whole, lengths, model, np.inf)
-    named = config.run(known, whole, model)
+    named = name_recordings(model, known, whole)
     by_hand = score_labels(named, whole, lengths, model, np.inf)
     return {
         **results,
@@ -69,29 +72,30 @@ def recognize_results(
 
 
 def _comparable(
-    config: RecognizeMethod,
     recordings: tuple[LabelledRecording, ...],
     manual: tuple[LabelledSegments, ...],
     model: RecognitionModel,
+    idle_s: float,
+    idle_speed_m_s: float,
 ) -> tuple[tuple[LabelledSegments, ...], int]:
     """Return the manual segments and rests of each recording, and how many stretches are neither.
 
     Parameters
     ----------
-    config : RecognizeMethod
-        Says what rest is.
     recordings : tuple of LabelledRecording
     manual : tuple of LabelledSegments
         In the same order.
     model : RecognitionModel
         Its markers say whose building blocks are compared.
+    idle_s, idle_speed_m_s : float
+        As in `recognize_results`.
     """
     side = side_of(model.recipe.markers)
 
     def find(speed_m_s: float) -> list[Candidate]:
-        return find_candidates(recordings, manual, config.idle_s, speed_m_s, side)
+        return find_candidates(recordings, manual, idle_s, speed_m_s, side)
 
-    chosen = find(config.idle_speed_m_s)
+    chosen = find(idle_speed_m_s)
     whole = tuple(
         _segments_of(segments, [one for one in chosen if one.recording.source == segments.source])
         for segments in manual

@@ -55,7 +55,11 @@ class Recipe(Record, stored_as="besman.recognition.model:Recipe"):
 
 
 @dataclass(frozen=True, eq=False)
-class RecognitionModel(Record, stored_as="besman.recognition.model:RecognitionModel"):
+class RecognitionModel(
+    Record,
+    stored_as="besman.recognition.model:RecognitionModel",
+    finite=("centre", "spread", "examples"),
+):
     """A trained classifier of segments.
 
     Attributes

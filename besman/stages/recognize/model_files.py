@@ -8,10 +8,14 @@ from pathlib import Path
 from typing import Any
 
 from besman.exceptions import RecognitionError, RunError
+from besman.foreign.json_text import parse_json
 from besman.records.files import load_record, save_record
 from besman.stages.recognize.model import RecognitionModel
+from besman.stages.recognize.model_check import check_model
 
 _FORMAT = "besman recognition model 1"
+# Arrays of fifty thousand examples: who shares a model shares no more.
+_MOST_BYTES = 256_000_000
 
 
 def save_model(model: RecognitionModel, path: Path) -> tuple[Path, Path]:
@@ -62,7 +66,7 @@ def load_model(path: Path) -> RecognitionModel:
     """
     arrays, about = _places(path)
     try:
-        content = json.loads(about.read_text(encoding="utf-8"))
+        content = parse_json(about.read_bytes())
     except OSError as error:
         raise RecognitionError(f"{about}: cannot be read: {error.strerror}") from None
     except ValueError:
@@ -74,11 +78,22 @@ def load_model(path: Path) -> RecognitionModel:
     if _checksum(arrays) != content.get("sha256"):
         raise RecognitionError(f"{arrays}: is damaged or not the one that {about.name} describes")
     try:
-        model = load_record(arrays)
+        model = load_record(arrays, _MOST_BYTES)
     except RunError as error:
         raise RecognitionError(str(error)) from None
     if not isinstance(model, RecognitionModel):
         raise RecognitionError(f"{arrays}: holds a {type(model).__name__}; expected a model")
+    try:
+        check_model(model)
+    except RecognitionError as error:
+        raise RecognitionError(f"{arrays}: {error}") from None
+    for key, value in json.loads(json.dumps(describe_model(model))).items():
+        # What an older besman did not write is not missed.
+        if content.get(key, value) != value:
+            raise RecognitionError(
+                f"{about}: {key}: got {content[key]!r:.80}, which is not what {arrays.name} holds: "
+                f"{value!r:.80}"
+            )
     return model
 
 

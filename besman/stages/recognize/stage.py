@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field, field_validator
 
 from besman.classifiers.draw_examples import draw_examples
-from besman.config.stage import Stage, Work
+from besman.config.stage import Items, Stage, Training, Truth, Work
 from besman.exceptions import RecognitionError, nearest
 from besman.person.body import find_body
 from besman.records import LabelledRecording, LabelledSegments, Segments
@@ -17,13 +17,14 @@ from besman.records.files import digest
 from besman.records.layers import Side, hand_side, side_of
 from besman.stages.recognize.examples import find_candidates
 from besman.stages.recognize.features import BODY_MARKERS, FEATURE_NAMES
+from besman.stages.recognize.figures import recognize_results
 from besman.stages.recognize.model import (
     Examples,
     Recipe,
     RecognitionModel,
     fit_model,
-    name_segments,
 )
+from besman.stages.recognize.naming import name_recordings
 
 
 class _TrainedStage(Stage):
@@ -97,6 +98,38 @@ class _TrainedStage(Stage):
     def settings(self) -> dict[str, Any]:
         """Parameters of the classifier."""
         return {}
+
+    @property
+    def training(self) -> Training[RecognitionModel]:
+        """Learning, as a step of its own."""
+        return Training(self, self.train, self.examples_per_class)
+
+    def items(
+        self,
+        recordings: tuple[LabelledRecording, ...],
+        segments: tuple[Segments | LabelledSegments, ...],
+        model: RecognitionModel,
+    ) -> Items:
+        """Count the segments."""
+        return Items(sum(len(found.bounds) for found in segments), "segments")
+
+    def figures(
+        self,
+        recognized: tuple[LabelledSegments, ...],
+        truth: Truth,
+        recordings: tuple[LabelledRecording, ...],
+        segments: tuple[Segments | LabelledSegments, ...],
+        model: RecognitionModel,
+    ) -> dict[str, Any]:
+        """Return the counts by label, and how many are right; see `recognize_results`."""
+        return recognize_results(
+            recordings,
+            recognized,
+            truth.blocks,
+            model,
+            idle_s=self.idle_s,
+            idle_speed_m_s=self.idle_speed_m_s,
+        )
 
     def train(
         self,
@@ -216,21 +249,7 @@ class _TrainedStage(Stage):
         RecognitionError
             If features cannot be made of a segment.
         """
-        results = []
-        for index, (recording, found) in enumerate(zip(recordings, segments, strict=True)):
-            labels, uncertainty = name_segments(model, recording, found.bounds)
-            results.append(
-                LabelledSegments(
-                    found.bounds,
-                    labels,
-                    uncertainty,
-                    found.rate_hz,
-                    found.source,
-                    found.first_frame,
-                )
-            )
-            work.progress((index + 1) / len(recordings))
-        return tuple(results)
+        return name_recordings(model, recordings, segments, work)
 
     def _find_objects(self, recordings: Sequence[LabelledRecording]) -> tuple[str, ...]:
         """Return the object's markers."""

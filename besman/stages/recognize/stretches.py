@@ -50,11 +50,13 @@ class Stretch(NamedTuple):
 
     def speed(self, path: FloatArray) -> FloatArray:
         """Return the speed along a path, shape (S, P, 1), metres per second."""
-        return np.linalg.norm(self.rate(path), axis=2, keepdims=True)
+        speed: FloatArray = np.linalg.norm(self.rate(path), axis=2, keepdims=True)
+        return speed
 
     def object_path(self, objects: Sequence[str]) -> FloatArray:
         """Return the centroid of an object's markers, shape (S, P, 3)."""
-        return np.mean([self.paths[name] for name in objects], axis=0)
+        centroid: FloatArray = np.mean([self.paths[name] for name in objects], axis=0)
+        return centroid
 
 
 def cut_stretch(

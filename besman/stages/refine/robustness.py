@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
-from besman.config.stage import Stage, Work
+from besman.config.stage import Items, Stage, Truth, Work
 from besman.records import AnyPlan, Record, RefinedMotion, freeze
 from besman.robot.model import Robot
 from besman.simulation.perturbation import Spreads, draw_perturbation
@@ -67,6 +67,16 @@ class RobustnessConfig(Stage):
     models: Annotated[int, Field(ge=0)] = 20
     seed: Annotated[int, Field(ge=0)] = 0
     spreads: Spreads = Spreads()
+
+    leaves_out: ClassVar[bool] = True
+
+    def items(self, motions: tuple[RefinedMotion, ...], *others: Any) -> Items:
+        """Count the motions."""
+        return Items(len(motions), "motions")
+
+    def figures(self, found: tuple[Robustness, ...], truth: Truth, *records: Any) -> dict[str, Any]:
+        """Return the figures of all motions together; see `robustness_results`."""
+        return robustness_results(found)
 
     def run(
         self,

@@ -7,12 +7,12 @@ from abc import abstractmethod
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Field
 
-from besman.config.stage import Config, Stage, Work
+from besman.config.stage import Config, Items, Stage, Truth, Work
 from besman.exceptions import RefinementError
 from besman.records import AnyPlan, RefinedMotion
 from besman.records.files import digest
@@ -82,6 +82,7 @@ class RefinementConfig(Stage):
     robustness: RobustnessConfig | None = RobustnessConfig()
 
     keeps_checkpoints: ClassVar[bool] = True
+    leaves_out: ClassVar[bool] = True
 
     @abstractmethod
     def make_search(self, dimension: int, seed: tuple[int, ...]) -> Search:
@@ -91,6 +92,26 @@ class RefinementConfig(Stage):
     def bounds(self) -> tuple[float, float] | None:
         """Least and greatest value of every coordinate."""
         return None if self.bound is None else (-self.bound, self.bound)
+
+    @property
+    def without_robustness(self) -> Self:
+        """The search alone: a change of what comes after it does not search again."""
+        return self.model_copy(update={"robustness": None})
+
+    def items(self, plans: tuple[AnyPlan, ...], *others: Any) -> Items:
+        """Count the motions."""
+        return Items(len(plans), "motions")
+
+    def figures(
+        self,
+        motions: tuple[RefinedMotion, ...],
+        truth: Truth,
+        plans: tuple[AnyPlan, ...],
+        robot: Robot,
+        task: Task,
+    ) -> dict[str, Any]:
+        """Return how many motions succeed, and what it took; see `refine_results`."""
+        return refine_results(motions, task)
 
     def run(
         self,

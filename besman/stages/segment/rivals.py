@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from itertools import pairwise
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
-from besman.config.stage import Stage, Work
+from besman.config.stage import Work
 from besman.exceptions import SegmentationError
 from besman.records import LabelledRecording, LabelledSegments, Segments
+from besman.stages.segment.of_hands import SegmentingStage
 from besman.stages.segment.sampling import sample_paths, to_rows, to_segments
 from besman.stages.segment.signals import Signals, prepare_signals
 from besman.stages.segment.vmci import merge_single_samples
@@ -20,7 +21,7 @@ from besman.stages.segment.vmci import merge_single_samples
 IntArray = npt.NDArray[np.int64]
 
 
-class _Rival(Stage):
+class _Rival(SegmentingStage):
     """What all have: markers, and a rate at which they look.
 
     Attributes
@@ -32,7 +33,6 @@ class _Rival(Stage):
     """
 
     rate_hz: float = Field(default=20.0, gt=0)
-    markers: Annotated[tuple[str, ...], Field(min_length=1)] = ("hand_top",)
 
 
 class _OneByOne(_Rival):
@@ -160,7 +160,7 @@ class _Together(_Rival):
         rates = {rate_hz for _, rate_hz in sampled}
         if len(rates) > 1:
             raise SegmentationError(
-                f"{self.method}: recordings come at {', '.join(f'{r:g}' for r in sorted(rates))} "  # type: ignore[attr-defined]
+                f"{self.method}: recordings come at {', '.join(f'{r:g}' for r in sorted(rates))} "
                 "Hz; they are taken together and need one rate: set rate_hz to the lowest"
             )
         signals = [prepare_signals(paths) for paths, _ in sampled]
@@ -298,7 +298,8 @@ def _find_minima(signals: Signals, window_s: float, rate_hz: float) -> IntArray:
 def _stack_paths(paths: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     """Paths of all markers about their mean, shape (T, 3 * m), metres."""
     flat = paths.reshape(len(paths), -1)
-    return flat - flat.mean(axis=0)
+    centred: npt.NDArray[np.float64] = flat - flat.mean(axis=0)
+    return centred
 
 
 def _label(

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
 from pydantic import Field
 
-from besman.config.stage import Stage, Work
+from besman.config.stage import Work
 from besman.records import LabelledRecording, Segments
+from besman.stages.segment.of_hands import SegmentingStage
 from besman.stages.segment.sampling import (
     gather_gapless_paths,
     sample_paths,
@@ -26,7 +27,7 @@ from besman.stages.segment.vmci import (
 from besman.stages.segment.vmci_online import OnlineVmci
 
 
-class SegmentConfig(Stage):
+class SegmentConfig(SegmentingStage):
     """Velocity-based multiple change-point inference, exact.
 
     Attributes
@@ -46,7 +47,6 @@ class SegmentConfig(Stage):
 
     method: Literal["vmci"] = "vmci"
     rate_hz: float = Field(default=20.0, gt=0)
-    markers: Annotated[tuple[str, ...], Field(min_length=1)] = ("hand_top",)
     n_centres: int = Field(default=3, ge=1)
     longest_s: float | None = Field(default=None, gt=0)
     border_probability: float | None = Field(default=None, gt=0, lt=1)
@@ -104,7 +104,7 @@ class SegmentConfig(Stage):
         return to_segments(borders, rate_hz, recording, found.log_probability, weights.probability)
 
 
-class VmciOnlineConfig(Stage):
+class VmciOnlineConfig(SegmentingStage):
     """Velocity-based multiple change-point inference, sample by sample.
 
     Attributes
@@ -120,7 +120,6 @@ class VmciOnlineConfig(Stage):
 
     method: Literal["vmci_online"] = "vmci_online"
     rate_hz: float = Field(default=20.0, gt=0)
-    markers: Annotated[tuple[str, ...], Field(min_length=1)] = ("hand_top",)
     n_centres: int = Field(default=3, ge=1)
     longest_s: float = Field(default=10.0, gt=0)
     border_probability: float | None = Field(default=None, gt=0, lt=1)
@@ -166,7 +165,7 @@ class VmciOnlineConfig(Stage):
         )
 
 
-class ValleyVmciConfig(Stage):
+class ValleyVmciConfig(SegmentingStage):
     """vMCI over the valleys of the speed, with rests; see `besman.stages.segment.valley_vmci`.
 
     Attributes
@@ -178,7 +177,6 @@ class ValleyVmciConfig(Stage):
     """
 
     method: Literal["valley_vmci"] = "valley_vmci"
-    markers: Annotated[tuple[str, ...], Field(min_length=1)] = ("hand_top",)
     longest_s: float | None = Field(default=None, gt=0)
 
     def run(

@@ -255,7 +255,8 @@ def tabulate_lengths(
     position = length_factor(n, d_position, model)
     position -= 0.5 * d_position**2 * np.log(model.weight_variance)
     speed = length_factor(n, d_speed, model) - d_speed * np.log(model.speed_weight_variance)
-    return prior - np.log(model.n_centres) + position + speed
+    log_evidence: FloatArray = prior - np.log(model.n_centres) + position + speed
+    return log_evidence
 
 
 def length_factor(n: FloatArray, d: int, model: VmciModel) -> FloatArray:
@@ -264,7 +265,8 @@ def length_factor(n: FloatArray, d: int, model: VmciModel) -> FloatArray:
     steps = np.arange(d) / 2
     growth = _log_gamma((n[:, np.newaxis] + nu) / 2 - steps) - _log_gamma(nu / 2 - steps)
     scale = 0.5 * nu * d * np.log(model.noise_scale)
-    return scale - 0.5 * n * d * np.log(np.pi) + growth.sum(axis=1)
+    log_factor: FloatArray = scale - 0.5 * n * d * np.log(np.pi) + growth.sum(axis=1)
+    return log_factor
 
 
 def trace_back(previous: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:

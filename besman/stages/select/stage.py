@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import field_validator, model_validator
 
-from besman.config.stage import NotNegative, Positive, Stage, Work
+from besman.config.stage import Items, NotNegative, Positive, Stage, Truth, Work
 from besman.records import HandTrajectory, LabelledRecording, LabelledSegments
 from besman.records.layers import Side
 from besman.stages.select.body_points import GapLimits
@@ -67,6 +67,8 @@ class SelectConfig(Stage):
     object_in_hand_m: tuple[float, float, float] | None = None
     object_in_hand_wxyz: tuple[float, float, float, float] | None = None
 
+    leaves_out: ClassVar[bool] = True
+
     @field_validator("object_in_hand_wxyz")
     @classmethod
     def _check_turn(cls, turn: tuple[float, ...] | None) -> tuple[float, ...] | None:
@@ -101,6 +103,18 @@ class SelectConfig(Stage):
         return self.model_copy(
             update={"arm": "left" if self.arm == "right" else "right", "object": None}
         )
+
+    def items(
+        self, recordings: tuple[LabelledRecording, ...], segments: tuple[LabelledSegments, ...]
+    ) -> Items:
+        """Count the segments of the class."""
+        return Items(sum(found.labels.count(self.wanted) for found in segments), "segments")
+
+    def figures(
+        self, demonstrations: tuple[HandTrajectory, ...], truth: Truth, *records: Any
+    ) -> dict[str, Any]:
+        """Return how many demonstrations there are."""
+        return {"n_demonstrations": len(demonstrations)}
 
     def run(
         self,

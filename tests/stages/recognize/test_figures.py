@@ -2,9 +2,9 @@ import dataclasses
 
 import numpy as np
 
+from besman.config.stage import Truth
 from besman.records import LabelledRecording, LabelledSegments
 from besman.report.terminal import left_out
-from besman.stages.recognize.figures import recognize_results
 from besman.stages.recognize.stage import RecognizeConfig
 
 MARKERS = {
@@ -51,11 +51,11 @@ def test_moving_stretches_without_a_label_are_counted_and_not_compared():
     detected = dataclasses.replace(
         stage.run((recording,), (truth,), model)[0], labels=("idle",) * 8
     )
-    results = recognize_results(stage, (recording,), (detected,), (known,), model)
+    results = stage.figures((detected,), Truth((known,)), (recording,), (truth,), model)
     assert results["n_left_out"] == 1
     assert "idle" not in results["confusion"]
     everything = stage.model_copy(update={"idle_speed_m_s": 100.0})
-    all_of_it = recognize_results(everything, (recording,), (detected,), (known,), model)
+    all_of_it = everything.figures((detected,), Truth((known,)), (recording,), (truth,), model)
     assert all_of_it["n_left_out"] == 0
     assert all_of_it["n_compared_manual"] == results["n_compared_manual"] + 1
 

@@ -287,7 +287,7 @@ def ballistic_flight(
     up = velocity[2]
     duration = (up + np.sqrt(up**2 + 2.0 * GRAVITY * position[2])) / GRAVITY
     time = np.append(np.arange(step_s, duration, step_s), duration)[:, None]
-    path = position + velocity * time
+    path: FloatArray = position + velocity * time
     path[:, 2] -= 0.5 * GRAVITY * time[:, 0] ** 2
     path[-1] = landed
     return path
