@@ -43,7 +43,7 @@ N_CUTS = 40
 
 def recording_of(names=("hand_top", "elbow", "back_top"), gaps=False, n_samples=12):
     random = np.random.default_rng(0)
-    positions = random.normal(size=(n_samples, len(names), 3)).cumsum(axis=0)
+    positions = 0.03 * random.normal(size=(n_samples, len(names), 3)).cumsum(axis=0)
     if gaps:
         positions[3:5, 1] = positions[:2, 0] = np.nan
     time = (4 + np.arange(n_samples)) / 50
@@ -283,4 +283,5 @@ def test_the_table_loads_no_reader(samples):
     names = ["besman.io.recordings.format", "besman.io.recordings.formats"]
     assert table == str(names)
     assert numpy == "False"
-    assert after == str([*names, "besman.io.recordings.qtm_tsv"])
+    own = [f"besman.io.recordings.{name}" for name in ("qtm_header", "qtm_tsv", "sense")]
+    assert after == str([*names, *own])
