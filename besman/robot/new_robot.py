@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 import numpy as np
 import yaml
 
-from besman.exceptions import RobotError, nearest
+from besman.exceptions import RobotError, in_one_line, nearest
 from besman.robot.model import list_robots, load_robot
 from besman.robot.urdf_file import joint_ends, link_names, read_urdf
 
@@ -99,11 +99,12 @@ def _validate(tree: ElementTree.Element, urdf: Path) -> None:
     try:
         robot = yourdfpy.URDF.load(io.BytesIO(text), build_scene_graph=False, load_meshes=False)
         robot.validate()
-        faults = [str(error) for error in robot.errors]
+        faults = [in_one_line(error) for error in robot.errors]
     except (ValueError, TypeError, KeyError, AttributeError, IndexError) as error:
-        faults = [str(error) or type(error).__name__]
+        faults = [in_one_line(error)]
     if faults:
-        raise RobotError(f"{urdf}: cannot be used as URDF: {'; '.join(faults[:3])}")
+        more = f"; and {len(faults) - 3} more" if len(faults) > 3 else ""
+        raise RobotError(f"{urdf}: cannot be used as URDF: {'; '.join(faults[:3])}{more}")
 
 
 def find_chain(tree: ElementTree.Element, tip: str, urdf: Path) -> list[ElementTree.Element]:

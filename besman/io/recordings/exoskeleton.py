@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from besman.config.resources import find_resource
-from besman.exceptions import ConfigError, RecordingError, nearest
+from besman.exceptions import ConfigError, RecordingError, in_one_line, nearest
+from besman.foreign.error_stream import catch_error_stream
 from besman.geometry.frames import rotation_to_quaternion
 from besman.records import FloatArray, Recording
 
@@ -121,14 +122,17 @@ def load_exoskeleton_model(urdf: Path, path: Path) -> Any:
     """
     import pinocchio
 
+    said: list[str] = []
     try:
         text = urdf.read_text(encoding="utf-8")
         if "<!DOCTYPE" in text or "<!ENTITY" in text:
             raise ValueError("it declares a document type or entities")
-        return pinocchio.buildModelFromXML(text)
+        # What is wrong is written there, not raised.
+        with catch_error_stream() as said:
+            return pinocchio.buildModelFromXML(text)
     except (OSError, UnicodeDecodeError, ValueError, RuntimeError) as error:
-        reason = " ".join(str(error).split())
-        raise RecordingError(f"{path}: {urdf.name} is not a usable URDF: {reason}") from None
+        why = in_one_line(said) or in_one_line(error)
+        raise RecordingError(f"{path}: {urdf.name} is not a usable URDF: {why}") from None
 
 
 def link_poses(
