@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from besman.cli.options import target_file
+
 app = typer.Typer(help="Motions for targets that were never tried.", no_args_is_help=True)
 
 RunFolder = Annotated[Path, typer.Argument(help="A finished run.")]
@@ -78,7 +80,8 @@ def apply(
         str | None, typer.Option(help="creps or ccma_es, if the run has both.")
     ] = None,
     json_file: Annotated[
-        Path | None, typer.Option("--json", help="Write forecast and limits here.")
+        Path | None,
+        typer.Option("--json", help="Write forecast and limits here.", callback=target_file),
     ] = None,
 ) -> None:
     """Give the motion for a target, in milliseconds, within all limits."""
@@ -95,9 +98,6 @@ def apply(
     values = parse_context(context, template.family.names)
     robot, task = load_robot(template.robot, template.tool), load_task(template.task)
     applied = apply_template(template, robot, task, values)
-    write_application(applied, out or [])
-    if json_file is not None:
-        write_json(json_file, describe(applied))
     forecast, limits = applied.forecast, applied.limits
     for warning in applied.warnings:
         typer.echo(f"besman: warning: {warning}", err=True)
@@ -112,5 +112,8 @@ def apply(
         highlight=False,
         soft_wrap=True,
     )
+    write_application(applied, out or [])
+    if json_file is not None:
+        write_json(json_file, describe(applied))
     for path in out or []:
         console.print(f"wrote {path}", highlight=False, soft_wrap=True)

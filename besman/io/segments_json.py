@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from besman.exceptions import RecordingError, nearest
+from besman.io.atomic_files import write_text
 from besman.records import LabelledRecording, LabelledSegments, Recording
 from besman.records.layers import LAYERS, is_layer
 
@@ -190,7 +191,8 @@ def write_segments(
     content: Any = rows
     if throws is not None:
         content = {"segments": rows, "events": {"throws": [asdict(throw) for throw in throws]}}
-    path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    text = json.dumps(content, indent=1) + "\n"
+    write_text(path, text, durable=False, kind=RecordingError)
 
 
 def segment_rows(segments: LabelledSegments) -> list[dict[str, Any]]:

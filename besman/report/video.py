@@ -14,6 +14,7 @@ import numpy as np
 
 from besman.config.yaml_file import read_yaml
 from besman.exceptions import RenderingError, RunError, nearest
+from besman.io.atomic_files import check_folder
 from besman.pictures.camera import View, frame_points
 from besman.pictures.rendering import Renderer
 from besman.pictures.scene_geoms import SceneGeoms, follow, scene_geoms
@@ -109,6 +110,8 @@ def write_video(
     """
     if out is not None and out.suffix != ".mp4":
         raise RenderingError(f"--out: got {out}, expected a name that ends in .mp4")
+    if out is not None:
+        check_folder(out.parent, f"{out}", RenderingError)
     config, motions = _load(folder, second_arm)
     motion = _choose(motions, name)
     if out is None:

@@ -5,12 +5,10 @@ import subprocess
 import sys
 import textwrap
 
-import numpy as np
 import pytest
 
 from besman.config.stage import Items, Stage, Training, Truth, Work
 from besman.exceptions import RunError
-from besman.io.atomic_files import write_json
 from besman.pipeline.run_folder import Run
 from besman.records import Failure, Segments
 from besman.records.files import digest
@@ -158,11 +156,6 @@ def test_a_failed_run_says_so(tmp_path):
     run.finish("failed", "no markers")
     state = json.loads((tmp_path / "r" / "run.json").read_text())
     assert (state["status"], state["error"]) == ("failed", "no markers")
-
-
-def test_json_has_no_nan(tmp_path):
-    write_json(tmp_path / "a.json", {"x": np.float64("nan"), "y": (np.int64(3), np.arange(2.0))})
-    assert json.loads((tmp_path / "a.json").read_text()) == {"x": None, "y": [3, [0.0, 1.0]]}
 
 
 class Told(Cut):

@@ -14,6 +14,7 @@ import numpy as np
 from besman.config.resources import find_resource
 from besman.exceptions import ConfigError, RecordingError, nearest
 from besman.geometry.frames import rotation_to_quaternion
+from besman.io.atomic_files import written_aside
 from besman.records import FloatArray, Recording
 
 _TIME = "time_s"
@@ -105,7 +106,10 @@ def write_joint_log(
     """
     frames = " ".join(f"{body}={link}" for body, link in bodies.items())
     table = np.round(np.column_stack([time, angles]), 6) + 0.0
-    with path.open("w", encoding="utf-8", newline="\n") as file:
+    with (
+        written_aside(path, kind=RecordingError) as temporary,
+        temporary.open("w", encoding="utf-8", newline="\n") as file,
+    ):
         file.write(f"# urdf: {urdf}\n# frames: {frames}\n")
         file.write(",".join([_TIME, *joint_names]) + "\n")
         np.savetxt(file, table, fmt="%.6f", delimiter=",")

@@ -19,6 +19,7 @@ from besman.records import LabelledRecording, Recording
 Format = Literal["tsv", "c3d", "mvnx", "joint log"]
 
 _SUFFIXES = (".tsv", ".c3d", ".mvnx")
+_WRITERS = {".tsv": write_tsv, ".c3d": write_c3d}
 _HEAD_BYTES = 16_384
 # No capture volume is that large, but metres that are millimetres look like it.
 _FARTHEST_M = 100.0
@@ -120,13 +121,21 @@ def write_recording(recording: Recording | LabelledRecording, path: Path) -> Non
             source=recording.source,
             first_frame=recording.first_frame,
         )
-    write = {".tsv": write_tsv, ".c3d": write_c3d}.get(path.suffix.lower())
-    if write is None:
-        raise RecordingError(f"{path}: cannot be written: the ending must be .tsv or .c3d")
-    try:
-        write(recording, path)
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be written: {error.strerror}") from None
+    check_ending(path)
+    _WRITERS[path.suffix.lower()](recording, path)
+
+
+def check_ending(path: Path) -> None:
+    """Refuse a file that is to be written in a format that is not written.
+
+    Raises
+    ------
+    RecordingError
+    """
+    if path.suffix.lower() not in _WRITERS:
+        raise RecordingError(
+            f"{path}: cannot be written: the ending must be {' or '.join(_WRITERS)}"
+        )
 
 
 def find_recordings(paths: Iterable[Path]) -> list[Path]:
