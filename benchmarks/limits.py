@@ -14,9 +14,9 @@ from unittest import mock
 
 import numpy as np
 
-from besman.evaluation.mapping_data import simulate_throws
+from besman.evaluation.mapping_data import simulate_throw_set
 from besman.records import JointTrajectory
-from besman.robot.limits import check_limits, resample
+from besman.robot.limits import check_limits, resample_trajectory
 from besman.robot.model import Robot, load_robot
 from besman.stages.map.joint_spline import JointSpline, fit_spline
 from besman.stages.map.limit_program import LimitProgram
@@ -38,7 +38,7 @@ def compare(robot: Robot, paths: list[JointTrajectory]) -> str:
             start = time.process_time()
             scaled = scale_path(robot, before, path.positions, tolerance=tolerance)
             spent = time.process_time() - start
-            _, *dense = resample(
+            _, *dense = resample_trajectory(
                 scaled.time, scaled.positions, scaled.velocities, scaled.accelerations
             )
             errors = PathChange(robot, path.positions, TOLERANCE).errors(scaled.positions)
@@ -90,7 +90,9 @@ def main() -> None:
     parser.add_argument("--throws", type=int, default=40)
     parser.add_argument("--robots", nargs="+", default=["ur5", "ur10", "iiwa7", "compi"])
     arguments = parser.parse_args()
-    throws = simulate_throws(n_subjects=4, n_repetitions=-(-arguments.throws // 4)).demonstrations
+    throws = simulate_throw_set(
+        n_subjects=4, n_repetitions=-(-arguments.throws // 4)
+    ).demonstrations
     config = MapConfig(free_axis_spin=True, greatest_change_m=0.0)
     print("robot | stretch plain | changed | unscaled plain | changed | change mean / max", end="")
     print(" | CPU plain | changed | samples beyond a limit")

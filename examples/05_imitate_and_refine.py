@@ -20,7 +20,7 @@ from besman.stages.label.stage import LabelConfig
 from besman.stages.map.stage import MapConfig
 from besman.stages.read.read_inputs import read_inputs
 from besman.stages.refine.robustness import RobustnessConfig
-from besman.stages.refine.stage import RefineConfig
+from besman.stages.refine.stage import CmaEsConfig
 from besman.stages.select.stage import SelectConfig
 
 # As in example 4.
@@ -49,7 +49,7 @@ print(f"another goal: {moved.duration:.2f} s, {beyond} of {len(time)} samples be
 print(f"\nimitated: lands {100 * trial.miss:.1f} cm from the target")
 
 # Refine: goal, duration and the smoothest changes of the weights are searched by CMA-ES.
-stage = RefineConfig(episodes=200, robustness=None, seed=0)
+stage = CmaEsConfig(episodes=200, robustness=None, seed=0)
 for motion in stage.run(plans, robot, task):
     x, y = motion.outcome[:2]
     print(f"{motion.plan.name}: after {len(motion.returns)} episodes at x {x:.2f}, y {y:.2f} m,")

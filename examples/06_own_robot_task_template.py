@@ -20,7 +20,7 @@ from besman.stages.imitate.stage import ImitateConfig
 from besman.stages.label.stage import LabelTrajectoriesConfig
 from besman.stages.map.stage import MapConfig
 from besman.stages.read.read_inputs import read_inputs
-from besman.stages.refine.stage import RefineConfig
+from besman.stages.refine.stage import CmaEsConfig
 from besman.stages.select.stage import SelectConfig
 from besman.templates.applying import apply_template
 from besman.templates.learning import TemplateConfig
@@ -72,9 +72,7 @@ demonstrations = SelectConfig(label="throw").run(labelled, inputs.truth)[:1]
 # As in examples 4 and 5, on the own arm. A throw may also begin elsewhere.
 mapping = MapConfig(yaw=False, evaluations=20).run(demonstrations, robot)
 plans = ImitateConfig().run(mapping.trajectories, robot)
-refine = RefineConfig(
-    episodes=400, search=("start", "goal", "duration"), sigma=0.8, robustness=None
-)
+refine = CmaEsConfig(episodes=400, search=("start", "goal", "duration"), sigma=0.8, robustness=None)
 motions = refine.run(plans, robot, task)
 motion = motions[0]
 print(f"\nimitated: {100 * motion.miss_before:.0f} cm from the target")

@@ -20,6 +20,7 @@ LAYERS = (
     {"config"},
     {"work", "classifiers", "search", "geometry", "web"},
     {"records"},
+    {"foreign"},
     {"exceptions"},
 )
 DEPTH = {room: depth for depth, rooms in enumerate(LAYERS) for room in rooms}

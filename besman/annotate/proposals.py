@@ -39,7 +39,7 @@ _LONG_RECORDING_S = 300.0
 _ALONE = 0.5  # confidence of the only label there is an example of
 
 
-class Stretch(NamedTuple):
+class ProposedSegment(NamedTuple):
     """A stretch of a recording that may be a segment: half-open rows, confidence of its borders."""
 
     start: int
@@ -54,7 +54,7 @@ class Name(NamedTuple):
     confidence: float
 
 
-def propose_stretches(recording: LabelledRecording, hand: str) -> list[Stretch]:
+def propose_stretches(recording: LabelledRecording, hand: str) -> list[ProposedSegment]:
     """Cut a recording where besman's default segmentation does.
 
     Parameters
@@ -65,7 +65,7 @@ def propose_stretches(recording: LabelledRecording, hand: str) -> list[Stretch]:
 
     Returns
     -------
-    list of Stretch
+    list of ProposedSegment
         Together they cover the recording.
 
     Raises
@@ -89,7 +89,7 @@ def propose_stretches(recording: LabelledRecording, hand: str) -> list[Stretch]:
         inside = probability[start + near + 1 : end - near]
         left_out = float(inside.max()) if len(inside) else 0.0
         confidence = min(border(start), border(end), 1.0 - left_out)
-        stretches.append(Stretch(start, end, round(confidence, 4)))
+        stretches.append(ProposedSegment(start, end, round(confidence, 4)))
     return stretches
 
 

@@ -13,7 +13,8 @@ from besman.classifiers.sequences import SequenceClassifier, import_extra
 FloatArray = npt.NDArray[np.float64]
 
 
-class NearestNeighbours(KNeighborsClassifier):
+# scikit-learn has no types.
+class NearestNeighbours(KNeighborsClassifier):  # type: ignore[misc]
     """k nearest neighbours, Euclidean.
 
     Parameters

@@ -39,11 +39,11 @@ def fit_threshold(examples: FloatArray, labels: Sequence[str], factor: float = 1
     Returns
     -------
     float
-        In units of `distances`. With a single example of each class it is the median distance
+        In units of `rms_distances`. With a single example of each class it is the median distance
         between classes; with a single class, twice the 95 % quantile; with a single example,
         infinite.
     """
-    apart = distances(examples, examples)
+    apart = rms_distances(examples, examples)
     np.fill_diagonal(apart, np.inf)
     names = np.asarray(labels)
     same = names[:, np.newaxis] == names
@@ -58,17 +58,18 @@ def fit_threshold(examples: FloatArray, labels: Sequence[str], factor: float = 1
     far = max(near, float(np.quantile(outside, _OUTSIDE)))
     # Examples that are all alike leave no scale but that of what is outside.
     near = max(near, 1e-3 * far)
-    return factor * near ** (1.0 - _TOWARDS_OUTSIDE) * far**_TOWARDS_OUTSIDE
+    threshold: float = factor * near ** (1.0 - _TOWARDS_OUTSIDE) * far**_TOWARDS_OUTSIDE
+    return threshold
 
 
 def measure_novelty(vectors: FloatArray, examples: FloatArray) -> FloatArray:
     """Return the distance of each vector to the nearest example of any class, shape (S,)."""
     if len(vectors) == 0:
         return np.empty(0)
-    return np.asarray(distances(vectors, examples).min(axis=1))
+    return np.asarray(rms_distances(vectors, examples).min(axis=1))
 
 
-def distances(a: FloatArray, b: FloatArray) -> FloatArray:
+def rms_distances(a: FloatArray, b: FloatArray) -> FloatArray:
     """Return root mean square differences between vectors, shape (len(a), len(b))."""
     from scipy.spatial.distance import cdist
 

@@ -33,7 +33,8 @@ def import_extra(name: str, method: str, extra: str) -> Any:
         ) from None
 
 
-class SequenceClassifier(ClassifierMixin, BaseEstimator):
+# scikit-learn has no types.
+class SequenceClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
     """A classifier of sequences under scikit-learn's interface.
 
     A row of ``X`` is one sequence: all channels of its first point, then of its second, and so on.

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from besman.cli.terminal import say
+
 
 def annotate(
     recordings: Annotated[list[Path], typer.Argument(help="Recordings, or folders of them.")],
@@ -47,9 +49,10 @@ def annotate(
     )
     server = make_server(session, port)
     for take in session.takes:
-        typer.echo(f"{take.path.name}: segments in {take.document.path}")
+        say(f"{take.path.name}: segments in {take.document.path}")
         if take.naming is not None:
             n = len(take.naming.fragments)
-            typer.echo(f"{take.path.name}: {n} fragments without a name; {take.named_file.path}")
-    typer.echo(f"open {server.url}\nstop with Ctrl+C")
+            say(f"{take.path.name}: {n} fragments without a name; {take.named_file.path}")
+    say(f"open {server.url}")
+    say("stop with Ctrl+C")
     server.serve(browser=not no_browser)

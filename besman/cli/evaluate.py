@@ -39,9 +39,8 @@ def evaluate_segmentation(
     ] = None,
 ) -> None:
     """Compare segmentation methods (tables 4.1 to 4.4)."""
-    from rich.console import Console
-
     from besman.cli.progress_bars import stage_display
+    from besman.cli.terminal import open_terminal
     from besman.evaluation import segmentation as experiment
     from besman.evaluation.segmentation_tables import segmentation_tables
     from besman.io.atomic_files import write_json
@@ -59,7 +58,7 @@ def evaluate_segmentation(
             progress,
         )
         end(True)
-    console = Console()
+    console = open_terminal()
     for table in segmentation_tables(result["rows"]):
         console.print(table)
     if json_file is not None:
@@ -75,9 +74,8 @@ def evaluate_labelling(
     json_file: Json = None,
 ) -> None:
     """Measure how well unnamed trajectories get their names, beside a plain tracker."""
-    from rich.console import Console
-
     from besman.cli.progress_bars import stage_display
+    from besman.cli.terminal import open_terminal
     from besman.evaluation import labelling
     from besman.io.atomic_files import write_json
 
@@ -85,7 +83,7 @@ def evaluate_labelling(
         progress, end = display("evaluate")
         result = labelling.evaluate_labelling(data, seeds, progress)
         end(True)
-    Console().print(labelling.labelling_table(result["rows"]))
+    open_terminal().print(labelling.labelling_table(result["rows"]))
     if json_file is not None:
         write_json(json_file, result)
 
@@ -112,9 +110,8 @@ def evaluate_recognition(
     json_file: Json = None,
 ) -> None:
     """Accuracy over examples, settings and new subjects: figures 5.3 and 5.5 to 5.8."""
-    from rich.console import Console
-
     from besman.cli.progress_bars import stage_display
+    from besman.cli.terminal import open_terminal
     from besman.evaluation.recognition import check_methods, recognition_table, run_recognition
     from besman.evaluation.recognition_data import load_sets, simulate_sets
     from besman.exceptions import ConfigError
@@ -133,15 +130,15 @@ def evaluate_recognition(
         progress, end = display("recognition")
         result = run_recognition(sets, chosen, draws, progress)
         end(True)
-    console = Console()
+    console = open_terminal()
     console.print(recognition_table(result))
     if json_file is not None:
         write_json(json_file, result)
     if figures is not None:
-        from besman.evaluation.recognition_figures import write_figures
+        from besman.evaluation.recognition_figures import write_recognition_figures
 
-        for path in write_figures(result, sets, figures):
-            console.print(f"wrote {path}", highlight=False, soft_wrap=True)
+        for path in write_recognition_figures(result, sets, figures):
+            console.print(f"wrote {path}", soft_wrap=True)
 
 
 @evaluate_app.command("mapping")
@@ -167,12 +164,11 @@ def evaluate_mapping(
     json_file: Json = None,
 ) -> None:
     """Demonstrations in the workspaces of several arms, as in section 7.2.3 and figure 7.5."""
-    from rich.console import Console
-
     from besman.cli.progress_bars import stage_display
+    from besman.cli.terminal import open_terminal
     from besman.evaluation import mapping
     from besman.evaluation.mapping_data import choose_sets
-    from besman.evaluation.mapping_tables import failure_lines, mapping_tables
+    from besman.evaluation.mapping_tables import mapping_tables, reason_lines
     from besman.io.atomic_files import write_json
     from besman.work.work import Work
     from besman.work.workers import Workers
@@ -185,18 +181,18 @@ def evaluate_mapping(
         work = Work(jobs, progress, workers=workers)
         result, mapped = mapping.evaluate_mapping(sets, robots or mapping.ROBOTS, work=work)
         end(True)
-    console = Console()
+    console = open_terminal()
     for table in mapping_tables(result["rows"]):
         console.print(table)
-    for line in failure_lines(result["rows"]):
-        console.print(line, highlight=False, markup=False, soft_wrap=True)
+    for line in reason_lines(result["rows"]):
+        console.print(line, soft_wrap=True)
     if json_file is not None:
         write_json(json_file, result)
     if figures is not None:
-        from besman.evaluation.mapping_figures import write_figures
+        from besman.evaluation.mapping_figures import write_mapping_figures
 
-        for path in write_figures(mapped, figures):
-            console.print(f"wrote {path}", highlight=False, soft_wrap=True)
+        for path in write_mapping_figures(mapped, figures):
+            console.print(f"wrote {path}", soft_wrap=True)
 
 
 @evaluate_app.command("refinement")
@@ -225,9 +221,8 @@ def evaluate_refinement(
     json_file: Json = None,
 ) -> None:
     """Compare searches on functions with public figures and on simulated tasks."""
-    from rich.console import Console
-
     from besman.cli.progress_bars import stage_display
+    from besman.cli.terminal import open_terminal
     from besman.evaluation import refinement
     from besman.evaluation.refinement_problems import load_problem
     from besman.evaluation.refinement_tables import refinement_tables, write_curves
@@ -242,14 +237,14 @@ def evaluate_refinement(
         runs = range(first_seed, first_seed + seeds)
         result = refinement.evaluate_refinement(chosen, methods, runs, work)
         end(True)
-    console = Console()
+    console = open_terminal()
     for table in refinement_tables(result["rows"]):
         console.print(table)
     if json_file is not None:
         write_json(json_file, result)
     if figures is not None:
         for path in write_curves(result["rows"], figures):
-            console.print(f"wrote {path}", highlight=False, soft_wrap=True)
+            console.print(f"wrote {path}", soft_wrap=True)
 
 
 @evaluate_app.command("hierarchy")
@@ -261,9 +256,8 @@ def evaluate_hierarchy(
     json_file: Json = None,
 ) -> None:
     """Blocks and actions: tables 6.1 and 6.2 and section 8.2, on simulated captures."""
-    from rich.console import Console
-
     from besman.cli.progress_bars import stage_display
+    from besman.cli.terminal import open_terminal
     from besman.evaluation.hierarchy import EXPERIMENTS, hierarchy_table, run_experiment
     from besman.io.atomic_files import write_json
 
@@ -275,4 +269,4 @@ def evaluate_hierarchy(
             end(True)
     if json_file is not None:
         write_json(json_file, {"experiment": "hierarchy", "rows": rows})
-    Console().print(hierarchy_table(rows))
+    open_terminal().print(hierarchy_table(rows))

@@ -19,6 +19,7 @@ from besman.cli import recordings, run, templates, transfer
 from besman.cli.annotate import annotate
 from besman.cli.evaluate import evaluate_app
 from besman.cli.robots import robots
+from besman.cli.terminal import complain
 from besman.cli.view import view
 from besman.exceptions import BesmanError, RecordingWarning
 
@@ -57,14 +58,13 @@ def info() -> None:
     """Print versions, for a bug report."""
     import platform
 
-    from rich.console import Console
-
+    from besman.cli.terminal import open_terminal
     from besman.work.versions import commit, library_versions
 
-    console = Console()
+    console = open_terminal()
     for library, version in {**library_versions(), "commit": commit()}.items():
-        console.print(f"{library:15} {version}", highlight=False)
-    console.print(f"{'system':15} {platform.platform()}", highlight=False)
+        console.print(f"{library:15} {version}")
+    console.print(f"{'system':15} {platform.platform()}")
 
 
 @app.callback()
@@ -84,7 +84,7 @@ def _show_warning(
 ) -> None:
     """Print a warning as one line, without the place in the source."""
     kind = "" if issubclass(category, RecordingWarning) else f"{category.__name__}: "
-    print(f"besman: warning: {kind}{message}", file=sys.stderr)  # noqa: T201
+    complain("warning", f"{kind}{message}")
 
 
 def main() -> None:
@@ -97,8 +97,8 @@ def main() -> None:
     except BesmanError as error:
         if debug:
             raise
-        print(f"besman: error: {error}", file=sys.stderr)  # noqa: T201
+        complain("error", str(error))
         sys.exit(2)
     except KeyboardInterrupt:
-        print("besman: stopped; the same command goes on from here", file=sys.stderr)  # noqa: T201
+        complain("", "stopped; the same command goes on from here")
         sys.exit(130)

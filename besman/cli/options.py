@@ -9,7 +9,11 @@ from typing import Annotated
 
 import typer
 
-Recordings = Annotated[list[Path], typer.Argument(help="Recordings, or folders of them.")]
+from besman.io.recordings.formats import KNOWN_FORMATS
+
+Recordings = Annotated[
+    list[Path], typer.Argument(help=f"Recordings, or folders of them: {KNOWN_FORMATS}.")
+]
 
 
 Out = Annotated[Path | None, typer.Option(help="Run folder; default runs/NAME.")]

@@ -17,15 +17,16 @@ def stage_display() -> Iterator[Display]:
     callable
         A `besman.work.display.Display`.
     """
-    from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
+    from besman.cli.terminal import open_terminal
+
     progress = Progress(
-        TextColumn("{task.description:>10}"),
+        TextColumn("{task.description:>10}", markup=False),
         BarColumn(),
         TextColumn("{task.percentage:>3.0f} %"),
         TimeElapsedColumn(),
-        console=Console(stderr=True),
+        console=open_terminal(stderr=True),
         transient=False,
     )
 

@@ -9,6 +9,9 @@ from typing import Annotated
 import typer
 
 from besman.cli.options import Json, Recordings, target_file, target_folder
+from besman.cli.terminal import say
+from besman.exceptions import one_of
+from besman.io.recordings.formats import WRITTEN_SUFFIXES
 
 # Datasets are heavy to import for a help text; a test compares.
 _DATASETS = (
@@ -30,8 +33,7 @@ def train(
     ] = None,
 ) -> None:
     """Learn to name segments; a pipeline uses the model with recognize: {model: PATH}."""
-    from rich.console import Console
-
+    from besman.cli.terminal import open_terminal
     from besman.pipeline.check import list_counts
     from besman.stages.recognize.model_files import load_model
     from besman.standalone.train_files import train_files
@@ -39,7 +41,7 @@ def train(
     written = train_files(segments, out, markers, tuple(settings or ()))
     counts = list_counts(Counter(load_model(written[0]).labels))
     lines = [f"learnt {counts}", *(f"wrote {path}" for path in written)]
-    Console().print("\n".join(lines), highlight=False, soft_wrap=True)
+    open_terminal().print("\n".join(lines), soft_wrap=True)
 
 
 def segment(
@@ -52,13 +54,12 @@ def segment(
     json_file: Json = None,
 ) -> None:
     """Find the borders of the building blocks in recordings."""
-    from rich.console import Console
-
+    from besman.cli.terminal import open_terminal
     from besman.io.atomic_files import write_json
     from besman.standalone.segment_files import segment_files, segment_table
 
     found = segment_files(recordings, method, markers, rate_hz)
-    Console().print(segment_table(found))
+    open_terminal().print(segment_table(found))
     if json_file is not None:
         write_json(json_file, found)
 
@@ -96,15 +97,15 @@ def follow(
     plan = make_plan(run, models or [], markers, calibration)
     replay = Replay(recording, plan, speed, horizon or None, steady)
     for at, change in replay.run():
-        typer.echo(describe_change(at, change, replay.recording.rate_hz))
-    typer.echo(replay.summary())
+        say(describe_change(at, change, replay.recording.rate_hz))
+    say(replay.summary())
     if json_file is not None:
         write_json(json_file, replay.content())
 
 
 def label_markers(
     recording: Annotated[Path, typer.Argument(help="A recording without names.")],
-    out: Annotated[Path, typer.Option(help="File to write, .tsv or .c3d.")],
+    out: Annotated[Path, typer.Option(help=f"File to write, {one_of(WRITTEN_SUFFIXES)}.")],
     markers: Annotated[str, typer.Option(help="Marker set.")] = "right_arm",
     learn_from: Annotated[
         Path | None, typer.Option(help="A recording with names, to learn distances from.")
@@ -117,8 +118,7 @@ def label_markers(
     json_file: Json = None,
 ) -> None:
     """Name the unnamed trajectories of a recording; what is not sure stays unnamed."""
-    from rich.console import Console
-
+    from besman.cli.terminal import open_terminal
     from besman.io.atomic_files import write_json
     from besman.standalone.label_file import (
         check_figure,
@@ -132,10 +132,10 @@ def label_markers(
         check_figure(figure)
     read, named = label_file(recording, markers, out, learn_from, fill)
     summary = summarise(read, named)
-    console = Console()
+    console = open_terminal()
     for table in summary_tables(summary):
         console.print(table)
-    console.print(f"wrote {out}", highlight=False, soft_wrap=True)
+    console.print(f"wrote {out}", soft_wrap=True)
     if json_file is not None:
         write_json(json_file, summary)
     if figure is not None:
@@ -165,9 +165,8 @@ def synth(
     ] = False,
 ) -> None:
     """Write synthetic captures with their truth: simulated people before simulated cameras."""
-    from rich.console import Console
-
     from besman.cli.progress_bars import stage_display
+    from besman.cli.terminal import open_terminal
     from besman.synthetic.cameras import Room
     from besman.synthetic.datasets import write_synthetic
 
@@ -177,4 +176,4 @@ def synth(
         paths = write_synthetic(dataset, out, subjects, repetitions, rate_hz, seed, room, progress)
         end(True)
     for path in paths:
-        Console().print(f"wrote {path} (synthetic)", highlight=False, soft_wrap=True)
+        open_terminal().print(f"wrote {path} (synthetic)", soft_wrap=True)

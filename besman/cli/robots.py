@@ -27,21 +27,19 @@ robots = typer.Typer(
 def _robots(context: typer.Context) -> None:
     """Show which robots there are, or one in full; add and check your own."""
     if context.invoked_subcommand is None:
-        from rich.console import Console
-
+        from besman.cli.terminal import open_terminal
         from besman.report.robot_tables import robots_table
 
-        Console().print(robots_table())
+        open_terminal().print(robots_table())
 
 
 @robots.command("show", hidden=True)
 def _show_robot(name: Annotated[str, typer.Argument(help="A robot.")]) -> None:
     """Show a robot's limits, and where its numbers come from."""
-    from rich.console import Console
-
+    from besman.cli.terminal import open_terminal
     from besman.report.robot_tables import robot_table
 
-    Console().print(robot_table(name))
+    open_terminal().print(robot_table(name))
 
 
 @robots.command("add")
@@ -52,12 +50,11 @@ def _add_robot(
     out: Annotated[Path | None, typer.Option(help="Folder; default beside the URDF.")] = None,
 ) -> None:
     """Write a robot.yaml for your own arm, and say what to look at in it."""
-    from rich.console import Console
-
+    from besman.cli.terminal import open_terminal
     from besman.robot.new_robot import add_robot
 
     path = add_robot(urdf, tip, name, out)
-    Console().print(f"wrote {path}", highlight=False, soft_wrap=True)
+    open_terminal().print(f"wrote {path}", soft_wrap=True)
     _print_doubts(str(path))
 
 
@@ -70,14 +67,13 @@ def _check_robot(name: Annotated[str, typer.Argument(help="A robot, or a robot.y
 
 def _print_doubts(name: str) -> bool:
     """Print what is missing or doubtful; tell whether something is missing."""
-    from rich.console import Console
-
+    from besman.cli.terminal import open_terminal
     from besman.robot.doubts import check_robot
 
-    console = Console()
+    console = open_terminal()
     doubts = check_robot(name)
     for doubt in doubts:
-        console.print(f"{doubt.kind:9} {doubt.text}", highlight=False, markup=False, soft_wrap=True)
+        console.print(f"{doubt.kind:9} {doubt.text}", soft_wrap=True)
     if not doubts:
         console.print("nothing is missing or doubtful")
     return any(doubt.kind == "missing" for doubt in doubts)

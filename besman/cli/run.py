@@ -12,15 +12,14 @@ from besman.cli.options import ALL_CORES, Cluster, Jobs, Json, Out, Recordings
 
 def _finish(folder: Path) -> None:
     """Write and print the report of a run."""
-    from rich.console import Console
-
+    from besman.cli.terminal import open_terminal
     from besman.report.page import write_page
     from besman.report.terminal import print_report
 
-    console = Console()
+    console = open_terminal()
     page = write_page(folder)
     print_report(folder, console)
-    console.print(f"report: {page}", highlight=False, soft_wrap=True)
+    console.print(f"report: {page}", soft_wrap=True)
 
 
 def run(
@@ -78,13 +77,12 @@ def video(
     ] = False,
 ) -> None:
     """Make a video of a motion: imitated, on the way, and refined, side by side."""
-    from rich.console import Console
-
+    from besman.cli.terminal import open_terminal
     from besman.report.page import write_page
 
     path = _make_video(run, motion, out, second_arm)
     write_page(run)
-    Console().print(f"wrote {path}", highlight=False, soft_wrap=True)
+    open_terminal().print(f"wrote {path}", soft_wrap=True)
 
 
 def report(run: Annotated[Path, typer.Argument(help="A run folder.")]) -> None:
@@ -100,9 +98,8 @@ def robustness(
     json_file: Json = None,
 ) -> None:
     """Try a run's refined motions in perturbed models and at a quarter of the time step."""
-    from rich.console import Console
-
     from besman.cli.progress_bars import stage_display
+    from besman.cli.terminal import open_terminal
     from besman.io.atomic_files import write_json
     from besman.pipeline.robustness_of_run import check_robustness
     from besman.report.robustness import robustness_table
@@ -115,9 +112,9 @@ def robustness(
         config = RobustnessConfig(models=models, seed=seed)
         found, results = check_robustness(run, config, Work(jobs, progress))
         end(True)
-    console = Console()
+    console = open_terminal()
     console.print(robustness_table(found))
-    console.print(robustness_line(results), highlight=False, soft_wrap=True)
+    console.print(robustness_line(results), soft_wrap=True)
     if json_file is not None:
         write_json(json_file, results)
 
@@ -137,12 +134,11 @@ def retarget(
     cluster: Cluster = None,
 ) -> None:
     """Take new demonstrations through a run's stages, with its trained model."""
-    from rich.console import Console
-
     from besman.cli.progress_bars import stage_display
+    from besman.cli.terminal import open_terminal
     from besman.pipeline.retarget import plan_retargeting, raise_failures, retarget_robots
     from besman.report.page import write_page
-    from besman.report.robots import robots_table
+    from besman.report.robots import retargeted_table
 
     plans = plan_retargeting(run, recordings, tuple(robots or ()), out)
     with stage_display() as display:
@@ -150,12 +146,12 @@ def retarget(
     if len(done) == 1 and done[0].error is None:
         _finish(done[0].plan.folder)
     elif len(done) > 1:
-        console = Console()
-        console.print(robots_table(done))
+        console = open_terminal()
+        console.print(retargeted_table(done))
         for one in done:
             if one.error is None:
                 write_page(one.plan.folder)
-            console.print(f"{one.plan.name}: {one.plan.folder}", highlight=False, soft_wrap=True)
+            console.print(f"{one.plan.name}: {one.plan.folder}", soft_wrap=True)
     raise_failures(done)
 
 
@@ -164,10 +160,9 @@ def check(
     settings: Annotated[list[str] | None, typer.Option("--set", help="KEY=VALUE.")] = None,
 ) -> None:
     """Say everything that can be known about a pipeline before running it."""
-    from rich.console import Console
-
+    from besman.cli.terminal import open_terminal
     from besman.pipeline.check import check_pipeline
 
-    console = Console()
+    console = open_terminal()
     for line in check_pipeline(pipeline, tuple(settings or ())):
-        console.print(line, highlight=False, soft_wrap=True)
+        console.print(line, soft_wrap=True)

@@ -39,12 +39,11 @@ def learn(
     ] = os.cpu_count() or 1,
 ) -> None:
     """Learn which motion belongs to which target, or place of an object."""
-    from rich.console import Console
-
     from besman.cli.progress_bars import stage_display
+    from besman.cli.terminal import open_terminal
     from besman.pipeline.finished_run import read_run
     from besman.templates.contexts import context_kind, parse_names, parse_region
-    from besman.templates.files import figures, learn_in_run, parse_settings
+    from besman.templates.files import learn_in_run, parse_settings, template_figures
     from besman.work.work import Work
 
     given = {"method": method, "episodes": episodes, "seed": seed}
@@ -55,17 +54,16 @@ def learn(
         progress, end = display("template")
         template, path = learn_in_run(run, names, wanted, config, Work(jobs, progress))
         end(True)
-    console, found = Console(), figures(template)
+    console, found = open_terminal(), template_figures(template)
     bounds = ", ".join(f"{k} {low:.2f} to {high:.2f}" for k, (low, high) in found["region"].items())
     miss = found["miss_m"]["median"]
     console.print(
         f"learnt {bounds} in {found['episodes']} episodes; {found['checks']} further contexts: "
         f"{100 * found['success_share']:.0f} % succeed, miss "
         + ("none landed" if miss is None else f"{100 * miss:.1f} cm (median)"),
-        highlight=False,
         soft_wrap=True,
     )
-    console.print(f"wrote {path}", highlight=False, soft_wrap=True)
+    console.print(f"wrote {path}", soft_wrap=True)
 
 
 @app.command("apply")
@@ -85,14 +83,13 @@ def apply(
     ] = None,
 ) -> None:
     """Give the motion for a target, in milliseconds, within all limits."""
-    from rich.console import Console
-
+    from besman.cli.terminal import complain, open_terminal
     from besman.io.atomic_files import write_json
     from besman.robot.model import load_robot
     from besman.simulation.tasks.kinds import load_task
     from besman.templates.applying import apply_template
     from besman.templates.contexts import parse_context
-    from besman.templates.files import describe, load_template, write_application
+    from besman.templates.files import describe_application, load_template, write_application
 
     template = load_template(run, method)
     values = parse_context(context, template.family.names)
@@ -100,8 +97,8 @@ def apply(
     applied = apply_template(template, robot, task, values)
     forecast, limits = applied.forecast, applied.limits
     for warning in applied.warnings:
-        typer.echo(f"besman: warning: {warning}", err=True)
-    console = Console()
+        complain("warning", warning)
+    console = open_terminal()
     console.print(
         f"{applied.plan.name}: {applied.time[-1]:.3f} s, computed in "
         f"{1e3 * applied.wall_s:.0f} ms; predicted reward {forecast.reward:.3f} +- "
@@ -109,11 +106,10 @@ def apply(
         f"{100 * forecast.miss:.1f} cm; {100 * limits.velocity_ratio:.0f} % of the speed, "
         f"{100 * limits.acceleration_ratio:.0f} % of the acceleration and "
         f"{100 * limits.torque_ratio:.0f} % of the torque limits",
-        highlight=False,
         soft_wrap=True,
     )
     write_application(applied, out or [])
     if json_file is not None:
-        write_json(json_file, describe(applied))
+        write_json(json_file, describe_application(applied))
     for path in out or []:
-        console.print(f"wrote {path}", highlight=False, soft_wrap=True)
+        console.print(f"wrote {path}", soft_wrap=True)

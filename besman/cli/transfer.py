@@ -71,10 +71,10 @@ def record(
 
 def _tries(state: TransferState, target: FloatArray, radius: float) -> list[str]:
     """Say of every try how far it was from the target."""
-    from besman.transfer.tries import distances
+    from besman.transfer.tries import miss_distances
 
     lines = [f"{state.motion}:"]
-    far = distances(state, target)
+    far = miss_distances(state, target)
     for number, (one, metres) in enumerate(zip(state.tries, far, strict=True), 1):
         said = "failed" if one.failed else "not recorded yet"
         if metres is not None:
@@ -90,6 +90,6 @@ def _tries(state: TransferState, target: FloatArray, radius: float) -> list[str]
 
 def _print(line: str) -> None:
     """Print a line as it is."""
-    from rich.console import Console
+    from besman.cli.terminal import open_terminal
 
-    Console().print(line, highlight=False, markup=False, soft_wrap=True)
+    open_terminal().print(line, soft_wrap=True)

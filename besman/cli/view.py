@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from besman.cli.terminal import say
+
 if TYPE_CHECKING:
     from besman.view.run_content import RunContent
 
@@ -37,15 +39,15 @@ def view(
     from besman.view.live import open_view
 
     server = open_view(content, motion, port)
-    typer.echo(f"{run}: {server.url}\nThe page is there until Ctrl+C.")
+    say(f"{run}: {server.url}")
+    say("The page is there until Ctrl+C.")
     server.serve(browser=not no_browser)
 
 
 def _export(content: RunContent, run: Path, motion: str | None, out: Path) -> None:
     """Write the file and say what is in it."""
-    from rich.console import Console
-
     from besman.cli.progress_bars import stage_display
+    from besman.cli.terminal import open_terminal
     from besman.report.page import write_page
     from besman.view.export import write_replay
 
@@ -56,9 +58,8 @@ def _export(content: RunContent, run: Path, motion: str | None, out: Path) -> No
     if out.resolve() == (run / "replay.html").resolve():
         write_page(run)
     size = out.stat().st_size / 1e6
-    console = Console()
+    console = open_terminal()
     console.print(
         f"wrote {out}: {shown} of {total} demonstrations, {size:.2f} MB",
-        highlight=False,
         soft_wrap=True,
     )

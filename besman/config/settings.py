@@ -6,10 +6,10 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, get_args
 
-import yaml
 from pydantic import BaseModel
 
 from besman.exceptions import ConfigError
+from besman.foreign.yaml_text import YamlTextError, parse_yaml
 
 PathKeys = Mapping[str, Callable[[Any, Path], Any]]
 """Dotted keys whose values are paths, each with what makes it absolute."""
@@ -34,9 +34,11 @@ def parse_setting(setting: str, example: str) -> tuple[str, Any]:
     if not equals or not key:
         raise ConfigError(f"--set: got {setting!r}, expected KEY=VALUE, e.g. {example}")
     try:
-        return key, yaml.safe_load(text)
-    except yaml.YAMLError:
-        raise ConfigError(f"--set {key}: got {text!r}, which is not a YAML value") from None
+        return key, parse_yaml(text)[0]
+    except YamlTextError as error:
+        raise ConfigError(
+            f"--set {key}: got {text!r:.80}, which is not a YAML value: {error}"
+        ) from None
 
 
 def apply_settings(

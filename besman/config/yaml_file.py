@@ -9,6 +9,7 @@ import yaml
 from pydantic import BaseModel, ValidationError
 
 from besman.exceptions import ConfigError, nearest
+from besman.foreign.yaml_text import YamlTextError, parse_yaml
 
 ConfigType = TypeVar("ConfigType", bound=BaseModel)
 KeyPath = tuple[str | int, ...]
@@ -42,17 +43,12 @@ def read_yaml(path: Path) -> tuple[dict[str, Any], dict[KeyPath, int]]:
         raise ConfigError(f"{path}: cannot be read as text: {error}") from None
     lines: dict[KeyPath, int] = {}
     try:
-        loader = yaml.SafeLoader(text)
-        node = loader.get_single_node()
-        if node is not None:
-            _collect_lines(node, (), lines, path)
-        content = None if node is None else loader.construct_document(node)
-    except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
-        line = mark.line + 1 if mark else 1
-        raise ConfigError(f"{path}:{line}: not valid YAML: {error.problem}") from None
-    except yaml.YAMLError as error:
-        raise ConfigError(f"{path}: not valid YAML: {error}".replace("\n", " ")) from None
+        content, node = parse_yaml(text)
+    except YamlTextError as error:
+        where = f"{path}:{error.line}" if error.line else f"{path}"
+        raise ConfigError(f"{where}: not valid YAML: {error}") from None
+    if node is not None:
+        _collect_lines(node, (), lines, path)
     if not isinstance(content, dict):
         raise ConfigError(f"{path}:1: expected a mapping of keys to values, got {content!r:.60}")
     return content, lines

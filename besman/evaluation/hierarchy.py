@@ -114,7 +114,7 @@ class HierarchyScore:
     seconds: float
 
 
-def read_dataset(name: str, seed: int = 0) -> list[Demonstration]:
+def simulate_demonstrations(name: str, seed: int = 0) -> list[Demonstration]:
     """Simulate a dataset and cut it into demonstrations (synthetic).
 
     Parameters
@@ -129,7 +129,7 @@ def read_dataset(name: str, seed: int = 0) -> list[Demonstration]:
     ConfigError
         If there is no such experiment.
     """
-    from besman.synthetic.datasets import captures  # type: ignore[attr-defined]
+    from besman.synthetic.datasets import captures
 
     plan = _find(name)
     found: list[Demonstration] = []
@@ -176,7 +176,7 @@ def run_experiment(
     """
     plan = _find(name)
     if demonstrations is None:
-        demonstrations = read_dataset(name)
+        demonstrations = simulate_demonstrations(name)
     found = [find_blocks(one) for one in demonstrations]
     rows = []
     variants = [*((method, False) for method in METHODS), ("vhms", True)]

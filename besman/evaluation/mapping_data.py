@@ -79,7 +79,7 @@ class _Collected:
             self.demonstrations += found
 
 
-def simulate_throws(
+def simulate_throw_set(
     n_subjects: int | None = None,
     n_repetitions: int | None = None,
     seed: int = 0,
@@ -234,7 +234,7 @@ def choose_sets(
     data : Path, optional
         See `load_demonstrations`.
     n_subjects, n_repetitions, seed, progress
-        See `simulate_throws`.
+        See `simulate_throw_set`.
 
     Raises
     ------
@@ -242,7 +242,7 @@ def choose_sets(
         If a folder is given and subjects or repetitions too.
     """
     if data is None:
-        return [simulate_throws(n_subjects, n_repetitions, seed, progress)]
+        return [simulate_throw_set(n_subjects, n_repetitions, seed, progress)]
     if n_subjects is not None or n_repetitions is not None:
         raise ConfigError(
             "--data and --subjects or --repetitions: got both; the latter are of simulated throws"

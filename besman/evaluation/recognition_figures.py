@@ -17,7 +17,9 @@ _SHAPES = "osD^vPX*<>"
 _MOST_POINTS = 1500
 
 
-def write_figures(result: dict[str, Any], sets: Sequence[LabelledSet], folder: Path) -> list[Path]:
+def write_recognition_figures(
+    result: dict[str, Any], sets: Sequence[LabelledSet], folder: Path
+) -> list[Path]:
     """Draw accuracy over examples, new subjects, settings, and a map of the segments.
 
     Parameters

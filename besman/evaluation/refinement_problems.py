@@ -71,17 +71,17 @@ class TaskProblem:
         own = self.config.model_dump() if method == self.config.method else common
         config = parse_config({**own, "method": method, "seed": seed})
         plan = self.plans[seed % len(self.plans)]
-        quest = config.set_up(plan, self.robot, self.task)
+        search = config.set_up(plan, self.robot, self.task)
         started = time.thread_time()
-        while not quest.done:
-            quest.learn(try_plans(self.robot, self.task, quest.propose()))
+        while not search.done:
+            search.learn(try_plans(self.robot, self.task, search.propose()))
         spent = time.thread_time() - started
         return Attempt(
-            rewards=quest.rewards,
-            final=float(quest.best_trial.reward),
-            episodes_to_success=quest.n_episodes if quest.won else None,
+            rewards=search.rewards,
+            final=float(search.best_trial.reward),
+            episodes_to_success=search.n_episodes if search.won else None,
             cpu_s=spent,
-            cpu_s_to_success=spent if quest.won else None,
+            cpu_s_to_success=spent if search.won else None,
         )
 
 

@@ -27,7 +27,7 @@ _CALIBRATION_S = 10.0
 
 
 @dataclass(frozen=True, eq=False)
-class Arm:
+class FollowedArm:
     """What is followed of one arm, or of both as one.
 
     Attributes
@@ -53,7 +53,7 @@ class ArmStream:
 
     Parameters
     ----------
-    arm : Arm
+    arm : FollowedArm
     segment : VmciOnlineConfig
         How to segment; its markers do not matter. Without a border probability one border a second
         is expected, without `calibration_s` the scaling is measured on 10 s.
@@ -71,7 +71,7 @@ class ArmStream:
     """
 
     def __init__(
-        self, arm: Arm, segment: VmciOnlineConfig, frames: FrameBuffer, steady_s: float
+        self, arm: FollowedArm, segment: VmciOnlineConfig, frames: FrameBuffer, steady_s: float
     ) -> None:
         self.arm, self._segment, self._frames = arm, segment, frames
         recipe = arm.model.recipe

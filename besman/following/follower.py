@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from besman.exceptions import RecognitionError, RecordingError, nearest
 from besman.following.actions import ActionStream
-from besman.following.arms import Arm, ArmStream
+from besman.following.arms import ArmStream, FollowedArm
 from besman.following.frames import FrameBuffer
 from besman.following.pieces import Change, Piece
 from besman.stages.compose.actions import LevelModel
@@ -57,7 +57,7 @@ class Follower:
         Names of the columns of a sample.
     rate_hz : float
         Samples per second.
-    arms : sequence of Arm
+    arms : sequence of FollowedArm
         What is segmented and named.
     levels : sequence of LevelModel
         Actions, the lowest first; none: blocks alone.
@@ -93,7 +93,7 @@ class Follower:
         self,
         markers: Sequence[str],
         rate_hz: float,
-        arms: Sequence[Arm],
+        arms: Sequence[FollowedArm],
         levels: Sequence[LevelModel] = (),
         segment: VmciOnlineConfig | None = None,
         *,
@@ -237,7 +237,7 @@ class Follower:
 
 
 def _check_names(
-    arms: Sequence[Arm], needed: Sequence[str], markers: Sequence[str], source: str
+    arms: Sequence[FollowedArm], needed: Sequence[str], markers: Sequence[str], source: str
 ) -> None:
     """Refuse arms that cannot be followed, and markers that are not there."""
     names = [arm.name for arm in arms]

@@ -9,7 +9,7 @@ from typing import Any
 
 from besman.config.yaml_file import load_config
 from besman.exceptions import ConfigError, RunError
-from besman.following.arms import Arm
+from besman.following.arms import FollowedArm
 from besman.following.follower import Follower
 from besman.person.body import find_body
 from besman.person.marker_set import load_marker_set
@@ -187,7 +187,7 @@ def make_follower(
             body = find_body(recording.markers, recording.source)
             hands = tuple(arm.hand for arm in body.arms_of(model.recipe.markers))
         scaling = _measure_scaling(plan, hands, recording.rate_hz)
-        arms.append(Arm(_name(hands), hands, model, scaling))
+        arms.append(FollowedArm(_name(hands), hands, model, scaling))
     brisk: Mapping[str, float] = {
         hand: measure_brisk(plan.earlier, hand) for hand in plan.slow_hands if plan.levels
     }

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial.transform import Rotation
 
 from besman.exceptions import LabellingError
 
@@ -92,6 +91,8 @@ def rotation_to_quaternion(rotation: npt.ArrayLike) -> FloatArray:
         Unit quaternions (w, x, y, z). A sequence, shape (T, 4), has no change of sign from one
         sample to the next and starts with w >= 0; otherwise w >= 0.
     """
+    from scipy.spatial.transform import Rotation
+
     matrices = np.asarray(rotation, dtype=np.float64)
     flat = Rotation.from_matrix(matrices.reshape(-1, 3, 3)).as_quat(
         canonical=True, scalar_first=True
@@ -99,14 +100,25 @@ def rotation_to_quaternion(rotation: npt.ArrayLike) -> FloatArray:
     if matrices.ndim == 3 and len(flat) > 1:
         turns = np.sign(np.einsum("ti,ti->t", flat[1:], flat[:-1]))
         flat[1:] *= np.cumprod(np.where(turns < 0, -1.0, 1.0))[:, np.newaxis]
-    return flat.reshape(*matrices.shape[:-2], 4)
+    quaternions: FloatArray = flat.reshape(*matrices.shape[:-2], 4)
+    return quaternions
 
 
 def quaternion_to_rotation(quaternion: npt.ArrayLike) -> FloatArray:
-    """Turn quaternions (w, x, y, z), shape (..., 4), into rotation matrices, shape (..., 3, 3)."""
-    quaternions = np.asarray(quaternion, dtype=np.float64)
-    flat = Rotation.from_quat(quaternions.reshape(-1, 4), scalar_first=True).as_matrix()
-    return flat.reshape(*quaternions.shape[:-1], 3, 3)
+    """Turn quaternions (w, x, y, z), shape (..., 4), into rotation matrices, shape (..., 3, 3).
+
+    They need not have length one; of one without any length, or not seen, the matrix is NaN.
+    """
+    w, x, y, z = np.moveaxis(np.asarray(quaternion, dtype=np.float64), -1, 0)
+    length = np.sqrt(x * x + y * y + z * z + w * w)
+    length = np.where(length > 0.0, length, np.nan)
+    w, x, y, z = w / length, x / length, y / length, z / length
+    rows = [
+        [x * x - y * y - z * z + w * w, 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
+        [2.0 * (x * y + z * w), -x * x + y * y - z * z + w * w, 2.0 * (y * z - x * w)],
+        [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), -x * x - y * y + z * z + w * w],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
 def _markers(part: str, *markers: npt.ArrayLike) -> list[FloatArray]:
@@ -129,4 +141,5 @@ def _unit(vectors: FloatArray, what: str, expected: str) -> FloatArray:
         first = np.unravel_index(np.argmin(usable), lengths.shape)
         place = f" at sample {first[0]}" if first else ""
         raise LabellingError(f"{what}{place}: expected {expected}, got {vectors[first].tolist()}")
-    return vectors / lengths[..., np.newaxis]
+    units: FloatArray = vectors / lengths[..., np.newaxis]
+    return units

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import CubicSpline
+
+from besman.geometry.cubic_spline import interpolate_cubic
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
+
+# Sightings on each side of a gap that the spline goes through: each one farther away changes it a
+# quarter as much, so that beyond these not a bit of a double is left.
+_N_KNOTS = 64
 
 
 def find_runs(mask: BoolArray) -> npt.NDArray[np.int64]:
@@ -29,7 +34,7 @@ def find_runs(mask: BoolArray) -> npt.NDArray[np.int64]:
 def fill_gaps(positions: FloatArray, longest: int) -> tuple[FloatArray, BoolArray]:
     """Fill the gaps of one marker that are not too long.
 
-    A gap between two sightings is filled by the cubic spline through all sightings; a gap at the
+    A gap between two sightings is filled by the cubic spline through the sightings; a gap at the
     start or the end by holding the nearest sighting. On real recordings the cubic spline was off
     by half as much as a monotone or an Akima one.
 
@@ -56,12 +61,11 @@ def fill_gaps(positions: FloatArray, longest: int) -> tuple[FloatArray, BoolArra
     runs = find_runs(unseen)
     for start, end in runs[runs[:, 1] - runs[:, 0] <= longest]:
         filled[start:end] = True
-    gaps = np.flatnonzero(filled)
-    if gaps.size == 0:
-        return result, filled
-    # Outside the sightings the spline would run away; there its end values are held.
-    within = np.clip(gaps, seen[0], seen[-1])
-    result[gaps] = (
-        CubicSpline(seen, positions[seen])(within) if seen.size > 1 else positions[seen[0]]
-    )
+        after = int(np.searchsorted(seen, start))
+        near = seen[max(0, after - _N_KNOTS) : after + _N_KNOTS]
+        # Outside the sightings the spline would run away; there its end values are held.
+        within = np.clip(np.arange(start, end), seen[0], seen[-1])
+        result[start:end] = (
+            interpolate_cubic(near, positions[near], within) if len(near) > 1 else positions[near]
+        )
     return result, filled

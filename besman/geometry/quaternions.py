@@ -18,7 +18,10 @@ def multiply(first: npt.ArrayLike, second: npt.ArrayLike) -> FloatArray:
 
 def conjugate(quaternion: npt.ArrayLike) -> FloatArray:
     """Return the inverse rotation of unit quaternions, shape (..., 4)."""
-    return np.asarray(quaternion, dtype=np.float64) * np.array([1.0, -1.0, -1.0, -1.0])
+    inverse: FloatArray = np.asarray(quaternion, dtype=np.float64) * np.array(
+        [1.0, -1.0, -1.0, -1.0]
+    )
+    return inverse
 
 
 def rotation_vector(quaternion: npt.ArrayLike) -> FloatArray:

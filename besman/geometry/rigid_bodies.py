@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import CubicSpline
 
+from besman.geometry.cubic_spline import interpolate_cubic
 from besman.geometry.gaps import BoolArray, find_runs
 
 FloatArray = npt.NDArray[np.float64]
@@ -46,7 +46,7 @@ def fill_cluster(positions: FloatArray, longest: int) -> tuple[FloatArray, BoolA
     result = positions.copy()
     seen: BoolArray = np.all(np.isfinite(positions), axis=2)
     filled = np.zeros(seen.shape, dtype=np.bool_)
-    if positions.shape[1] < 3 or not seen.all(axis=1).any():
+    if positions.shape[1] < 3 or seen.all() or not seen.all(axis=1).any():
         return result, filled
     shape = learn_shape(positions[seen.all(axis=1)])
     for marker in range(positions.shape[1]):
@@ -80,7 +80,7 @@ def _fill_run(
     first = max(0, int(np.searchsorted(known, start)) - _N_KNOTS)
     near = known[first : first + 2 * _N_KNOTS]
     frames = np.arange(start - 1, end + 1)
-    guess = CubicSpline(near, relative[near])(frames) + middle[around]
+    guess = interpolate_cubic(near, relative[near], frames) + middle[around]
     points = np.concatenate((positions[around][:, mates], guess[:, None]), axis=1)
     weights = np.append(np.ones(len(mates)), _GUESS_WEIGHT if len(mates) == 2 else 0.0)
     places = place_shape(shape[[*mates, marker]], points, weights)[:, -1]
@@ -107,7 +107,7 @@ def learn_shape(positions: FloatArray, n_most: int = 500) -> FloatArray:
         Metres, in a frame of its own.
     """
     positions = positions[:: -(-len(positions) // n_most)]
-    shape = positions[0] - positions[0].mean(axis=0)
+    shape: FloatArray = positions[0] - positions[0].mean(axis=0)
     weights = np.ones(len(shape))
     for _ in range(3):
         rotation, _ = _fit(positions, shape, weights)
@@ -136,7 +136,8 @@ def place_shape(shape: FloatArray, points: FloatArray, weights: FloatArray) -> F
     """
     centre = np.average(shape, axis=0, weights=weights)
     rotation, middle = _fit(points, shape - centre, weights)
-    return np.einsum("tji,kj->tki", rotation, shape - centre) + middle[:, None]
+    laid: FloatArray = np.einsum("tji,kj->tki", rotation, shape - centre) + middle[:, None]
+    return laid
 
 
 def _fit(

@@ -77,7 +77,8 @@ def forcing_basis(x: npt.ArrayLike, n_weights: int) -> FloatArray:
     # The nearest Gaussian is scaled to 1, so that none of the sums underflows.
     exponent = -widths * (phase - centres) ** 2
     activation = np.exp(exponent - exponent.max(axis=-1, keepdims=True))
-    return phase * activation / activation.sum(axis=-1, keepdims=True)
+    basis: FloatArray = phase * activation / activation.sum(axis=-1, keepdims=True)
+    return basis
 
 
 @lru_cache(maxsize=16)
@@ -264,7 +265,10 @@ def constrained_least_squares(
     reduced = matrix @ null
     gram = reduced.T @ reduced
     gram += _RIDGE * np.linalg.eigvalsh(gram)[-1] * np.eye(len(gram))
-    return particular + null @ np.linalg.solve(gram, reduced.T @ (target - matrix @ particular))
+    weights: FloatArray = particular + null @ np.linalg.solve(
+        gram, reduced.T @ (target - matrix @ particular)
+    )
+    return weights
 
 
 @lru_cache(maxsize=16)
@@ -319,7 +323,7 @@ def shape_directions(n_weights: int) -> FloatArray:
     _, singular, right = np.linalg.svd(bent / np.sqrt(N_NODES), full_matrices=False)
     whitened = right.T / singular
     _, spread, axes = np.linalg.svd(moved @ whitened / np.sqrt(N_NODES), full_matrices=False)
-    directions = (null @ whitened @ axes.T / spread[0]).T
+    directions: FloatArray = (null @ whitened @ axes.T / spread[0]).T
     largest = np.take_along_axis(directions, np.abs(directions).argmax(axis=1)[:, None], axis=1)
     directions *= np.sign(largest)
     directions.setflags(write=False)

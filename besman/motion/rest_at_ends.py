@@ -11,7 +11,7 @@ FloatArray = npt.NDArray[np.float64]
 _STEP_S = 0.01
 
 
-def add_leads(
+def rest_at_both_ends(
     time: npt.ArrayLike,
     positions: npt.ArrayLike,
     velocities: npt.ArrayLike,
@@ -42,8 +42,8 @@ def add_leads(
     """
     time, positions = np.asarray(time, dtype=np.float64), np.asarray(positions, dtype=np.float64)
     velocities = np.asarray(velocities, dtype=np.float64)
-    before, moved_before = _lead(lead_in_s)
-    after, moved_after = _lead(lead_out_s)
+    before, moved_before = _rest_at_one_end(lead_in_s)
+    after, moved_after = _rest_at_one_end(lead_out_s)
     return (
         np.concatenate([lead_in_s - before[::-1], lead_in_s + time, lead_in_s + time[-1] + after]),
         np.concatenate(
@@ -56,7 +56,7 @@ def add_leads(
     )
 
 
-def _lead(duration: float) -> tuple[FloatArray, FloatArray]:
+def _rest_at_one_end(duration: float) -> tuple[FloatArray, FloatArray]:
     """Return the time since a lead's moving end, and the way made per unit of velocity."""
     steps = int(np.ceil(duration / _STEP_S - 1e-9))
     share = np.arange(1, steps + 1) / max(steps, 1)

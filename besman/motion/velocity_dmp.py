@@ -81,13 +81,13 @@ def roll_out_velocity(
     start_velocity: npt.ArrayLike,
     goal_velocity: npt.ArrayLike,
     duration: npt.ArrayLike,
-    leads: npt.ArrayLike,
+    lead_in_out: npt.ArrayLike,
     time: npt.ArrayLike,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Compute the movements of one or many DMPs, from rest to rest.
 
     Before the primitive the arm speeds up from rest to the start's velocity, after it it slows
-    down, as `besman.motion.rest_at_ends.add_leads` says.
+    down, as `besman.motion.rest_at_ends.rest_at_both_ends` says.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def roll_out_velocity(
         rad/s.
     duration : array, shape (...)
         Of the whole movement, seconds.
-    leads : array, shape (..., 2)
+    lead_in_out : array, shape (..., 2)
         Seconds before the primitive's start and after its goal, part of the duration.
     time : array, shape (T,)
         Seconds from the start of the movement; afterwards the arm stands where it ended.
@@ -109,10 +109,13 @@ def roll_out_velocity(
     positions, velocities, accelerations : array, shape (..., T, n)
         rad, rad/s, rad/s^2.
     """
-    weights, leads = np.asarray(weights, dtype=np.float64), np.asarray(leads, dtype=np.float64)
+    weights, lead_in_out = (
+        np.asarray(weights, dtype=np.float64),
+        np.asarray(lead_in_out, dtype=np.float64),
+    )
     v0, v1 = np.asarray(start_velocity)[..., None, :], np.asarray(goal_velocity)[..., None, :]
     time = np.asarray(time, dtype=np.float64)
-    lead_in, lead_out = leads[..., :1], leads[..., 1:]
+    lead_in, lead_out = lead_in_out[..., :1], lead_in_out[..., 1:]
     scale = np.asarray(duration, dtype=np.float64)[..., None] - lead_in - lead_out
     ends = [np.asarray(start)[..., None, :], scale[..., None] * v0]
     ends += [np.asarray(goal)[..., None, :], scale[..., None] * v1]
@@ -162,7 +165,7 @@ def fit_velocity_weights(
     """Fit the weights to a trajectory by least squares between trajectories.
 
     The DMP has the trajectory's position and the given velocities at both ends, and no
-    acceleration there, as the leads have none.
+    acceleration there, as the lead-in and lead-out have none.
 
     Parameters
     ----------

@@ -52,7 +52,8 @@ class Arm:
 
     def turn(self, part2lab: FloatArray) -> FloatArray:
         """Return hand2lab, shape (..., 3, 3), for the measured orientation of the same shape."""
-        return part2lab @ np.array(self.axes).T
+        hand2lab: FloatArray = part2lab @ np.array(self.axes).T
+        return hand2lab
 
     @property
     def markers(self) -> tuple[str, str, str]:

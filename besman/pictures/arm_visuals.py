@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.config.yaml_file import load_config
-from besman.pictures.camera import View
+from besman.pictures.camera import CameraView
 from besman.robot.config import RobotConfig
 from besman.robot.link_shapes import link_meshes
 from besman.robot.model import Robot, find_robot, find_urdf
@@ -29,14 +29,14 @@ _ROD_M, _ROD_SHORT_M = 0.012, 0.04
 _LIGHT_LEFT_DEG, _LIGHT_UP_DEG = 40.0, 60.0
 
 
-def arm_visuals(robot: Robot, view: View, width: int, height: int) -> mujoco.MjModel:
+def arm_visuals(robot: Robot, view: CameraView, width: int, height: int) -> mujoco.MjModel:
     """Build the model that pictures are drawn with: the arm alone, light, and a floor.
 
     Parameters
     ----------
     robot : Robot
         The arm.
-    view : View
+    view : CameraView
         Where it is looked at from.
     width, height : int
         Greatest size of a picture, pixels.
@@ -150,7 +150,7 @@ def _add_pedestal(spec: mujoco.MjSpec, robot: Robot) -> None:
     )
 
 
-def _add_room(spec: mujoco.MjSpec, view: View) -> None:
+def _add_room(spec: mujoco.MjSpec, view: CameraView) -> None:
     """Add floor, sky and light."""
     spec.add_texture(
         name="sky",

@@ -13,7 +13,7 @@ _MARGIN = 1.12
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class CameraView:
     """A camera as MuJoCo describes it.
 
     Attributes
@@ -34,7 +34,7 @@ class View:
 
 def frame_points(
     points: FloatArray, heading: float, aspect: float, fovy: float = 45.0, turn: float = 65.0
-) -> View:
+) -> CameraView:
     """Choose a view from the right of a heading, slightly from behind and above.
 
     Parameters
@@ -52,7 +52,7 @@ def frame_points(
 
     Returns
     -------
-    View
+    CameraView
     """
     azimuth, elevation = np.degrees(heading) + turn, -14.0
     a, e = np.radians(azimuth), np.radians(elevation)
@@ -69,4 +69,4 @@ def frame_points(
         shown = off[:, :2] / (distance + off[:, 2:])
         middle = (shown.min(axis=0) + shown.max(axis=0)) / 2
         centre[:2] += middle * distance
-    return View(axes.T @ centre, max(distance, 0.3), float(azimuth), elevation)
+    return CameraView(axes.T @ centre, max(distance, 0.3), float(azimuth), elevation)

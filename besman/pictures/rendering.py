@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from besman.exceptions import RenderingError
 from besman.pictures.arm_visuals import HIDDEN_GROUP, arm_visuals
-from besman.pictures.camera import View
+from besman.pictures.camera import CameraView
 from besman.pictures.scene_geoms import SceneGeoms
 from besman.robot.model import Robot
 
@@ -30,7 +30,7 @@ class Renderer:
     ----------
     robot : Robot
         The arm.
-    view : View
+    view : CameraView
         Where it is looked at from.
     width, height : int
         Of the pictures, pixels.
@@ -41,7 +41,7 @@ class Renderer:
         If this machine cannot draw without a screen.
     """
 
-    def __init__(self, robot: Robot, view: View, width: int, height: int) -> None:
+    def __init__(self, robot: Robot, view: CameraView, width: int, height: int) -> None:
         self._context = _open_context(width, height)
         self._model = arm_visuals(robot, view, width, height)
         self._data = mujoco.MjData(self._model)

@@ -70,7 +70,7 @@ def scene_geoms(robot: Robot, model: mujoco.MjModel) -> SceneGeoms:
     return SceneGeoms(tuple(ids), np.array(colours).reshape(-1, 4), tuple(moving))
 
 
-def follow(model: mujoco.MjModel, states: FloatArray, geoms: SceneGeoms) -> FloatArray:
+def farthest_path(model: mujoco.MjModel, states: FloatArray, geoms: SceneGeoms) -> FloatArray:
     """Return the path of the centre of mass of what moves farthest of all that moves by itself.
 
     Parameters

@@ -20,7 +20,7 @@ from besman.stages.label.stage import LabelConfig, LabelStage, LabelTrajectories
 from besman.stages.map.stage import MapConfig
 from besman.stages.recognize.stage import RecognizeConfig, RecognizeStage
 from besman.stages.refine.methods import RefineStage
-from besman.stages.refine.stage import RefineConfig
+from besman.stages.refine.stage import CmaEsConfig
 from besman.stages.segment.methods import DefaultSegmentConfig, SegmentStage
 from besman.stages.select.stage import SelectConfig
 
@@ -93,7 +93,7 @@ class PipelineConfig(Config):
     select: SelectConfig
     map: MapConfig = MapConfig()
     imitate: ImitateStage = ImitateConfig()
-    refine: RefineStage = RefineConfig()
+    refine: RefineStage = CmaEsConfig()
 
     @field_validator("recordings", "training", mode="before")
     @classmethod
@@ -158,7 +158,8 @@ def _look_at_arms(config: PipelineConfig) -> PipelineConfig:
 
 def pipeline_yaml(config: PipelineConfig) -> str:
     """Return a pipeline with every default written out."""
-    return yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False, allow_unicode=True)
+    plain = config.model_dump(mode="json")
+    return str(yaml.safe_dump(plain, sort_keys=False, allow_unicode=True))
 
 
 def needs_no_examples(config: PipelineConfig) -> bool:

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from besman.pipeline.retarget import Retargeted
 
 
-def robots_table(done: tuple[Retargeted, ...]) -> Table:
+def retargeted_table(done: tuple[Retargeted, ...]) -> Table:
     """Make a table with one row a robot.
 
     Parameters

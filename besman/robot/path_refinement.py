@@ -99,6 +99,20 @@ def _greatest_needed(differences: FloatArray, pace: FloatArray) -> float:
 
 
 @compiled
+def _copy(source: FloatArray, target: FloatArray) -> None:
+    """Write one matrix over another."""
+    for row in range(source.shape[0]):
+        for column in range(source.shape[1]):
+            target[row, column] = source[row, column]
+
+
+@compiled
+def _norm(error: FloatArray, first: int) -> float:
+    """Return the length of three entries from `first` on."""
+    return float(np.sqrt(error[first] ** 2 + error[first + 1] ** 2 + error[first + 2] ** 2))
+
+
+@compiled
 def _shortfall(
     joints: IntArray,
     ends: FloatArray,
@@ -124,7 +138,7 @@ def _pose_cost(error: FloatArray, weights: FloatArray) -> float:
     off = np.sqrt(turn)
     if off > LINEAR_RAD:
         turn = LINEAR_RAD * (2.0 * off - LINEAR_RAD)
-    return weights[0] ** 2 * place + weights[1] ** 2 * turn
+    return float(weights[0] ** 2 * place + weights[1] ** 2 * turn)
 
 
 @compiled
@@ -264,10 +278,12 @@ def _fill_slope(
     """Return the shortfall at the frames given, and write its slope (n,) by differences."""
     placed = np.empty((len(joints), 2, 3))
     short = _shortfall(joints, ends, radii, pairs, rotations, origins, placed)
-    slope[:] = 0.0
+    n = len(angles)
+    for j in range(n):
+        slope[j] = 0.0
     if short > 0.0:
         moved = angles.copy()
-        for j in range(len(angles)):
+        for j in range(n):
             moved[j] += _DIFFERENCE_RAD
             fill_frames(placements, axes, moved, rotations, origins)
             beside = _shortfall(joints, ends, radii, pairs, rotations, origins, placed)
@@ -307,7 +323,7 @@ def _add_poses(
             placements, axes, joints, ends, radii, pairs, angles[index], rotations, origins, slope
         )
         place, turn = weights[0] ** 2, weights[1] ** 2
-        off = np.sqrt(np.sum(errors[index, 3:] ** 2))
+        off = _norm(errors[index], 3)
         if off > LINEAR_RAD:
             turn *= LINEAR_RAD / off
         for j in range(n):
@@ -346,7 +362,9 @@ def _fill_trial(
             ):
                 damped[here, 0] += 1e12
     _solve_band(damped, step, 2 * n)
-    greatest = np.max(np.abs(step))
+    greatest = 0.0
+    for here in range(len(step)):
+        greatest = max(greatest, abs(step[here]))
     shrink = min(1.0, _GREATEST_STEP_RAD / greatest) if greatest > 0.0 else 1.0
     for index in range(n_poses):
         for j in range(n):
@@ -389,11 +407,14 @@ def _refine(
             gain = cost - new_cost
             cost = new_cost
             damping = max(damping * 0.2, 1e-9)
-            angles[:] = trial
-            errors[:] = trial_errors
+            _copy(trial, angles)
+            _copy(trial_errors, errors)
             if gain <= tolerance * cost:
                 break
-            band[:], downhill[:] = 0.0, 0.0
+            for here in range(n_poses * n):
+                downhill[here] = 0.0
+                for k in range(2 * n + 1):
+                    band[here, k] = 0.0
             _add_poses(
                 placements, axes, tip, joints, ends, radii, pairs, weights, home, free_spin,
                 angles, errors, band, downhill,
@@ -407,5 +428,5 @@ def _refine(
     result = np.empty((n_poses, 2))
     for index in range(n_poses):
         for part in range(2):
-            result[index, part] = np.sqrt(np.sum(errors[index, 3 * part : 3 * part + 3] ** 2))
+            result[index, part] = _norm(errors[index], 3 * part)
     return result

@@ -195,7 +195,7 @@ def _solve_height(
 @compiled
 def _dot(first: FloatArray, second: FloatArray) -> float:
     """Return the inner product of two vectors (3,)."""
-    return first[0] * second[0] + first[1] * second[1] + first[2] * second[2]
+    return float(first[0] * second[0] + first[1] * second[1] + first[2] * second[2])
 
 
 @compiled

@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.search.gaussian import Bounds, check_bounds
+from besman.search.load_cma import load_cma
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -73,8 +74,6 @@ class CmaEs:
 
     def _begin(self, population: int | None, sigma: float, budget: float | None = None) -> Any:
         """Return a strategy at the start; of a budget of points it uses no more."""
-        import cma
-
         random = self._random
         options: dict[str, Any] = {
             "randn": lambda *shape: random.standard_normal(shape),
@@ -92,7 +91,7 @@ class CmaEs:
             options["CMA_stds"] = self._scales
         if budget is not None:
             options["maxfevals"] = budget
-        return cma.CMAEvolutionStrategy(self._start.copy(), sigma, options)
+        return load_cma().CMAEvolutionStrategy(self._start.copy(), sigma, options)
 
     def ask(self) -> FloatArray:
         """Return the points to try next, shape (P, D)."""

@@ -112,7 +112,8 @@ def draw(random: np.random.Generator, covariance: FloatArray, n: int) -> FloatAr
     """Draw from a Gaussian around zero, also where its covariance (D, D) is singular: (n, D)."""
     spread, axes = np.linalg.eigh(covariance)
     scaled = axes * np.sqrt(np.maximum(spread, 0.0))
-    return random.standard_normal((n, len(covariance))) @ scaled.T
+    drawn: FloatArray = random.standard_normal((n, len(covariance))) @ scaled.T
+    return drawn
 
 
 def weighted_covariance(

@@ -9,6 +9,8 @@ from typing import Literal, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from besman.search.load_cma import load_cma
+
 FloatArray = npt.NDArray[np.float64]
 
 Optimizer = Literal["cma_es", "differential_evolution"]
@@ -18,7 +20,7 @@ _SIGMA = 0.7
 _MEMBERS_PER_DIMENSION = 5
 
 
-class Search(Protocol):
+class BoxSearch(Protocol):
     """A search for the point of least cost in a box."""
 
     def ask(self) -> FloatArray:
@@ -39,9 +41,9 @@ class Search(Protocol):
         ...
 
 
-def make_search(
+def make_box_search(
     optimizer: Optimizer, start: FloatArray, low: FloatArray, high: FloatArray, seed: int
-) -> Search:
+) -> BoxSearch:
     """Return a search by name.
 
     Parameters
@@ -62,11 +64,9 @@ class CmaEsSearch:
     """Covariance matrix adaptation (library ``cma``), from one point."""
 
     def __init__(self, start: FloatArray, low: FloatArray, high: FloatArray, seed: int) -> None:
-        import cma
-
         # The library takes 0 for "draw a seed".
         options = {"seed": seed + 1, "verbose": -9, "bounds": [low.tolist(), high.tolist()]}
-        self._strategy = cma.CMAEvolutionStrategy(start, _SIGMA, options)
+        self._strategy = load_cma().CMAEvolutionStrategy(start, _SIGMA, options)
 
     def ask(self) -> FloatArray:
         """Return the next generation, shape (P, D)."""

@@ -238,7 +238,7 @@ def perturb_controls(
         if noise is not None:
             late = late + noise[:, joint]
         if perturbation.backlash[joint] > 0:
-            late = play(late, perturbation.backlash[joint])
+            late = follow_with_play(late, perturbation.backlash[joint])
         changed[:, joint] = late
     return changed
 
@@ -263,7 +263,7 @@ def _noise(time: FloatArray, perturbation: Perturbation, n: int) -> FloatArray |
     return np.column_stack([np.interp(time, cycles, column) for column in drawn.T])
 
 
-def play(driving: FloatArray, width: float) -> FloatArray:
+def follow_with_play(driving: FloatArray, width: float) -> FloatArray:
     """Follow a movement through a gear with play.
 
     Parameters

@@ -10,7 +10,7 @@ import numpy as np
 
 from besman.exceptions import LabellingError
 from besman.io.atomic_files import check_file, written_aside
-from besman.io.recordings.formats import check_ending, read_recording, write_recording
+from besman.io.recordings.formats import find_writer, read_recording, write_recording
 from besman.person.marker_set import load_marker_set
 from besman.records import Recording
 from besman.stages.label.named_recording import NamedRecording
@@ -60,7 +60,7 @@ def label_file(
     """
     if out.exists():
         raise LabellingError(f"{out}: is there already; give another name with --out")
-    check_ending(out)
+    find_writer(out)
     check_file(out)
     config = LabelTrajectoriesConfig(markers=markers)
     marker_set = load_marker_set(markers)

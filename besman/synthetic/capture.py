@@ -17,7 +17,7 @@ from besman.io.recordings.qtm_tsv import write_tsv
 from besman.io.segments_json import ThrowEvent, segments_path, write_segments
 from besman.records import LabelledSegments, Recording
 from besman.records.layers import ACTIONS, stack_layers
-from besman.synthetic.body import Body
+from besman.synthetic.body import BodyMotion
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -81,7 +81,7 @@ class Capture:
         ``left_hand``.
     trajectories : tuple of str
         What each trajectory of an unnamed recording is: a canonical marker name or `GHOST`.
-    body : Body or None
+    body : BodyMotion or None
         True motion; its capsules are what hides markers.
     boxes : tuple of Box
         What else hides markers.
@@ -94,7 +94,7 @@ class Capture:
     throws: tuple[ThrowEvent, ...] = ()
     layers: Mapping[str, LabelledSegments] = field(default_factory=dict)
     trajectories: tuple[str, ...] = ()
-    body: Body | None = None
+    body: BodyMotion | None = None
     boxes: tuple[Box, ...] = ()
     joint_log: JointLog | None = None
 

@@ -113,7 +113,8 @@ def constrain_joints(rng: np.random.Generator) -> JointNoise:
         # Nothing sticks where nothing moves.
         share = speed / (speed + np.deg2rad(12.0))
         jerky = joints + amplitude * share * noise
-        return np.clip(jerky, np.deg2rad(_JOINT_LOW_DEG), np.deg2rad(_JOINT_HIGH_DEG))
+        kept: FloatArray = np.clip(jerky, np.deg2rad(_JOINT_LOW_DEG), np.deg2rad(_JOINT_HIGH_DEG))
+        return kept
 
     return constrain
 
@@ -134,11 +135,11 @@ def log_joints(capture: Capture, person: Person) -> Capture:
         root (metres, z up), by forward kinematics from the logged angles, kept within its limits.
     """
     from besman.config.resources import find_resource
-    from besman.io.recordings.exoskeleton import link_poses, load_model
+    from besman.io.recordings.exoskeleton import link_poses, load_exoskeleton_model
 
     assert capture.body is not None
     urdf = find_resource("configs/exoskeleton", URDF, ".urdf")
-    model = load_model(urdf, urdf)
+    model = load_exoskeleton_model(urdf, urdf)
     angles = {
         f"{side}_{joint}": values
         for side, joints in capture.body.joints.items()

@@ -14,7 +14,7 @@ from besman.exceptions import RefinementError, nearest
 from besman.geometry.quaternions import from_rotation_vector, multiply
 from besman.records import AnyPlan
 from besman.simulation.tasks.kinds import GraspBoxConfig, ReachConfig
-from besman.simulation.tasks.stick_throw.throwing import ThrowConfig
+from besman.simulation.tasks.stick_throw.throw_and_flight import ThrowConfig
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
+from besman.config.settings import parse_setting
 from besman.config.stage import Work
 from besman.config.yaml_file import parse_config
-from besman.exceptions import ConfigError, RefinementError, RunError
+from besman.exceptions import RefinementError, RunError
+from besman.foreign.json_text import parse_json
 from besman.io.atomic_files import make_folder, write_json, write_record
 from besman.io.exports import ros_joint_trajectory, write_joint_csv, write_ros_joint_trajectory
 from besman.io.urscript import UR_JOINTS, write_urscript
@@ -45,13 +45,8 @@ def parse_settings(given: dict[str, Any], settings: tuple[str, ...] = ()) -> Tem
     """
     content = dict(given)
     for setting in settings:
-        key, equals, text = setting.partition("=")
-        if not equals:
-            raise ConfigError(f"--set: got {setting!r}, expected KEY=VALUE, e.g. population=25")
-        try:
-            content[key] = yaml.safe_load(text)
-        except yaml.YAMLError:
-            raise ConfigError(f"--set {key}: got {text!r}, which is not a YAML value") from None
+        key, value = parse_setting(setting, "population=25")
+        content[key] = value
     return parse_config(content, TemplateConfig, "template")
 
 
@@ -94,13 +89,13 @@ def learn_in_run(
     # The figures name the key and come last: with them the template is whole.
     path.with_suffix(".json").unlink(missing_ok=True)
     write_record(path, template)
-    content = {"key": key, "config": config.model_dump(mode="json"), **figures(template)}
+    content = {"key": key, "config": config.model_dump(mode="json"), **template_figures(template)}
     write_json(path.with_suffix(".json"), content)
     part.unlink(missing_ok=True)
     return template, path
 
 
-def figures(template: Template) -> dict[str, Any]:
+def template_figures(template: Template) -> dict[str, Any]:
     """Return the figures of a template: context, region, and what its last episodes gave."""
     checks = template.checks
     landed = checks.misses[np.isfinite(checks.misses)]
@@ -150,7 +145,8 @@ def load_template(folder: Path, method: str | None = None) -> Template:
             f"{folder}: no template{f' {method}' if method else ''} here (there: {there}); "
             f"expected one from besman template learn {folder}"
         )
-    return load_record(places[method] if method else next(iter(places.values())))
+    template: Template = load_record(places[method] if method else next(iter(places.values())))
+    return template
 
 
 def write_application(applied: Application, paths: list[Path]) -> None:
@@ -188,7 +184,7 @@ def write_application(applied: Application, paths: list[Path]) -> None:
             write_ros_joint_trajectory(path, message)
 
 
-def describe(applied: Application) -> dict[str, Any]:
+def describe_application(applied: Application) -> dict[str, Any]:
     """Return what is known about an application, for JSON."""
     return {
         "name": applied.plan.name,
@@ -203,10 +199,11 @@ def describe(applied: Application) -> dict[str, Any]:
 def _key(path: Path) -> str | None:
     """Return the key of a whole template."""
     try:
-        content = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
+        content = parse_json(path.with_suffix(".json").read_bytes())
     except (OSError, ValueError):
         return None
-    return str(content["key"]) if path.is_file() else None
+    key = content.get("key") if isinstance(content, dict) else None
+    return str(key) if path.is_file() else None
 
 
 def _episodes(part: Path, key: str) -> Tries | None:

@@ -50,7 +50,8 @@ class Archive(Record, stored_as="besman.transfer.archive:Archive"):
     @property
     def behaviours(self) -> FloatArray:
         """What tells throws apart, shape (N, 6), in units in which one matters; NaN if failed."""
-        return self.releases / _RELEASE_UNITS
+        scaled: FloatArray = self.releases / _RELEASE_UNITS
+        return scaled
 
     @property
     def thrown(self) -> npt.NDArray[np.bool_]:

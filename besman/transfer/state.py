@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from besman.exceptions import TransferError
+from besman.foreign.json_text import parse_json
 from besman.io.atomic_files import make_folder, write_json, write_record
 from besman.records import RefinedMotion
 from besman.records.files import digest, load_record
@@ -117,7 +117,7 @@ def load_state(folder: Path) -> TransferState:
     """
     path = folder / "state.json"
     try:
-        content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        content: dict[str, Any] = parse_json(path.read_bytes())
         archive = load_record(folder / "archive.npz").first(content["simulated"])
         return TransferState(
             motion=content["motion"],

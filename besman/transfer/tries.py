@@ -18,7 +18,7 @@ from besman.robot.kinematics import forward_kinematics
 from besman.robot.limits import check_limits
 from besman.robot.model import Robot
 from besman.search.protocol import Part
-from besman.simulation.tasks.stick_throw.throwing import ThrowConfig
+from besman.simulation.tasks.stick_throw.throw_and_flight import ThrowConfig
 from besman.simulation.trial import try_plans
 from besman.stages.export.motion_exports import write_exports
 from besman.stages.refine.plan_space import Space, plan_space
@@ -144,7 +144,7 @@ def record_tries(run: Path, table: Path) -> list[tuple[TransferState, FloatArray
     return [(state, motions[name].plan.target[:2]) for name, state in changed.items()]
 
 
-def distances(state: TransferState, target: FloatArray) -> list[float | None]:
+def miss_distances(state: TransferState, target: FloatArray) -> list[float | None]:
     """Return how far from the target every try came down, metres; None if it is not known."""
     return [
         None if one.outcome_m is None else float(np.linalg.norm(np.array(one.outcome_m) - target))

@@ -20,9 +20,9 @@ from besman.simulation.task import Task
 from besman.simulation.tasks.kinds import load_task
 from besman.stages.map.demonstration import tool_poses
 from besman.view.packing import Packer
-from besman.view.person import Person, find_person
+from besman.view.person import PersonMarkers, find_person
 from besman.view.shapes import robot_content
-from besman.view.takes import Leads, mapped_take, simulated_takes
+from besman.view.takes import DemonstrationInPlan, mapped_take, simulated_takes
 
 RATE_HZ = 100.0
 
@@ -202,7 +202,7 @@ class RunContent:
             }
         )
 
-    def _person(self, hand: HandTrajectory, rate_hz: float) -> Person:
+    def _person(self, hand: HandTrajectory, rate_hz: float) -> PersonMarkers:
         source, _, segment = hand.name.rpartition(":")
         at = self._sources.index(source)
         recording = self._records["label"][at]
@@ -213,7 +213,7 @@ class RunContent:
         return find_person(recording, (start, stop), thrown, rate_hz)
 
     def _arm(
-        self, name: str, arm: ShownArm, person: Person, packer: Packer, rate_hz: float
+        self, name: str, arm: ShownArm, person: PersonMarkers, packer: Packer, rate_hz: float
     ) -> dict[str, Any]:
         """Describe what one arm did of a demonstration."""
         hand, mapped = arm.demonstrations.get(name), arm.trajectories.get(name)
@@ -225,8 +225,10 @@ class RunContent:
             takes.append(mapped_take(mapped, arm.robot, rate_hz))
         if mapped is not None and motion is not None:
             settings = self._config["imitate"]
-            leads = Leads(settings["lead_in_s"], settings["lead_out_s"], float(mapped.time[-1]))
-            takes += simulated_takes(motion, leads, arm.robot, self._task, rate_hz)
+            within = DemonstrationInPlan(
+                settings["lead_in_s"], settings["lead_out_s"], float(mapped.time[-1])
+            )
+            takes += simulated_takes(motion, within, arm.robot, self._task, rate_hz)
         target = np.full(3, np.nan) if motion is None else self._task.target(motion.plan)
         return {
             "yaw": float(np.arctan2(placement[1, 0], placement[0, 0])),

@@ -166,7 +166,8 @@ def _pose_in(data: mujoco.MjData, body: int, geom: int) -> list[float]:
     turn = data.xmat[body].reshape(3, 3)
     place = turn.T @ (data.geom_xpos[geom] - data.xpos[body])
     quaternion = rotation_to_quaternion(turn.T @ data.geom_xmat[geom].reshape(3, 3))
-    return np.round([*place, *quaternion], 6).tolist()
+    rounded: list[float] = np.round([*place, *quaternion], 6).tolist()
+    return rounded
 
 
 def _capsule(ends: FloatArray, radius: float, frame: int, role: str) -> dict[str, Any]:

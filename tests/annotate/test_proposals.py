@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from besman.annotate.naming import View
+from besman.annotate.naming import NamedView
 from besman.annotate.session import Session
 from besman.annotate.sources import load_models
 from besman.annotate.takes import Take
@@ -81,7 +81,7 @@ def test_names_given_while_the_markers_are_looked_at(recording_path):
             pass
 
         def __exit__(self, *_):
-            take._show(View(take.recording, {}))
+            take._show(NamedView(take.recording, {}))
 
     take._lock = Lock()
     recording, _ = take.labelled()

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from besman.classifiers.novelty import distances, fit_threshold, measure_novelty
+from besman.classifiers.novelty import fit_threshold, measure_novelty, rms_distances
 
 
 def test_the_threshold_lies_between_what_is_known_and_what_is_outside():
@@ -60,6 +60,6 @@ def test_distances_are_root_mean_squares():
     rng = np.random.default_rng(0)
     a, b = rng.normal(size=(3, 5)), rng.normal(size=(4, 5))
     brute = np.sqrt(((a[:, None] - b) ** 2).mean(axis=2))
-    np.testing.assert_allclose(distances(a, b), brute)
+    np.testing.assert_allclose(rms_distances(a, b), brute)
     np.testing.assert_allclose(measure_novelty(a, b), brute.min(axis=1))
     assert measure_novelty(np.empty((0, 5)), b).shape == (0,)

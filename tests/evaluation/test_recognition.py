@@ -6,7 +6,7 @@ import pytest
 from besman.evaluation.draws import draw_balanced, draw_subjects
 from besman.evaluation.recognition import check_methods, recognition_table, run_recognition
 from besman.evaluation.recognition_data import LabelledSet, load_sets, name_parts, simulate_sets
-from besman.evaluation.recognition_figures import write_figures
+from besman.evaluation.recognition_figures import write_recognition_figures
 from besman.exceptions import ConfigError, RecognitionError
 from besman.records import Recording
 from besman.stages.recognize.model import Recipe
@@ -62,7 +62,7 @@ def test_experiments_give_rows_and_figures(toy, tmp_path):
     assert all(r["novel_found_share"] > 0.9 for r in unknown if not r["object_features"])
     assert shares == [0.5, 1.0]
     assert recognition_table(result).row_count == len(result["rows"])
-    paths = write_figures(result, [toy], tmp_path / "figures")
+    paths = write_recognition_figures(result, [toy], tmp_path / "figures")
     assert [path.name for path in paths] == [
         "toy_examples.svg",
         "toy_subjects.svg",

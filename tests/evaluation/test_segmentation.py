@@ -62,7 +62,7 @@ def test_there_are_48_settings():
 
 
 def test_settings_are_scored():
-    movements = sequenced_dmps.generate()[:2]
+    movements = sequenced_dmps.generate_sequenced_dmps()[:2]
     shares = []
     figures = score_settings(movements, "vmci", make_method("vmci", {}), 0.2, shares.append)
     assert figures["n_settings"] == 48
@@ -110,7 +110,7 @@ def test_the_command_prints_a_table_and_writes_its_rows(tmp_path):
 
 
 def test_a_figure_has_a_panel_for_each_method_and_one_for_the_posterior():
-    movement = sequenced_dmps.generate()[0]
+    movement = sequenced_dmps.generate_sequenced_dmps()[0]
     recordings = (movement.recording(),)
     segments = {
         name: make_method(name, {}).run(recordings)[0] for name in ("valley_vmci", "locmin")

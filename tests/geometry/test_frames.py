@@ -52,6 +52,20 @@ def test_quaternions_round_trip_and_do_not_jump():
     np.testing.assert_allclose(rotation_to_quaternion(np.eye(3)), [1, 0, 0, 0])
 
 
+@pytest.mark.parametrize("shape", [(4,), (5, 4), (2, 3, 4)])
+def test_matrices_of_quaternions_beside_scipy(shape):
+    quaternions = 3.0 * np.random.default_rng(6).normal(size=shape)
+    expected = Rotation.from_quat(quaternions.reshape(-1, 4), scalar_first=True).as_matrix()
+    found = quaternion_to_rotation(quaternions)
+    np.testing.assert_allclose(found, expected.reshape(*shape[:-1], 3, 3), rtol=0, atol=1e-15)
+
+
+def test_a_quaternion_without_length_or_not_seen_has_no_matrix():
+    found = quaternion_to_rotation([[0, 0, 0, 0], [np.nan] * 4, [2, 0, 0, 0]])
+    assert np.isnan(found[:2]).all()
+    np.testing.assert_array_equal(found[2], np.eye(3))
+
+
 def test_markers_on_top_of_each_other_are_refused():
     with pytest.raises(LabellingError, match="back frame: expected back_left and back_right at"):
         back_frame(BACK[0], BACK[1], BACK[1])

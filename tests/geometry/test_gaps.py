@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.interpolate import CubicSpline
 
 from besman.geometry.gaps import fill_gaps, find_runs
 
@@ -31,6 +32,19 @@ def test_short_gap_is_filled_smoothly():
     np.testing.assert_array_equal(np.flatnonzero(filled), np.arange(40, 60))
     np.testing.assert_allclose(result, truth, atol=0.2**4 * 5**4 / 384)  # bound of a cubic
     np.testing.assert_array_equal(result[~filled], truth[~filled])
+
+
+@pytest.mark.parametrize("share", [0.01, 0.1, 0.5])
+def test_the_spline_is_that_through_all_sightings(share):
+    rng = np.random.default_rng(4)
+    positions = rng.normal(size=(3000, 3), scale=1e-3).cumsum(axis=0)
+    unseen = np.flatnonzero(rng.random(3000) < share)
+    positions[unseen] = np.nan
+    seen = np.flatnonzero(np.isfinite(positions[:, 0]))
+    result, filled = fill_gaps(positions, 3000)
+    np.testing.assert_array_equal(np.flatnonzero(filled), unseen)
+    expected = CubicSpline(seen, positions[seen])(np.clip(unseen, seen[0], seen[-1]))
+    np.testing.assert_allclose(result[unseen], expected, rtol=0, atol=1e-15)
 
 
 def test_too_long_a_gap_stays():

@@ -6,7 +6,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import BPoly
 
 from besman.motion.dmp import ALPHA, BETA, LAST_PHASE, forcing_basis
-from besman.motion.rest_at_ends import add_leads
+from besman.motion.rest_at_ends import rest_at_both_ends
 from besman.motion.velocity_dmp import fit_velocity_weights, roll_out_velocity
 
 NO_LEADS = np.zeros(2)
@@ -79,7 +79,9 @@ def test_leads_are_those_of_the_demonstrations_and_nothing_jumps(seed, lead_in, 
     leads, duration = np.array([lead_in, lead_out]), lead_in + 0.8 + lead_out
     ends = positions[0], positions[-1], first, last
     velocities = np.stack([first, last])
-    with_leads = add_leads(np.array([0, 0.8]), positions[[0, -1]], velocities, lead_in, lead_out)
+    with_leads = rest_at_both_ends(
+        np.array([0, 0.8]), positions[[0, -1]], velocities, lead_in, lead_out
+    )
     outside = (with_leads[0] <= lead_in) | (with_leads[0] >= lead_in + 0.8)
     got, v, a = roll_out_velocity(weights, *ends, duration, leads, with_leads[0])
     np.testing.assert_allclose(got[outside], with_leads[1][outside], atol=1e-8)

@@ -14,7 +14,7 @@ from places import TOP
 from besman.io.exports import read_joint_csv
 from besman.io.segments_json import read_throws
 from besman.records.files import load_record
-from besman.robot.limits import check_limits, resample
+from besman.robot.limits import check_limits, resample_trajectory
 from besman.robot.model import load_robot
 
 STICK_THROW = TOP / "pipelines" / "ur5_stick_throw.yaml"
@@ -205,7 +205,7 @@ def test_what_fails_is_a_row_in_every_stage(finished, capture, tmp_path, monkeyp
     """A stage loses one demonstration; the next ones go on with the rest, also from the cache."""
     from besman.exceptions import MappingError
     from besman.stages.imitate.stage import ImitateConfig
-    from besman.stages.map import stage
+    from besman.stages.select import stage
 
     names = [one.name for one in load_record(finished / "05_select" / "record.npz")]
     select, imitate = stage.map_record, ImitateConfig._imitate
@@ -409,5 +409,5 @@ def test_retarget_and_report_of_something_else(tmp_path, monkeypatch, capsys):
 
 def test_resampling_an_export_changes_nothing(finished):
     time, *rest = read_joint_csv(next((finished / "exports").glob("*.csv")))
-    _, positions, *_ = resample(time, *rest, rate_hz=1000.0)
+    _, positions, *_ = resample_trajectory(time, *rest, rate_hz=1000.0)
     np.testing.assert_allclose(positions[:-1], rest[0][: len(positions) - 1], atol=1e-5)

@@ -3,7 +3,7 @@ import threading
 import numpy as np
 import pytest
 
-from besman.search.in_a_box import OPTIMIZERS, make_search
+from besman.search.in_a_box import OPTIMIZERS, make_box_search
 
 LOW, HIGH = np.full(3, -4.0), np.full(3, 4.0)
 BEST = np.array([1.0, -2.0, 0.5])
@@ -14,7 +14,7 @@ def bowl(points):
 
 
 def run(optimizer, seed=0, generations=60, start=(0.0, 0.0, 0.0)):
-    search = make_search(optimizer, np.array(start), LOW, HIGH, seed)
+    search = make_box_search(optimizer, np.array(start), LOW, HIGH, seed)
     tried = []
     for _ in range(generations):
         if search.exhausted:

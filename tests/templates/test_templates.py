@@ -23,7 +23,7 @@ from besman.robot.model import load_robot
 from besman.search.upper_level import UpperLevelPolicy
 from besman.simulation.tasks.kinds import load_task
 from besman.simulation.trial import try_plans
-from besman.stages.refine.stage import RefineConfig
+from besman.stages.refine.stage import CmaEsConfig
 from besman.templates import files
 from besman.templates.applying import apply_template
 from besman.templates.contexts import context_kind
@@ -45,7 +45,7 @@ def motions(robot, make_plan):
         replace(plan, target=trial.outcome),
         replace(plan, target=trial.outcome + np.array([3.0, 0, 0]), name="session.tsv:2"),
     )
-    return RefineConfig(episodes=1).run(plans, robot, THROW)
+    return CmaEsConfig(episodes=1).run(plans, robot, THROW)
 
 
 @pytest.fixture(scope="module")
@@ -338,7 +338,7 @@ def test_an_object_is_reached_wherever_it_stands(make_plan):
     pose = forward_kinematics(gripper.chain, plan.goal)
     end = np.concatenate([pose[:3, 3], rotation_to_quaternion(pose[:3, :3])])
     plan = replace(plan, goal_pose=end, target=np.full(3, np.nan))
-    motions = RefineConfig(episodes=1).run((plan,), gripper, reach)
+    motions = CmaEsConfig(episodes=1).run((plan,), gripper, reach)
     config = TemplateConfig(method="creps", episodes=800, checks=20, search=("goal",), sigma=0.5)
     lesson = prepare_lesson(motions, gripper, reach, ("x", "y"), {}, config)
     np.testing.assert_allclose(np.ptp(lesson.region, axis=0), 0.1)

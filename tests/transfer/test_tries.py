@@ -14,7 +14,7 @@ from besman.records.files import save_record
 from besman.robot.limits import check_limits
 from besman.simulation.tasks.kinds import load_task
 from besman.simulation.trial import try_plans
-from besman.stages.refine.stage import RefineConfig
+from besman.stages.refine.stage import CmaEsConfig
 from besman.transfer.approach import TransferConfig
 from besman.transfer.state import load_state
 from besman.transfer.tries import record_tries, suggest_try
@@ -39,7 +39,7 @@ def motions(robot, make_plan):
     plans = [make_plan(0.54, name=NAMES[0]), make_plan(0.6, name=NAMES[1])]
     trials = try_plans(robot, THROW, plans)
     plans = [replace(plan, target=trial.outcome) for plan, trial in zip(plans, trials, strict=True)]
-    return RefineConfig(episodes=1, robustness=None).run(tuple(plans), robot, THROW)
+    return CmaEsConfig(episodes=1, robustness=None).run(tuple(plans), robot, THROW)
 
 
 @pytest.fixture

@@ -20,7 +20,7 @@ from besman.records.files import digest
 from besman.robot.model import load_robot
 from besman.simulation.tasks.kinds import load_task
 from besman.stages.map.stage import MapConfig
-from besman.stages.refine.stage import RefineConfig
+from besman.stages.refine.stage import CmaEsConfig
 from besman.work.outcome import Notes
 from besman.work.work import Work
 from besman.work.workers import Workers
@@ -151,7 +151,7 @@ def test_refinement_is_the_same_in_threads_processes_and_a_cluster(
 ):
     robot, task = load_robot("ur5", "stick_holder"), load_task("stick_throw")
     plans = tuple(make_plan(0.54 + 0.01 * n, name=f"a:{n}") for n in range(3))
-    config = RefineConfig(episodes=18)
+    config = CmaEsConfig(episodes=18)
     monkeypatch.setattr("besman.stages.refine.stage._EPISODES_FOR_PROCESSES", 0)
     alone = digest(config.run(plans, robot, task))
     assert digest(config.run(plans, robot, task, Work(2))) == alone

@@ -7,16 +7,14 @@ import tempfile
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
 from besman.exceptions import RecordingError, RecordingWarning
 from besman.io.atomic_files import written_aside
 from besman.io.recordings.c3d_layout import MAX_FRAMES, C3dSections, read_sections
+from besman.io.recordings.format import Units
 from besman.records import FloatArray, Recording
-
-Units = Literal["m", "mm"]
 
 _UNIT_M = {
     "mm": 1e-3,

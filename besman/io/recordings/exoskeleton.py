@@ -53,7 +53,7 @@ def read_joint_log(path: Path) -> Recording:
     lines = _read_lines(path)
     comments, columns, data_line = _read_head(lines, path)
     bodies = _read_bodies(comments, path)
-    model = load_model(_find_urdf(comments, path), path)
+    model = load_exoskeleton_model(_find_urdf(comments, path), path)
     values = _read_table(lines[data_line:], columns, data_line, path)
     rate_hz = _read_rate(values[:, 0], data_line, path)
     angles = _assign_joints(columns[1:], values[:, 1:], model, bodies, path)
@@ -68,15 +68,15 @@ def read_joint_log(path: Path) -> Recording:
     )
 
 
-def find_log_urdf(path: Path) -> Path:
-    """Return the URDF that a joint log is read with.
+def find_log_files(path: Path) -> tuple[Path, ...]:
+    """Return the files that a joint log is read with: its URDF.
 
     Raises
     ------
     RecordingError
         If the log cannot be read, or names no URDF that is there.
     """
-    return _find_urdf(_read_head(_read_lines(path), path)[0], path)
+    return (_find_urdf(_read_head(_read_lines(path), path)[0], path),)
 
 
 def write_joint_log(
@@ -115,7 +115,7 @@ def write_joint_log(
         np.savetxt(file, table, fmt="%.6f", delimiter=",")
 
 
-def load_model(urdf: Path, path: Path) -> Any:
+def load_exoskeleton_model(urdf: Path, path: Path) -> Any:
     """Read the kinematics of a URDF into a Pinocchio model.
 
     Raises

@@ -1,33 +1,75 @@
-"""Recording files, whatever their format."""
+"""Recording files, whatever their format; and the table of formats.
+
+A new format is a module of this folder with its reader, and an entry of `FORMATS`. Messages, help
+texts, the page *My recording* and the tests go through the table; nothing else names a format.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING
 
-import numpy as np
+from besman.exceptions import RecordingError, one_of
+from besman.io.recordings.format import Format, Units, text_begins, text_has
 
-from besman.exceptions import RecordingError
-from besman.io.recordings.c3d import Units, read_c3d, write_c3d
-from besman.io.recordings.exoskeleton import find_log_urdf, read_joint_log
-from besman.io.recordings.mvnx import read_mvnx
-from besman.io.recordings.qtm_tsv import read_tsv, write_tsv
-from besman.records import LabelledRecording, Recording
+if TYPE_CHECKING:
+    from besman.records import LabelledRecording, Recording
 
-Format = Literal["tsv", "c3d", "mvnx", "joint log"]
-
-_SUFFIXES = (".tsv", ".c3d", ".mvnx")
-_WRITERS = {".tsv": write_tsv, ".c3d": write_c3d}
 _HEAD_BYTES = 16_384
 # No capture volume is that large, but metres that are millimetres look like it.
 _FARTHEST_M = 100.0
-_TSV_KEY = re.compile(
-    rb"^(FILE_VERSION|NO_OF_[A-Z]+|FREQUENCY|DATA_INCLUDED|MARKER_NAMES)(\t|\r?$)", re.MULTILINE
+
+
+def _is_c3d(head: bytes) -> bool:
+    """Tell C3D: the number of the first block of parameters, then P."""
+    # Text may start with a tab or line end and P, but has no zero bytes.
+    return head[1:2] == b"P" and 2 <= head[0] < 32 and (head[0] not in b"\t\n\r" or b"\0" in head)
+
+
+FORMATS = (
+    Format(
+        "Qualisys TSV",
+        (".tsv",),
+        text_has(rb"^(FILE_VERSION|NO_OF_[A-Z]+|FREQUENCY|DATA_INCLUDED|MARKER_NAMES)(\t|\r?$)"),
+        "qtm_tsv:read_tsv",
+        "Qualisys Track Manager, old and new header",
+        writer="qtm_tsv:write_tsv",
+    ),
+    Format(
+        "C3D",
+        (".c3d",),
+        _is_c3d,
+        "c3d:read_c3d",
+        "any camera system; units in mm or m, gaps by their residual",
+        writer="c3d:write_c3d",
+        takes_units=True,
+    ),
+    Format(
+        "Xsens MVNX",
+        (".mvnx",),
+        text_begins(rb"<.*mvnx"),
+        "mvnx:read_mvnx",
+        "Xsens MVN: a suit with segments",
+    ),
+    Format(
+        "joint log (CSV with '# urdf' and '# frames')",
+        (".csv",),
+        text_begins(rb"(?i)(#[^\n]*\n)*(# *(urdf|frames) *:|time_s *,)"),
+        "exoskeleton:read_joint_log",
+        "an exoskeleton; its URDF beside it, or the name of one of configs/exoskeleton",
+        companions="exoskeleton:find_log_files",
+    ),
 )
-_JOINT_LOG = re.compile(rb"^(#[^\n]*\n)*(# *(urdf|frames) *:|time_s *,)", re.IGNORECASE)
-_KNOWN = "Qualisys TSV, C3D, Xsens MVNX or a joint log (CSV with '# urdf' and '# frames')"
+"""All formats there are."""
+
+
+KNOWN_FORMATS = one_of(entry.name for entry in FORMATS)
+"""What can be read, for messages and help texts."""
+
+WRITTEN_SUFFIXES = tuple(entry.suffixes[0] for entry in FORMATS if entry.writer)
+"""Endings of the files that can be written."""
 
 
 def read_recording(path: Path, units: Units | None = None) -> Recording:
@@ -36,9 +78,9 @@ def read_recording(path: Path, units: Units | None = None) -> Recording:
     Parameters
     ----------
     path : Path
-        Qualisys TSV, C3D, Xsens MVNX or the joint log of an exoskeleton.
+        Of one of `FORMATS`.
     units : "m" or "mm", optional
-        What the coordinates of a C3D file are in, if it does not say so itself.
+        What the coordinates are in, if the file does not say so itself, as a C3D file may.
 
     Returns
     -------
@@ -50,25 +92,19 @@ def read_recording(path: Path, units: Units | None = None) -> Recording:
     RecordingError
         If the file cannot be used; the message names file and line or frame.
     """
+    import numpy as np
+
     head = _read_head(path)
-    found = _recognise(head)
+    found = recognise(head)
     if found is None:
         if not head.strip():
-            raise RecordingError(f"{path}: the file is empty; expected {_KNOWN}")
-        raise RecordingError(f"{path}: a format that is not known; expected {_KNOWN}")
-    if found == "c3d":
-        recording = read_c3d(path, units)
-    else:
-        read: dict[str, Callable[[Path], Recording]] = {
-            "tsv": read_tsv,
-            "mvnx": read_mvnx,
-            "joint log": read_joint_log,
-        }
-        recording = read[found](path)
+            raise RecordingError(f"{path}: the file is empty; expected {KNOWN_FORMATS}")
+        raise RecordingError(f"{path}: a format that is not known; expected {KNOWN_FORMATS}")
+    recording = found.read(path, units)
     if len(recording.time) < 2:
         raise RecordingError(f"{path}: a recording of one frame; expected at least two")
     distances = np.abs(recording.positions[np.isfinite(recording.positions)])
-    if distances.size and np.median(distances) > _FARTHEST_M:
+    if 2 * np.count_nonzero(distances > _FARTHEST_M) > distances.size:
         raise RecordingError(
             f"{path}: half of all coordinates are beyond {_FARTHEST_M:g} m (median "
             f"{np.median(distances):.4g} m); are the units of the file right?"
@@ -94,7 +130,8 @@ def find_companions(path: Path) -> tuple[Path, ...]:
     RecordingError
         If the file cannot be read, or what it names is not there.
     """
-    return (find_log_urdf(path),) if _recognise(_read_head(path)) == "joint log" else ()
+    found = recognise(_read_head(path))
+    return () if found is None else found.find_companions(path)
 
 
 def write_recording(recording: Recording | LabelledRecording, path: Path) -> None:
@@ -105,13 +142,15 @@ def write_recording(recording: Recording | LabelledRecording, path: Path) -> Non
     recording : Recording or LabelledRecording
         What to write. Gaps are written the way the format defines them.
     path : Path
-        ``.tsv`` (Qualisys) or ``.c3d``; replaced if it exists.
+        It ends in one of `WRITTEN_SUFFIXES`; replaced if it exists.
 
     Raises
     ------
     RecordingError
         If the ending is another one, the folder does not exist or the format cannot hold it.
     """
+    from besman.records import LabelledRecording, Recording
+
     if isinstance(recording, LabelledRecording):
         recording = Recording(
             time=recording.time,
@@ -121,21 +160,24 @@ def write_recording(recording: Recording | LabelledRecording, path: Path) -> Non
             source=recording.source,
             first_frame=recording.first_frame,
         )
-    check_ending(path)
-    _WRITERS[path.suffix.lower()](recording, path)
+    find_writer(path).write(recording, path)
 
 
-def check_ending(path: Path) -> None:
-    """Refuse a file that is to be written in a format that is not written.
+def find_writer(path: Path) -> Format:
+    """Return the format in which a file of this name is written.
 
     Raises
     ------
     RecordingError
+        If the ending is not that of one.
     """
-    if path.suffix.lower() not in _WRITERS:
+    ending = path.suffix.lower()
+    found = next((one for one in FORMATS if one.writer and one.suffixes[0] == ending), None)
+    if found is None:
         raise RecordingError(
-            f"{path}: cannot be written: the ending must be {' or '.join(_WRITERS)}"
+            f"{path}: cannot be written: the ending must be {one_of(WRITTEN_SUFFIXES)}"
         )
+    return found
 
 
 def find_recordings(paths: Iterable[Path]) -> list[Path]:
@@ -164,8 +206,8 @@ def find_recordings(paths: Iterable[Path]) -> list[Path]:
             inside = [file for file in path.iterdir() if _is_recording(file)]
             if not inside:
                 raise RecordingError(
-                    f"{path}: no recording in this folder; expected files that are {_KNOWN}, "
-                    f"or end in {', '.join(_SUFFIXES)}"
+                    f"{path}: no recording in this folder; expected files that are "
+                    f"{KNOWN_FORMATS}, or end in {', '.join(_own_suffixes())}"
                 )
             found += sorted(inside, key=_natural_order)
         elif path.is_file():
@@ -181,7 +223,12 @@ def _is_recording(file: Path) -> bool:
     """Tell whether a file of a folder is meant: a damaged recording must not go unnoticed."""
     if not file.is_file() or file.name.startswith("."):
         return False
-    return file.suffix.lower() in _SUFFIXES or _recognise(_read_head(file)) is not None
+    return file.suffix.lower() in _own_suffixes() or recognise(_read_head(file)) is not None
+
+
+def _own_suffixes() -> tuple[str, ...]:
+    """Return the endings that only recordings have."""
+    return tuple(suffix for entry in FORMATS for suffix in entry.own_suffixes)
 
 
 def _read_head(path: Path) -> bytes:
@@ -195,21 +242,15 @@ def _read_head(path: Path) -> bytes:
         raise RecordingError(f"{path}: cannot be read: {error.strerror}") from None
 
 
-def _recognise(head: bytes) -> Format | None:
-    """Tell the format from the first bytes of a file."""
-    # Text may start with a tab or line end and P, but has no zero bytes.
-    if head[1:2] == b"P" and 2 <= head[0] < 32 and (head[0] not in b"\t\n\r" or b"\0" in head):
-        return "c3d"
-    text = head.removeprefix(b"\xef\xbb\xbf").lstrip()
-    if head[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        text = head[2:].replace(b"\0", b"")
-    if text.startswith(b"<"):
-        return "mvnx" if b"mvnx" in text else None
-    if _TSV_KEY.search(text):
-        return "tsv"
-    if _JOINT_LOG.match(text):
-        return "joint log"
-    return None
+def recognise(head: bytes) -> Format | None:
+    """Tell the format of a file from its first bytes; None if none is like it.
+
+    Parameters
+    ----------
+    head : bytes
+        The first 16 kB, or all there is.
+    """
+    return next((entry for entry in FORMATS if entry.sniff(head)), None)
 
 
 def _natural_order(path: Path) -> tuple[list[tuple[int, str]], str]:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 from besman.exceptions import RecordingError
+from besman.foreign.json_text import parse_json
+from besman.foreign.names import fault_of_name
 from besman.records import Recording
 
 _ENDING = "_truth.json"
@@ -44,7 +45,7 @@ def read_true_names(path: Path, recording: Recording) -> tuple[str, ...] | None:
         If the file is no JSON or does not fit the recording.
     """
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = parse_json(path.read_bytes())
     except (OSError, ValueError) as error:
         raise RecordingError(f"{path}: cannot be read as JSON: {error}") from None
     names = content.get("trajectories") if isinstance(content, dict) else None
@@ -58,4 +59,8 @@ def read_true_names(path: Path, recording: Recording) -> tuple[str, ...] | None:
             f"{path}: trajectories: got {got} names, expected one for each of "
             f"{len(recording.names)} trajectories of {recording.source}"
         )
-    return tuple(str(name) for name in names)
+    for index, name in enumerate(names, start=1):
+        fault = fault_of_name(name) if isinstance(name, str) else "is no text"
+        if fault is not None:
+            raise RecordingError(f"{path}: trajectories: name {index}, {name!r:.60}, {fault}")
+    return tuple(names)

@@ -12,7 +12,7 @@ from besman.simulation.tasks.ball_throw.ball_throw import BallThrowConfig
 from besman.simulation.tasks.grasp_box.grasp_box import GraspBoxConfig
 from besman.simulation.tasks.pull_lever.pull_lever import PullLeverConfig
 from besman.simulation.tasks.reach.reach import ReachConfig
-from besman.simulation.tasks.stick_throw.throw import StickThrowConfig
+from besman.simulation.tasks.stick_throw.stick_throw import StickThrowConfig
 
 __all__ = [
     "BallThrowConfig",

@@ -53,7 +53,7 @@ def merge_borders(per_arm: Sequence[npt.ArrayLike]) -> Rows:
     return np.array([*kept, rows[-1]], dtype=np.int64)
 
 
-def smooth_speed(recording: LabelledRecording, hand: str) -> FloatArray:
+def hand_speed(recording: LabelledRecording, hand: str) -> FloatArray:
     """Return the smoothed speed of a hand, shape (T,), metres per second.
 
     Raises
@@ -85,11 +85,11 @@ def measure_brisk(recordings: Sequence[LabelledRecording], hand: str) -> float:
     RecognitionError
         If the marker is missing or has a gap.
     """
-    speeds = np.concatenate([smooth_speed(recording, hand) for recording in recordings])
+    speeds = np.concatenate([hand_speed(recording, hand) for recording in recordings])
     return float(np.percentile(speeds, _BRISK))
 
 
-def find_valleys(recording: LabelledRecording, hand: str, brisk_m_s: float | None = None) -> Rows:
+def find_slow_rows(recording: LabelledRecording, hand: str, brisk_m_s: float | None = None) -> Rows:
     """Find where a hand is slow: the ends of its rests, and local minima of its speed elsewhere.
 
     Enumeration of all groupings forbids more borders than needed; where the best grouping is
@@ -114,7 +114,7 @@ def find_valleys(recording: LabelledRecording, hand: str, brisk_m_s: float | Non
     RecognitionError
         If the marker is missing or has a gap.
     """
-    speed = smooth_speed(recording, hand)
+    speed = hand_speed(recording, hand)
     if len(speed) < 3:
         return np.empty(0, dtype=np.int64)
     brisk = np.percentile(speed, _BRISK) if brisk_m_s is None else brisk_m_s
@@ -156,7 +156,7 @@ def candidate_borders(
     borders = merge_borders(blocks)
     if not hands:
         return borders
-    slow = np.unique(np.concatenate([find_valleys(recording, hand) for hand in hands]))
+    slow = np.unique(np.concatenate([find_slow_rows(recording, hand) for hand in hands]))
     slow = slow[(slow > borders[0]) & (slow < borders[-1])]
     kept = give_way(borders[1:-1], slow, recording.rate_hz)
     return merge_borders([borders[[0, -1]], kept, slow])
@@ -167,4 +167,5 @@ def give_way(borders: Rows, slow: Rows, rate_hz: float) -> Rows:
     if len(slow) == 0:
         return borders
     apart = np.abs(borders[:, np.newaxis] - slow).min(axis=1)
-    return borders[apart > SNAP_S * rate_hz]
+    kept: Rows = borders[apart > SNAP_S * rate_hz]
+    return kept

@@ -15,7 +15,7 @@ from besman.exceptions import PlanError
 from besman.geometry.frames import rotation_to_quaternion
 from besman.motion.cartesian_dmp import fit_poses
 from besman.motion.dmp import fit_weights, roll_out
-from besman.motion.rest_at_ends import add_leads
+from besman.motion.rest_at_ends import rest_at_both_ends
 from besman.motion.velocity_dmp import fit_velocity_weights
 from besman.records import AnyPlan, CartesianPlan, FloatArray, JointTrajectory, MotionPlan
 from besman.robot.model import Robot
@@ -75,9 +75,9 @@ class _DmpConfig(Stage):
     def _imitate(self, trajectory: JointTrajectory, robot: Robot | None) -> AnyPlan:
         """Fit one motion plan."""
 
-    def _with_leads(self, trajectory: JointTrajectory) -> tuple[FloatArray, FloatArray]:
+    def _at_rest_at_ends(self, trajectory: JointTrajectory) -> tuple[FloatArray, FloatArray]:
         """Lengthen a trajectory so that it starts and ends at rest."""
-        return add_leads(
+        return rest_at_both_ends(
             trajectory.time,
             trajectory.positions,
             trajectory.velocities,
@@ -104,7 +104,7 @@ class ImitateConfig(_DmpConfig):
     method: Literal["joint_dmp"] = "joint_dmp"
 
     def _imitate(self, trajectory: JointTrajectory, robot: Robot | None) -> MotionPlan:
-        time, positions = self._with_leads(trajectory)
+        time, positions = self._at_rest_at_ends(trajectory)
         weights = fit_weights(time, positions, self.n_weights)
         imitated, _, _ = roll_out(
             weights, positions[0], positions[-1], time[-1], trajectory.time + self.lead_in_s
@@ -207,7 +207,7 @@ class CartesianDmpConfig(_DmpConfig):
                 f"{trajectory.name}: method cartesian_dmp needs the arm with the joints "
                 f"{', '.join(trajectory.joint_names)}; got {got}"
             )
-        time, positions = self._with_leads(trajectory)
+        time, positions = self._at_rest_at_ends(trajectory)
         reached = forward_kinematics(robot.chain, positions)
         poses = np.column_stack([reached[:, :3, 3], rotation_to_quaternion(reached[:, :3, :3])])
         weights, start, goal = fit_poses(time, poses, self.n_weights)

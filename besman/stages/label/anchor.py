@@ -205,4 +205,5 @@ def _score_sides(
 
 def _compare_sides(pull: FloatArray) -> FloatArray:
     """Return log of twice the probability of the seen side against its mirror image."""
-    return np.maximum(np.log(2.0) - np.logaddexp(0.0, -pull), _LEAST_SIDE)
+    log_odds: FloatArray = np.maximum(np.log(2.0) - np.logaddexp(0.0, -pull), _LEAST_SIDE)
+    return log_odds

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import Bounds, LinearConstraint, milp
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 
 from besman.stages.label.fragments import Fragments
 from besman.stages.label.scores import GHOST
@@ -39,6 +36,9 @@ def assign_fragments(fragments: Fragments, score: FloatArray) -> IntArray:
     labels = np.where(best > 0.0, score.argmax(axis=1), GHOST)
     if not _has_conflict(fragments, labels, score.shape[1]):
         return labels
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import connected_components
+
     fragment, marker = np.nonzero(candidate)
     clique_variable, clique = _find_cliques(fragments, fragment, marker, score.shape[1])
     n_variables = len(fragment)
@@ -111,6 +111,9 @@ def _solve(
     kept: npt.NDArray[np.bool_],
 ) -> npt.NDArray[np.bool_]:
     """Choose the candidates of greatest worth that do not exclude each other."""
+    from scipy.optimize import Bounds, LinearConstraint, milp
+    from scipy.sparse import csr_array
+
     inside = kept[clique_variable]
     column = (np.cumsum(kept) - 1)[clique_variable[inside]]
     _, clique_row = np.unique(clique[inside], return_inverse=True)
@@ -125,4 +128,5 @@ def _solve(
         bounds=Bounds(0.0, 1.0),
         constraints=LinearConstraint(matrix, -np.inf, 1.0),
     )
-    return answer.x > 0.5
+    chosen: npt.NDArray[np.bool_] = answer.x > 0.5
+    return chosen

@@ -57,7 +57,8 @@ class Fragments:
 
     def position(self, fragment: IntArray, frame: IntArray) -> FloatArray:
         """Return the positions of fragments at frames inside them, shape (..., 3), metres."""
-        return self.samples[self.offset[fragment] + frame - self.start[fragment]]
+        positions: FloatArray = self.samples[self.offset[fragment] + frame - self.start[fragment]]
+        return positions
 
 
 @dataclass(frozen=True, eq=False)

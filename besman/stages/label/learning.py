@@ -111,13 +111,17 @@ def _share_body(
 
 def _measure_distances(positions: FloatArray) -> FloatArray:
     """Return all distances, shape (T, M, M), metres."""
-    return np.linalg.norm(positions[:, :, None] - positions[:, None], axis=-1)
+    distances: FloatArray = np.linalg.norm(positions[:, :, None] - positions[:, None], axis=-1)
+    return distances
 
 
 def _mean_seen(values: FloatArray) -> FloatArray:
     """Return the mean over the first axis of what is not NaN; NaN where there is nothing."""
     seen = np.isfinite(values)
-    return np.where(seen, values, 0.0).sum(axis=0) / np.where(seen.any(0), seen.sum(0), np.nan)
+    means: FloatArray = np.where(seen, values, 0.0).sum(axis=0) / np.where(
+        seen.any(0), seen.sum(0), np.nan
+    )
+    return means
 
 
 def _measure_speed(positions: FloatArray, rate_hz: float) -> FloatArray:

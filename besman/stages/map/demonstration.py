@@ -12,7 +12,7 @@ from besman.geometry.frames import quaternion_to_rotation, rotation_to_quaternio
 from besman.records import HandTrajectory, JointTrajectory
 from besman.robot.inverse_kinematics import IkWeights, solve_path
 from besman.robot.kinematics import forward_kinematics
-from besman.robot.limits import LimitReport, check_limits, resample
+from besman.robot.limits import LimitReport, check_limits, resample_trajectory
 from besman.robot.model import Robot
 from besman.search.in_a_box import Optimizer
 from besman.stages.map.needed_stretch import ChangeTolerance
@@ -189,7 +189,9 @@ def map_one(
 
 def _check_scaled(robot: Robot, scaled: ScaledPath) -> LimitReport:
     """Check a scaled path at 1 kHz."""
-    _, *dense = resample(scaled.time, scaled.positions, scaled.velocities, scaled.accelerations)
+    _, *dense = resample_trajectory(
+        scaled.time, scaled.positions, scaled.velocities, scaled.accelerations
+    )
     return check_limits(robot, *dense)
 
 

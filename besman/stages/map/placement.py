@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from besman.robot.inverse_kinematics import IkWeights
 from besman.robot.model import Robot
-from besman.search.in_a_box import Optimizer, Search, make_search
+from besman.search.in_a_box import BoxSearch, Optimizer, make_box_search
 from besman.stages.map.placement_cost import (
     ArmCost,
     Cost,
@@ -212,7 +212,7 @@ def correct_placement(
         shift = float(np.linalg.norm(point - origin))
         return cost(space.parameters(point)) + _SHIFT_COST * shift
 
-    strategy = make_search(search.optimizer, origin, space.low, space.high, search.seed)
+    strategy = make_box_search(search.optimizer, origin, space.low, space.high, search.seed)
     best, least, tried = origin, dear(origin), 1
     while tried < search.evaluations and not strategy.exhausted:
         points = strategy.ask()
@@ -348,7 +348,8 @@ def _race(
         # A search over the whole box has one start.
         starts = starts[:1]
     racers = [
-        make_search(search.optimizer, start, space.low, space.high, search.seed) for start in starts
+        make_box_search(search.optimizer, start, space.low, space.high, search.seed)
+        for start in starts
     ]
     found = [(np.inf, start) for start in starts]
     tried = [0] * len(racers)
@@ -374,7 +375,7 @@ def _race(
 
 
 def _step(
-    racer: Search, cost: Cost, space: _Space, threads: ThreadPoolExecutor
+    racer: BoxSearch, cost: Cost, space: _Space, threads: ThreadPoolExecutor
 ) -> tuple[FloatArray, FloatArray]:
     """Try one generation; return its points and their costs."""
     points = racer.ask()

@@ -8,7 +8,7 @@ import numpy as np
 
 from besman.exceptions import MappingError
 from besman.robot.collision import distances
-from besman.robot.limits import resample
+from besman.robot.limits import resample_trajectory
 from besman.robot.model import Robot
 from besman.stages.map.joint_spline import JointSpline, fit_spline
 from besman.stages.map.needed_stretch import (
@@ -121,7 +121,9 @@ def _stretched(robot: Robot, spline: JointSpline, least: float) -> ScaledPath:
             accelerations=accelerations / stretch**2,
             stretch=stretch,
         )
-        _, *dense = resample(path.time, path.positions, path.velocities, path.accelerations)
+        _, *dense = resample_trajectory(
+            path.time, path.positions, path.velocities, path.accelerations
+        )
         limits = robot.limits
         speed = float(np.max(np.abs(dense[1]) / limits.velocity))
         pull = float(np.max(np.abs(dense[2]) / limits.acceleration))

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from besman.exceptions import MappingError
 from besman.records import Failure, HandTrajectory, JointTrajectory
 from besman.robot.collision import distances_between
-from besman.robot.limits import resample
+from besman.robot.limits import resample_trajectory
 from besman.robot.model import Robot
 from besman.stages.map.demonstration import MappingSettings
 from besman.stages.map.map_demonstrations import (
@@ -144,7 +144,9 @@ def arms_distance(
         Metres between their moving parts; below zero where these overlap.
     """
     dense = [
-        resample(one.time, one.positions, one.velocities, one.accelerations, _CHECK_HZ)[1]
+        resample_trajectory(one.time, one.positions, one.velocities, one.accelerations, _CHECK_HZ)[
+            1
+        ]
         for one in trajectories
     ]
     longest = max(len(part) for part in dense)

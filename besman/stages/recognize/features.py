@@ -129,7 +129,8 @@ def _log_object_speed(
 def _angle(a: FloatArray, b: FloatArray) -> FloatArray:
     """Angle between vectors, radians, shape (S, P, 1)."""
     sine = np.linalg.norm(np.cross(a, b), axis=2, keepdims=True)
-    return np.arctan2(sine, np.sum(a * b, axis=2, keepdims=True))
+    angle: FloatArray = np.arctan2(sine, np.sum(a * b, axis=2, keepdims=True))
+    return angle
 
 
 # What a feature needs of each arm: nothing, its hand, its three markers, or the hand's cluster.

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.classifiers.nearest_neighbour import classify, fit_spread, scale
-from besman.classifiers.novelty import UNKNOWN, distances, fit_threshold, measure_novelty
+from besman.classifiers.novelty import UNKNOWN, fit_threshold, measure_novelty, rms_distances
 from besman.exceptions import RecognitionError
 from besman.records import LabelledRecording, Record, freeze
 from besman.stages.recognize.features import OBJECT_FEATURES, count_channels, extract_features
@@ -346,7 +346,7 @@ def rank_classes(
     for one, chosen in ((model, seen), (fallback, ~seen)):
         if chosen.any():
             values = one.recipe.extract(recording, rows[chosen])
-            apart = distances(scale(values, one.centre, one.spread), one.examples)
+            apart = rms_distances(scale(values, one.centre, one.spread), one.examples)
             found[chosen] = np.stack(
                 [apart[:, labels == name].min(axis=1) for name in model.classes], axis=1
             )

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from besman.exceptions import RecognitionError, RunError
+from besman.foreign.json_text import parse_json
 from besman.io.atomic_files import check_folder, make_folder, write_text, written_aside
 from besman.records.files import load_record, save_record
 from besman.stages.recognize.model import RecognitionModel
@@ -59,7 +60,7 @@ def check_model(path: Path) -> None:
     for file in _places(path):
         if file.exists():
             raise RecognitionError(f"{file}: is there already and is not overwritten")
-    check_folder(path.parent)
+    check_folder(path.parent, f"{path}", RecognitionError)
 
 
 def load_model(path: Path) -> RecognitionModel:
@@ -77,7 +78,7 @@ def load_model(path: Path) -> RecognitionModel:
     """
     arrays, about = _places(path)
     try:
-        content = json.loads(about.read_text(encoding="utf-8"))
+        content = parse_json(about.read_bytes())
     except OSError as error:
         raise RecognitionError(f"{about}: cannot be read: {error.strerror}") from None
     except ValueError:

@@ -9,7 +9,7 @@ FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 
-def resample(
+def resample_segments(
     time: FloatArray, values: FloatArray, bounds: IntArray, n_points: int
 ) -> tuple[FloatArray, FloatArray]:
     """Interpolate segments to the same number of points by cubic splines (not-a-knot).

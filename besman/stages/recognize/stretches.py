@@ -12,7 +12,7 @@ from besman.exceptions import LabellingError, RecognitionError, nearest
 from besman.geometry.frames import back_frame, quaternion_to_rotation
 from besman.person.body import Arm, find_body
 from besman.records import LabelledRecording
-from besman.stages.recognize.splines import resample
+from besman.stages.recognize.splines import resample_segments
 
 FloatArray = npt.NDArray[np.float64]
 Bounds = npt.NDArray[np.int64]
@@ -50,11 +50,13 @@ class Stretch(NamedTuple):
 
     def speed(self, path: FloatArray) -> FloatArray:
         """Return the speed along a path, shape (S, P, 1), metres per second."""
-        return np.linalg.norm(self.rate(path), axis=2, keepdims=True)
+        speed: FloatArray = np.linalg.norm(self.rate(path), axis=2, keepdims=True)
+        return speed
 
     def object_path(self, objects: Sequence[str]) -> FloatArray:
         """Return the centroid of an object's markers, shape (S, P, 3)."""
-        return np.mean([self.paths[name] for name in objects], axis=0)
+        centroid: FloatArray = np.mean([self.paths[name] for name in objects], axis=0)
+        return centroid
 
 
 def cut_stretch(
@@ -104,7 +106,7 @@ def cut_stretch(
     n_samples, n_wanted = positions.shape[:2]
     axes = _hand_axes(recording, hands)
     values = np.concatenate([positions.reshape(n_samples, -1), axes], axis=1)
-    points, step_s = resample(recording.time, values, rows, n_points)
+    points, step_s = resample_segments(recording.time, values, rows, n_points)
     back = positions[rows[:, 0]][:, [wanted.index(name) for name in body.back]]
     rotation, origin = _back_frames(back, rows, recording.source)
     vectors = points.reshape(len(rows), n_points, values.shape[1] // 3, 3)

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field
 
 from besman.search.protocol import Search
-from besman.stages.refine.stage import RefineConfig, RefinementConfig
+from besman.stages.refine.stage import CmaEsConfig, RefinementConfig
 
 
 class RepsConfig(RefinementConfig):
@@ -113,7 +113,7 @@ class CemConfig(RefinementConfig):
         return Cem(start, self.sigma, self.population, seed, self.bounds, self.elite_share)
 
 
-RefineMethod = RefineConfig | RepsConfig | Pi2Config | Pi2CmaConfig | CemConfig
+RefineMethod = CmaEsConfig | RepsConfig | Pi2Config | Pi2CmaConfig | CemConfig
 
 METHODS: tuple[str, ...] = tuple(
     get_args(config.model_fields["method"].annotation)[0] for config in get_args(RefineMethod)
@@ -123,7 +123,7 @@ METHODS: tuple[str, ...] = tuple(
 def _default_method(value: Any) -> Any:
     """Take the default method where none is named."""
     if isinstance(value, dict) and "method" not in value:
-        return {"method": RefineConfig.model_fields["method"].default, **value}
+        return {"method": CmaEsConfig.model_fields["method"].default, **value}
     return value
 
 

@@ -28,7 +28,7 @@ _MARGIN = 0.5
 _MILESTONES = 5
 
 
-class Quest:
+class MotionSearch:
     """The search for one motion, generation by generation.
 
     Parameters

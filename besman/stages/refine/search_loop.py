@@ -12,46 +12,48 @@ from besman.robot.model import Robot
 from besman.simulation.task import Task
 from besman.simulation.trial import try_plans
 from besman.stages.refine.checkpoint import Checkpoint
-from besman.stages.refine.motion_search import Quest
+from besman.stages.refine.motion_search import MotionSearch
 from besman.work.work import Work
 
 
 @dataclass(eq=False)
-class Pursuit:
+class RunningSearch:
     """A search together with where its episodes are tried and kept.
 
     Attributes
     ----------
-    quest : Quest
+    search : MotionSearch
     robot : Robot
     task : Task
     checkpoint : Checkpoint
     """
 
-    quest: Quest
+    search: MotionSearch
     robot: Robot
     task: Task
     checkpoint: Checkpoint
 
     def advance(self) -> None:
         """Try one generation, and keep it."""
-        trials = try_plans(self.robot, self.task, self.quest.propose())
-        generation = self.quest.learn(trials)
-        self.checkpoint.save(self.quest.n_generations - 1, generation)
+        trials = try_plans(self.robot, self.task, self.search.propose())
+        generation = self.search.learn(trials)
+        self.checkpoint.save(self.search.n_generations - 1, generation)
 
     def result(self) -> RefinedMotion:
         """Sum up the search."""
         # Once more, because paths of all episodes would be too much to keep.
-        (best,) = try_plans(self.robot, self.task, [self.quest.best_plan], paths=True)
-        return self.quest.result(best)
+        (best,) = try_plans(self.robot, self.task, [self.search.best_plan], paths=True)
+        return self.search.result(best)
 
 
-def best_of_pool(pool: Sequence[Pursuit], episodes: int, work: Work) -> Pursuit:
+def search_side_by_side(
+    searches: Sequence[RunningSearch], episodes: int, work: Work
+) -> RunningSearch:
     """Let searches go on side by side, generation by generation, until one has succeeded.
 
     Parameters
     ----------
-    pool : sequence of Pursuit
+    searches : sequence of RunningSearch
         New, or as far as they were when they were ended.
     episodes : int
         Greatest number of episodes of each, for the progress.
@@ -60,20 +62,22 @@ def best_of_pool(pool: Sequence[Pursuit], episodes: int, work: Work) -> Pursuit:
 
     Returns
     -------
-    Pursuit
+    RunningSearch
         The one with the best trial, the earliest of equals.
     """
-    while alive := [one for one in pool if not one.quest.done]:
-        behind = min(one.quest.n_generations for one in alive)
+    while alive := [one for one in searches if not one.search.done]:
+        behind = min(one.search.n_generations for one in alive)
         # Those that were ended in the middle of a generation finish it first.
-        if any(one.quest.won and one.quest.n_generations <= behind for one in pool):
+        if any(one.search.won and one.search.n_generations <= behind for one in searches):
             break
-        todo = [one for one in alive if one.quest.n_generations == behind]
+        todo = [one for one in alive if one.search.n_generations == behind]
         threads = Work(jobs=work.jobs)
-        threads.map(Pursuit.advance, todo, name=lambda one: "search")
-        work.progress(min(max(one.quest.n_episodes for one in pool) / episodes, 1.0))
+        threads.map(RunningSearch.advance, todo, name=lambda one: "search")
+        work.progress(min(max(one.search.n_episodes for one in searches) / episodes, 1.0))
     work.progress(1.0)
-    return max(pool, key=lambda one: (one.quest.best_trial.success, one.quest.best_trial.reward))
+    return max(
+        searches, key=lambda one: (one.search.best_trial.success, one.search.best_trial.reward)
+    )
 
 
 def share_target(plans: Sequence[AnyPlan], task: Task) -> list[AnyPlan]:

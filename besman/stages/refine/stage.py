@@ -22,8 +22,8 @@ from besman.simulation.task import Task
 from besman.stages.refine.robustness import RobustnessConfig
 
 if TYPE_CHECKING:
-    from besman.stages.refine.motion_search import Quest
-    from besman.stages.refine.search_loop import Pursuit
+    from besman.stages.refine.motion_search import MotionSearch
+    from besman.stages.refine.search_loop import RunningSearch
 
 
 # Half of the work holds Python's lock; processes are started in the time of so many episodes.
@@ -146,7 +146,7 @@ class RefinementConfig(Stage):
         """
         _check(robot, task)
         if self.pool:
-            return (self._refine_pool(plans, robot, task, work),)
+            return (self._refine_side_by_side(plans, robot, task, work),)
         refine = partial(self._refine, robot=robot, task=task, folder=work.checkpoints)
         processes = max(2, _EPISODES_FOR_PROCESSES // self.episodes)
         return tuple(work.map(refine, plans, processes=processes))
@@ -155,34 +155,36 @@ class RefinementConfig(Stage):
         self, plan: AnyPlan, robot: Robot, task: Task, folder: Path | None
     ) -> RefinedMotion:
         """Refine one motion plan."""
-        pursuit = self._pursuit(plan, robot, task, folder)
-        while not pursuit.quest.done:
-            pursuit.advance()
-        return pursuit.result()
+        running = self._running_search(plan, robot, task, folder)
+        while not running.search.done:
+            running.advance()
+        return running.result()
 
-    def _refine_pool(
+    def _refine_side_by_side(
         self, plans: tuple[AnyPlan, ...], robot: Robot, task: Task, work: Work
     ) -> RefinedMotion:
         """Refine motion plans side by side, for one target."""
-        from besman.stages.refine.search_loop import best_of_pool, share_target
+        from besman.stages.refine.search_loop import search_side_by_side, share_target
 
         placed = share_target([place_plan(plan, robot, task) for plan in plans], task)
-        pool = [self._pursuit(plan, robot, task, work.checkpoints) for plan in placed]
-        return best_of_pool(pool, self.episodes, work).result()
+        pool = [self._running_search(plan, robot, task, work.checkpoints) for plan in placed]
+        return search_side_by_side(pool, self.episodes, work).result()
 
-    def _pursuit(self, plan: AnyPlan, robot: Robot, task: Task, folder: Path | None) -> Pursuit:
+    def _running_search(
+        self, plan: AnyPlan, robot: Robot, task: Task, folder: Path | None
+    ) -> RunningSearch:
         """Set up the search for one plan, where it was if it was ended before its end."""
         from besman.stages.refine.checkpoint import Checkpoint
-        from besman.stages.refine.search_loop import Pursuit
+        from besman.stages.refine.search_loop import RunningSearch
 
         # By content, because two plans may have one name.
         checkpoint = Checkpoint(folder, digest(plan)[:16])
-        quest = self.set_up(plan, robot, task)
-        if not quest.repeat(checkpoint.load()):
-            quest = self.set_up(plan, robot, task)
-        return Pursuit(quest, robot, task, checkpoint)
+        search = self.set_up(plan, robot, task)
+        if not search.repeat(checkpoint.load()):
+            search = self.set_up(plan, robot, task)
+        return RunningSearch(search, robot, task, checkpoint)
 
-    def set_up(self, plan: AnyPlan, robot: Robot, task: Task) -> Quest:
+    def set_up(self, plan: AnyPlan, robot: Robot, task: Task) -> MotionSearch:
         """Set up the search for one plan.
 
         Raises
@@ -190,7 +192,7 @@ class RefinementConfig(Stage):
         RefinementError
             If the plan and the task or the robot do not belong together.
         """
-        from besman.stages.refine.motion_search import Quest
+        from besman.stages.refine.motion_search import MotionSearch
         from besman.stages.refine.plan_space import Units, plan_space
 
         plan = place_plan(plan, robot, task)
@@ -198,10 +200,12 @@ class RefinementConfig(Stage):
         space = plan_space(plan, robot, self.search, self.n_shapes, units)
         # By name, so that a motion's search does not depend on which others are there.
         seed = (self.seed, zlib.crc32(plan.name.encode()))
-        return Quest(space, self.make_search(space.dimension, seed), robot, task, self.episodes)
+        return MotionSearch(
+            space, self.make_search(space.dimension, seed), robot, task, self.episodes
+        )
 
 
-class RefineConfig(RefinementConfig):
+class CmaEsConfig(RefinementConfig):
     """Refine every motion plan by CMA-ES.
 
     Attributes

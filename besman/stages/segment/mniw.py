@@ -59,7 +59,10 @@ class Mniw(NamedTuple):
     def log_evidence(self, h: FloatArray, y: FloatArray) -> float:
         """Log-probability of samples y (n, d) after h (n, d), with A and Sigma integrated out."""
         n, d = y.shape
-        return self.update(h, y).log_norm() - self.log_norm() - 0.5 * n * d * np.log(np.pi)
+        log_probability: float = (
+            self.update(h, y).log_norm() - self.log_norm() - 0.5 * n * d * np.log(np.pi)
+        )
+        return log_probability
 
     def draw(self, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
         """Draw A (d, d) and Sigma (d, d)."""
@@ -89,4 +92,5 @@ def log_likelihoods(
     root = np.linalg.cholesky(noise)
     rest = np.linalg.solve(root, (y - h @ weights.T).T)
     constant = np.log(np.diag(root)).sum() + 0.5 * len(noise) * np.log(2.0 * np.pi)
-    return -0.5 * (rest**2).sum(axis=0) - constant
+    log_density: FloatArray = -0.5 * (rest**2).sum(axis=0) - constant
+    return log_density

@@ -216,7 +216,8 @@ def _respond(n: int, n_weights: int) -> FloatArray:
     positions, _, _ = roll_out(unit[:, 2:], unit[:, 0], unit[:, 1], 1.0, time)
     # Weights of one size move the arm by one size: their spread is then comparable to the goal's.
     scale = roll_out(unit[:, 2:], unit[:, 0], unit[:, 1], 1.0, np.linspace(0, 1, 101))[0]
-    return positions[:, 1:] / np.sqrt(np.mean(scale[:, 1:] ** 2, axis=0))
+    scaled: FloatArray = positions[:, 1:] / np.sqrt(np.mean(scale[:, 1:] ** 2, axis=0))
+    return scaled
 
 
 def _start(candidates: _Candidates, k: int, rng: np.random.Generator) -> _Library:

@@ -298,7 +298,8 @@ def _find_minima(signals: Signals, window_s: float, rate_hz: float) -> IntArray:
 def _stack_paths(paths: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     """Paths of all markers about their mean, shape (T, 3 * m), metres."""
     flat = paths.reshape(len(paths), -1)
-    return flat - flat.mean(axis=0)
+    centred: npt.NDArray[np.float64] = flat - flat.mean(axis=0)
+    return centred
 
 
 def _label(

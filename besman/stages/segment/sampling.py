@@ -17,7 +17,7 @@ IntArray = npt.NDArray[np.int64]
 _UNEVEN = 0.1
 
 
-def gather_paths(recording: LabelledRecording, markers: tuple[str, ...]) -> FloatArray:
+def gather_gapless_paths(recording: LabelledRecording, markers: tuple[str, ...]) -> FloatArray:
     """Stack the paths of markers, shape (T, m, 3), metres; refuse gaps and uneven time.
 
     Raises
@@ -75,7 +75,7 @@ def sample_paths(
     SegmentationError
         If a marker was not seen throughout, there are fewer than two samples, or time steps differ.
     """
-    paths = gather_paths(recording, markers)
+    paths = gather_gapless_paths(recording, markers)
     rate_hz = min(rate_hz, recording.rate_hz)
     samples = resample(recording.time, paths, rate_hz)
     if len(samples) < 2:
@@ -107,7 +107,9 @@ def to_rows(borders: IntArray, rate_hz: float, recording: LabelledRecording) -> 
     return rows
 
 
-def spread(values: FloatArray, rate_hz: float, recording: LabelledRecording) -> FloatArray:
+def spread_over_rows(
+    values: FloatArray, rate_hz: float, recording: LabelledRecording
+) -> FloatArray:
     """Give every row of a recording the value of the nearest sample of a method.
 
     Parameters
@@ -134,10 +136,10 @@ def to_segments(
     log_evidence: float,
     border_probability: FloatArray | None = None,
 ) -> Segments:
-    """Make segments of borders at the rate of a method; see `to_rows` and `spread`."""
+    """Make segments of borders at the rate of a method; see `to_rows` and `spread_over_rows`."""
     expected = np.empty(0)
     if border_probability is not None:
-        expected = spread(border_probability, rate_hz, recording)
+        expected = spread_over_rows(border_probability, rate_hz, recording)
     rows = to_rows(borders, rate_hz, recording)
     return Segments(
         bounds=np.stack([rows[:-1], rows[1:]], axis=1),

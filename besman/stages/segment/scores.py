@@ -81,7 +81,8 @@ def match_borders(
     forbidden = 1.0 + (min(distance.shape, default=0) + 1) * margin_s
     rows, columns = linear_sum_assignment(np.where(near, distance, forbidden))
     pairs = np.stack([rows, columns], axis=1)
-    return pairs[near[rows, columns]].astype(np.int64)
+    matched: npt.NDArray[np.int64] = pairs[near[rows, columns]].astype(np.int64)
+    return matched
 
 
 def score_borders(

@@ -64,7 +64,8 @@ def resample(time: npt.ArrayLike, values: npt.ArrayLike, rate_hz: float) -> Floa
     low, high = (np.clip(centres + side, edges[0], edges[-1]) for side in (-half, half))
     means = (_interpolate(high, edges, integral) - _interpolate(low, edges, integral)) * step
     means = means / (high - low)[:, np.newaxis] + flat[0]
-    return means.reshape(n_new, *x.shape[1:])
+    resampled: FloatArray = means.reshape(n_new, *x.shape[1:])
+    return resampled
 
 
 def _interpolate(at: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:

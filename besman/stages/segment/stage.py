@@ -10,7 +10,12 @@ from pydantic import Field
 from besman.config.stage import Work
 from besman.records import LabelledRecording, Segments
 from besman.stages.segment.of_hands import SegmentingStage
-from besman.stages.segment.sampling import gather_paths, sample_paths, spread, to_segments
+from besman.stages.segment.sampling import (
+    gather_gapless_paths,
+    sample_paths,
+    spread_over_rows,
+    to_segments,
+)
 from besman.stages.segment.signals import measure_scaling, prepare_signals
 from besman.stages.segment.valley_vmci import EVIDENCE_HZ, find_movements
 from besman.stages.segment.vmci import (
@@ -147,7 +152,7 @@ class VmciOnlineConfig(SegmentingStage):
                 self.longest_s,
                 VmciModel(n_centres=self.n_centres),
             )
-            for sample in gather_paths(recording, self.markers):
+            for sample in gather_gapless_paths(recording, self.markers):
                 borders += online.update(sample)
             borders += online.finish()
         rows = np.array([*borders, n_rows], dtype=np.int64)
@@ -185,7 +190,7 @@ class ValleyVmciConfig(SegmentingStage):
         return tuple(results)
 
     def _segment(self, recording: LabelledRecording) -> Segments:
-        paths = gather_paths(recording, self.markers)
+        paths = gather_gapless_paths(recording, self.markers)
         found = find_movements(recording.time, paths, self.longest_s)
         n_rows, rate_hz = len(paths), recording.rate_hz
         rows = np.round(found.borders_s * rate_hz).astype(np.int64)
@@ -204,5 +209,5 @@ class ValleyVmciConfig(SegmentingStage):
             rate_hz=rate_hz,
             source=recording.source,
             first_frame=recording.first_frame,
-            border_probability=spread(expected, EVIDENCE_HZ, recording),
+            border_probability=spread_over_rows(expected, EVIDENCE_HZ, recording),
         )

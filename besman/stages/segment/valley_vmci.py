@@ -54,9 +54,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import logsumexp
 
 from besman.stages.segment.signals import prepare_signals, resample
+from besman.stages.segment.spans import evaluate_spans
 from besman.stages.segment.valleys import (
     GRID_HZ,
     Valley,
@@ -84,7 +84,7 @@ _REST_NOISE = 0.1
 
 
 @dataclass(frozen=True)
-class Movements:
+class MovementsAndRests:
     """The most probable segmentation into movements and rests.
 
     Attributes
@@ -114,7 +114,7 @@ def find_movements(
     longest_s: float | None = None,
     model: VmciModel | None = None,
     shape: ValleyShape | None = None,
-) -> Movements:
+) -> MovementsAndRests:
     """Segment the paths of one or more markers into movements and rests.
 
     Parameters
@@ -133,7 +133,7 @@ def find_movements(
 
     Returns
     -------
-    Movements
+    MovementsAndRests
         Borders lie on a grid of 100 Hz.
 
     Raises
@@ -148,7 +148,7 @@ def find_movements(
     rate_hz = min(EVIDENCE_HZ, 1 / step)
     samples = resample(t, x, rate_hz)
     whole = np.array([0.0, len(t) * step])
-    still = Movements(whole, np.zeros(1, bool), np.nan, np.empty((0, 2)), np.empty(0))
+    still = MovementsAndRests(whole, np.zeros(1, bool), np.nan, np.empty((0, 2)), np.empty(0))
     if len(samples) < 2:
         return still
     signals = prepare_signals(samples)
@@ -160,8 +160,8 @@ def find_movements(
     longest = None if longest_s is None else max(2, round(longest_s * rate_hz))
     # A marker that stands still says nothing.
     speeds = signals.speeds[:, signals.speeds.any(axis=0)]
-    movement, rest = _evaluate(speeds, valleys, n_grid, rate_hz, longest, model or MODEL)
-    movement = _keep_sure(movement, find_sure(speed, valleys, shape.sure))
+    farthest = _find_farthest(find_sure(speed, valleys, shape.sure))
+    movement, rest = _evaluate(speeds, valleys, farthest, n_grid, rate_hz, longest, model or MODEL)
     path, log_probability = _search(movement, rest)
     borders, rests = [0.0], []
     for first, last in (valleys[k - 1] for k in path[1:-1]):
@@ -175,7 +175,7 @@ def find_movements(
         borders.pop()
     else:
         rests.append(False)
-    return Movements(
+    return MovementsAndRests(
         np.array([*borders, whole[-1]]),
         np.array(rests),
         log_probability,
@@ -187,14 +187,13 @@ def find_movements(
 def _evaluate(
     speeds: FloatArray,
     valleys: list[Valley],
+    farthest: IntArray,
     n_grid: int,
     rate_hz: float,
     longest: int | None,
     model: VmciModel,
 ) -> tuple[FloatArray, FloatArray]:
-    """Evaluate all movements (V, V) and rests (V,); the two ends count as valleys."""
-    from besman.stages.segment.span_kernel import evaluate_spans
-
+    """Evaluate movements (V, V) and rests (V,); the two ends count as valleys."""
     n_samples, s = speeds.shape
     p = min(0.5, _BORDERS_PER_S / rate_hz)
     places = np.round(np.array(valleys, dtype=np.float64).reshape(-1, 2) / GRID_HZ * rate_hz)
@@ -205,17 +204,8 @@ def _evaluate(
         places[-1, 1] = n_samples
     starts = np.concatenate([[0], places[:, 1], [n_samples]])
     ends = np.concatenate([[0], places[:, 0], [n_samples]])
-    movement = evaluate_spans(
-        np.ascontiguousarray(speeds.T),
-        starts,
-        ends,
-        tabulate_lengths(n_samples, 0, s, p, longest, model),
-        model.n_centres,
-        model.bell_width,
-        model.speed_weight_variance,
-        model.noise_scale,
-        model.nu(s),
-    )
+    factor = tabulate_lengths(n_samples, 0, s, p, longest, model)
+    movement = evaluate_spans(speeds, starts, ends, farthest, factor, model)
     # A recording may begin or end at rest.
     if begins_at_rest:
         movement[0, 1] = 0.0
@@ -240,12 +230,14 @@ def _evaluate_rest(speeds: FloatArray, p: float, model: VmciModel) -> float:
     return float(length + evidence)
 
 
-def _keep_sure(movement: FloatArray, sure: npt.NDArray[np.bool_]) -> FloatArray:
-    """Forbid movements that lead past a valley that is a border in any case."""
-    n = len(movement)
+def _find_farthest(sure: npt.NDArray[np.bool_]) -> IntArray:
+    """Return where a movement from each valley may end at the latest, the two ends included.
+
+    None leads past a valley that is a border in any case.
+    """
+    n = len(sure) + 2
     upto = np.concatenate([[0], np.cumsum(sure), [np.count_nonzero(sure)]])
-    before = upto[np.maximum(np.arange(n) - 1, 0)]
-    return np.where(before[None, :] > upto[:, None], -np.inf, movement)
+    return np.minimum(np.searchsorted(upto, upto, side="right"), n - 1)
 
 
 def _search(movement: FloatArray, rest: FloatArray) -> tuple[IntArray, float]:
@@ -269,9 +261,10 @@ def _weigh(movement: FloatArray, rest: FloatArray) -> FloatArray:
     forward, backward = np.full(n, -np.inf), np.full(n, -np.inf)
     forward[0] = backward[-1] = 0.0
     for k in range(1, n):
-        forward[k] = rest[k] + logsumexp(forward[:k] + movement[:k, k])
+        forward[k] = rest[k] + np.logaddexp.reduce(forward[:k] + movement[:k, k])
     for k in range(n - 2, -1, -1):
-        backward[k] = logsumexp(backward[k + 1 :] + rest[k + 1 :] + movement[k, k + 1 :])
+        onward = backward[k + 1 :] + rest[k + 1 :] + movement[k, k + 1 :]
+        backward[k] = np.logaddexp.reduce(onward)
     if not np.isfinite(forward[-1]):
         return np.zeros(n)
     weights: FloatArray = np.exp(forward + backward - forward[-1])

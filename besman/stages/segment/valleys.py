@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from besman.geometry.cubic_spline import interpolate_cubic
 from besman.stages.segment.signals import resample
 
 FloatArray = npt.NDArray[np.float64]
@@ -75,9 +76,6 @@ def smooth_speed(time: npt.ArrayLike, paths: npt.ArrayLike, smoothing_s: float) 
     array, shape (G,)
         Root of the sum of the markers' squared speeds at time[0] + g / GRID_HZ, m/s.
     """
-    from scipy.interpolate import CubicSpline
-    from scipy.ndimage import gaussian_filter1d
-
     t = np.asarray(time, dtype=np.float64)
     x = np.asarray(paths, dtype=np.float64).reshape(len(t), -1)
     x = x - x[0]
@@ -86,14 +84,27 @@ def smooth_speed(time: npt.ArrayLike, paths: npt.ArrayLike, smoothing_s: float) 
         grid = resample(t, x, GRID_HZ)
     else:
         n_grid = int(np.floor((len(t) - 1) / rate_hz * GRID_HZ + 1e-6)) + 1
-        grid = CubicSpline(np.arange(len(t)) / rate_hz, x)(np.arange(n_grid) / GRID_HZ)
-    smooth = gaussian_filter1d(
-        grid, smoothing_s * GRID_HZ, axis=0, mode="nearest", truncate=_TRUNCATE
-    )
+        grid = interpolate_cubic(np.arange(len(t)) / rate_hz, x, np.arange(n_grid) / GRID_HZ)
+    smooth = _low_pass(grid, smoothing_s * GRID_HZ)
     if len(smooth) < 2:
         return np.zeros(len(smooth))
     speed: FloatArray = np.linalg.norm(np.gradient(smooth, axis=0), axis=1) * GRID_HZ
     return speed
+
+
+def _low_pass(values: FloatArray, deviation: float) -> FloatArray:
+    """Take the mean under a Gaussian bell about each row; beyond the ends these are held.
+
+    To load SciPy's takes longer than to segment a recording.
+    """
+    radius, n = int(_TRUNCATE * deviation + 0.5), len(values)
+    bell = np.exp(-0.5 * (np.arange(-radius, radius + 1) / deviation) ** 2)
+    bell /= bell.sum()
+    held = np.pad(values, ((radius, radius), (0, 0)), mode="edge")
+    smooth = bell[radius] * values
+    for k in range(radius):
+        smooth += bell[k] * (held[k : k + n] + held[2 * radius - k : 2 * radius - k + n])
+    return smooth
 
 
 def typical_speed(speed: FloatArray) -> float:

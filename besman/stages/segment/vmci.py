@@ -12,6 +12,7 @@ appendix A; P. Fearnhead and Z. Liu (2007), doi:10.1111/j.1467-9868.2007.00601.x
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -21,6 +22,9 @@ import numpy.typing as npt
 from besman.exceptions import SegmentationError
 
 FloatArray = npt.NDArray[np.float64]
+
+# Not SciPy's: to load it takes longer than to segment a recording.
+_log_gamma = np.vectorize(math.lgamma, otypes=[np.float64])
 
 
 class VmciModel(NamedTuple):
@@ -251,18 +255,18 @@ def tabulate_lengths(
     position = length_factor(n, d_position, model)
     position -= 0.5 * d_position**2 * np.log(model.weight_variance)
     speed = length_factor(n, d_speed, model) - d_speed * np.log(model.speed_weight_variance)
-    return prior - np.log(model.n_centres) + position + speed
+    log_evidence: FloatArray = prior - np.log(model.n_centres) + position + speed
+    return log_evidence
 
 
 def length_factor(n: FloatArray, d: int, model: VmciModel) -> FloatArray:
     """Log of ``pi^{-n d / 2} |S|^{nu / 2} Gamma_d((n + nu) / 2) / Gamma_d(nu / 2)``."""
-    from scipy.special import gammaln
-
     nu = model.nu(d)
     steps = np.arange(d) / 2
-    growth = gammaln((n[:, np.newaxis] + nu) / 2 - steps) - gammaln(nu / 2 - steps)
+    growth = _log_gamma((n[:, np.newaxis] + nu) / 2 - steps) - _log_gamma(nu / 2 - steps)
     scale = 0.5 * nu * d * np.log(model.noise_scale)
-    return scale - 0.5 * n * d * np.log(np.pi) + growth.sum(axis=1)
+    log_factor: FloatArray = scale - 0.5 * n * d * np.log(np.pi) + growth.sum(axis=1)
+    return log_factor
 
 
 def trace_back(previous: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:

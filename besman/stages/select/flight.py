@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from scipy.signal import savgol_filter
 
 from besman.exceptions import MappingError
 from besman.records import LabelledRecording
@@ -70,6 +69,8 @@ def _flight(path: FloatArray, rate_hz: float, n_throw: int) -> slice | None:
     window = max(round(_ACCELERATION_WINDOW_S * rate_hz) | 1, 5)
     if len(path) < window:
         return None
+    from scipy.signal import savgol_filter
+
     acceleration = savgol_filter(
         path, window, 2, deriv=2, delta=1.0 / rate_hz, axis=0, mode="constant", cval=np.nan
     )

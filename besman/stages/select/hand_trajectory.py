@@ -11,8 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import CubicSpline
-from scipy.signal import butter, sosfiltfilt
 
 from besman.exceptions import MappingError
 from besman.geometry.frames import back_frame, hand_frame, rotation_to_quaternion
@@ -163,6 +161,8 @@ def map_record(
         If the segment is shorter than three samples or reaches beyond the recording, a marker is
         not there or not seen, or nothing tells how the hand is turned.
     """
+    from scipy.interpolate import CubicSpline
+
     start, stop = bounds
     if not 0 <= start < stop <= len(recording.time) or stop - start < 3:
         raise MappingError(
@@ -195,6 +195,8 @@ def _smooth(positions: FloatArray, rate_hz: float, cutoff_hz: float) -> FloatArr
     """Low-pass without delay; nothing to do if the cutoff is above what the rate can carry."""
     if cutoff_hz >= 0.45 * rate_hz:
         return positions
+    from scipy.signal import butter, sosfiltfilt
+
     sections = butter(2, cutoff_hz, fs=rate_hz, output="sos")
     padding = min(len(positions) - 1, int(3 * rate_hz / cutoff_hz))
     smooth: FloatArray = sosfiltfilt(sections, positions, axis=0, padlen=padding)

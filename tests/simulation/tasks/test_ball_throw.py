@@ -11,9 +11,9 @@ from besman.simulation.episodes import Movements
 from besman.simulation.scenes import lay_in_tool
 from besman.simulation.tasks.ball_throw.ball_throw import ball_model
 from besman.simulation.tasks.kinds import load_task
-from besman.simulation.tasks.stick_throw.throwing import ballistic_touchdown
+from besman.simulation.tasks.stick_throw.throw_and_flight import ballistic_touchdown
 from besman.simulation.trial import move, try_plans
-from besman.stages.refine.stage import RefineConfig
+from besman.stages.refine.stage import CmaEsConfig
 
 TASK = load_task("ball_throw")
 ROBOT = load_robot("ur5", "scoop")
@@ -127,12 +127,12 @@ def test_the_target_is_the_tasks_or_the_demonstrations(plans):
     with pytest.raises(
         RefinementError, match=r"ball_throw needs a target on the floor \(target_m of"
     ):
-        RefineConfig(episodes=1).run((replace(plans[0], target=np.full(3, np.nan)),), ROBOT, own)
+        CmaEsConfig(episodes=1).run((replace(plans[0], target=np.full(3, np.nan)),), ROBOT, own)
 
 
 def test_a_target_out_of_reach_is_a_search_without_success(plans):
     far = TASK.model_copy(update={"target_m": (60.0, 0.0)})
-    (motion,) = RefineConfig(episodes=20).run(tuple(plans[:1]), ROBOT, far)
+    (motion,) = CmaEsConfig(episodes=20).run(tuple(plans[:1]), ROBOT, far)
     assert not motion.success
     assert len(motion.returns) == 20
     assert motion.failure or motion.miss_before > 50

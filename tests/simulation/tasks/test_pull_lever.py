@@ -13,7 +13,7 @@ from besman.simulation.episodes import Movements
 from besman.simulation.tasks.kinds import load_task
 from besman.simulation.tasks.pull_lever.lever_scene import find_hinge, lever_model
 from besman.simulation.trial import try_plans
-from besman.stages.refine.stage import RefineConfig
+from besman.stages.refine.stage import CmaEsConfig
 
 TASK = load_task("pull_lever")
 
@@ -148,10 +148,10 @@ def test_demonstrations_that_no_lever_fits_are_errors(puller, pull):
         RefinementError,
         match=r"a: task pull_lever: the demonstrated movement ends .* expected 1 cm",
     ):
-        RefineConfig(episodes=1).run((far,), puller, TASK)
+        CmaEsConfig(episodes=1).run((far,), puller, TASK)
     none = replace(pull, start_pose=np.full(7, np.nan))
     with pytest.raises(RefinementError, match="pull_lever needs a demonstrated start and end pose"):
-        RefineConfig(episodes=1).run((none,), puller, TASK)
+        CmaEsConfig(episodes=1).run((none,), puller, TASK)
 
 
 @pytest.mark.slow
@@ -159,7 +159,7 @@ def test_a_longer_pull_than_was_shown_is_learnt(puller, pull):
     task = changed(lever={"pull_deg": 70.0})
     before = try_pull(puller, pull, task)
     assert not before.success
-    config = RefineConfig(episodes=150, units={"goal_rad": 0.05, "shape_rad": 0.05})
+    config = CmaEsConfig(episodes=150, units={"goal_rad": 0.05, "shape_rad": 0.05})
     (motion,) = config.run((pull,), puller, task)
     assert motion.success
     assert motion.miss_before > task.success_radius_m

@@ -5,8 +5,11 @@ from scipy.integrate import solve_ivp
 
 from besman.simulation.episodes import Movements
 from besman.simulation.tasks.kinds import load_task
-from besman.simulation.tasks.stick_throw.throw import simulate_throws, throw_model
-from besman.simulation.tasks.stick_throw.throwing import ballistic_touchdown, flight
+from besman.simulation.tasks.stick_throw.stick_throw import simulate_stick_throws, stick_throw_model
+from besman.simulation.tasks.stick_throw.throw_and_flight import (
+    ballistic_flight,
+    ballistic_touchdown,
+)
 from besman.simulation.trial import move
 
 TASK = load_task("stick_throw")
@@ -20,7 +23,7 @@ def changed(**sections):
 
 
 def throw(robot, plans, task=TASK, paths=False):
-    return simulate_throws(robot, task, move(plans, task), paths)
+    return simulate_stick_throws(robot, task, move(plans, task), paths)
 
 
 def test_stick_leaves_and_lands_in_front(robot, make_plan):
@@ -46,7 +49,7 @@ def test_energy_of_the_flight_is_what_the_arm_gave(robot, make_plan):
 
 
 def test_the_stick_starts_at_rest_on_the_back_plate(robot, make_plan):
-    model = throw_model(robot, TASK)
+    model = stick_throw_model(robot, TASK)
     data = mujoco.MjData(model)
     plan = make_plan()
     movements = move([plan], TASK)
@@ -111,7 +114,7 @@ def test_a_holder_that_points_down_drops_the_stick(robot, make_plan):
         durations=np.array([plan.duration]),
     )
     task = changed(failure={"least_release_speed_m_s": 3.0})
-    assert simulate_throws(robot, task, still).failures == ("stick dropped",)
+    assert simulate_stick_throws(robot, task, still).failures == ("stick dropped",)
 
 
 def test_an_arm_without_the_strength_does_not_follow(robot, make_plan):
@@ -124,7 +127,7 @@ def test_a_movement_that_explodes_is_a_failed_episode_beside_a_good_one(robot, m
     wild = movements.positions.copy()
     wild[0, 100:] = np.nan
     broken = Movements(wild, movements.velocities, movements.accelerations, movements.durations)
-    episodes = simulate_throws(robot, TASK, broken)
+    episodes = simulate_stick_throws(robot, TASK, broken)
     assert episodes.failures[0] == "unstable simulation"
     assert np.isnan(episodes.outcomes[0]).all()
     assert episodes.failures[1] == ""
@@ -147,11 +150,11 @@ def test_ballistics_agree_with_an_integrator():
     )
     landed = ballistic_touchdown(position, velocity)
     np.testing.assert_allclose(landed, solution.y_events[0][0][:3], atol=1e-9)
-    path = flight(position, velocity)
+    path = ballistic_flight(position, velocity)
     np.testing.assert_allclose(path[-1], landed)
     assert path[:, 2].max() == pytest.approx(1.3 + 1.5**2 / (2 * 9.81), abs=1e-3)
 
 
 def test_nothing_lands_from_below_the_floor():
     assert np.isnan(ballistic_touchdown([0, 0, -0.1], [1, 0, 1])).all()
-    assert flight(np.array([0, 0, -0.1]), np.ones(3)).shape == (0, 3)
+    assert ballistic_flight(np.array([0, 0, -0.1]), np.ones(3)).shape == (0, 3)

@@ -15,7 +15,7 @@ from besman.stages.compose.actions import (
     name_spans,
     train_level,
 )
-from besman.stages.compose.borders import candidate_borders, find_valleys, merge_borders
+from besman.stages.compose.borders import candidate_borders, find_slow_rows, merge_borders
 from besman.stages.compose.stage import (
     ComposeConfig,
     compose_results,
@@ -108,7 +108,7 @@ def test_valleys_of_a_rest_are_its_ends(make_steps):
         positions=np.concatenate([hand, still, hand[::-1][:50]]),
         filled=np.zeros((len(hand) + 100, 6), dtype=bool),
     )
-    rows = find_valleys(longer, "hand_top")
+    rows = find_slow_rows(longer, "hand_top")
     inside = rows[(rows > len(hand) - 15) & (rows < len(hand) + 60)]
     assert len(inside) == 2
     assert np.abs(inside - [len(hand), len(hand) + 50]).max() <= 8
@@ -148,7 +148,7 @@ def gap(recording):
         (lambda r, m: compose_level(r, [0, 1, 50], m), r"segment \[0, 1\); expected at least 2"),
         (lambda r, m: compose_level(r, [0, 10**6], m), "expected at least 2 samples inside"),
         (lambda r, m: compose_level(gap(r), [0, 50], m), "'hand_top' was not seen in frame 21"),
-        (lambda r, m: find_valleys(gap(r), "hand_top"), "'hand_top' was not seen in frame 21"),
+        (lambda r, m: find_slow_rows(gap(r), "hand_top"), "'hand_top' was not seen in frame 21"),
         (lambda r, m: train_level([r], [[]], [[]], ARM), "a level has no examples"),
         (lambda r, m: train_level([r], [[(0, 9)]], [["a"]], ("elbwo",)), "did you mean 'elbow'"),
         (lambda r, m: merge_borders([[]]), "got no blocks"),

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from besman.exceptions import RecognitionError
 from besman.records import LabelledRecording
-from besman.stages.compose.borders import find_valleys, measure_brisk
+from besman.stages.compose.borders import find_slow_rows, measure_brisk
 from besman.stages.compose.valley_stream import ValleyStream
 
 
@@ -38,7 +38,7 @@ def stop_and_go(seed, n_samples, rate_hz):
 def test_valleys_are_those_of_the_whole_recording(seed, n_samples, rate_hz, factor):
     recording = stop_and_go(seed, n_samples, rate_hz)
     brisk = factor * measure_brisk([recording], "hand_top")
-    expected = find_valleys(recording, "hand_top", brisk).tolist()
+    expected = find_slow_rows(recording, "hand_top", brisk).tolist()
     stream = ValleyStream(rate_hz, brisk)
     for row, position in enumerate(recording.positions[:, 0]):
         stream.add(position)
@@ -61,7 +61,7 @@ def test_a_long_rest_does_not_hold_up_what_is_known():
 
 def test_without_a_brisk_speed_that_of_the_recording_counts():
     recording = stop_and_go(1, 300, 60.0)
-    given_speed = find_valleys(recording, "hand_top", measure_brisk([recording], "hand_top"))
-    assert given_speed.tolist() == find_valleys(recording, "hand_top").tolist()
+    given_speed = find_slow_rows(recording, "hand_top", measure_brisk([recording], "hand_top"))
+    assert given_speed.tolist() == find_slow_rows(recording, "hand_top").tolist()
     with pytest.raises(RecognitionError, match="no marker 'x'"):
         measure_brisk([recording], "x")

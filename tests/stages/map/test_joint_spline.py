@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from besman.robot.limits import resample
+from besman.robot.limits import resample_trajectory
 from besman.robot.model import load_robot
 from besman.stages.map.joint_spline import fit_spline
 
@@ -24,7 +24,7 @@ def test_hull_and_derivatives(seed, n_samples, start):
         assert np.all(values >= hull.min(axis=0) - slack)
         np.testing.assert_allclose(samples[[0, -1]], values[[0, -1]], atol=slack)
     # The samples alone define the same movement.
-    between, *dense = resample(time, *spline.samples(), 4000.0)
+    between, *dense = resample_trajectory(time, *spline.samples(), 4000.0)
     for values, wanted in zip(dense, spline.at(between), strict=True):
         np.testing.assert_allclose(values, wanted, atol=1e-6 * (np.abs(wanted).max() + 1.0))
 

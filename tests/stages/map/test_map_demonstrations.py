@@ -12,7 +12,7 @@ from besman.config.stage import Work
 from besman.config.yaml_file import parse_config
 from besman.exceptions import ConfigError, MappingError
 from besman.records import Failure, HandTrajectory, LabelledSegments
-from besman.robot.limits import check_limits, resample
+from besman.robot.limits import check_limits, resample_trajectory
 from besman.robot.model import load_robot
 from besman.stages.map.demonstration import place_target, pose_errors, tool_poses
 from besman.stages.map.placement import ArmPaths, PlacementSearch, find_placement
@@ -38,7 +38,7 @@ def test_throws_are_transferred_within_all_limits(mapping):
     assert results["orientation_error_deg"]["p95"] < 3
     assert 1.0 <= results["time_stretch"]["max"] < 1.6
     for one in mapping.trajectories:
-        _, *dense = resample(one.time, one.positions, one.velocities, one.accelerations)
+        _, *dense = resample_trajectory(one.time, one.positions, one.velocities, one.accelerations)
         report = check_limits(ROBOT, *dense)
         assert report.violations == report.self_collisions == 0
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from besman.exceptions import MappingError
 from besman.robot.dynamics import inverse_dynamics
-from besman.robot.limits import check_limits, resample
+from besman.robot.limits import check_limits, resample_trajectory
 from besman.robot.model import load_robot
 from besman.stages.map import limit_program, path_change
 from besman.stages.map.joint_spline import fit_spline
@@ -62,7 +62,7 @@ def test_limits_hold_at_1_khz_whatever_comes_in(name, kind, seed, n_samples, rat
     path = draw(robot, kind, seed, n_samples, size)
     time = np.arange(n_samples) / rate
     scaled = scale_path(robot, time, path, tolerance=ChangeTolerance(free_spin=free_spin))
-    dense_time, *dense = resample(
+    dense_time, *dense = resample_trajectory(
         scaled.time, scaled.positions, scaled.velocities, scaled.accelerations
     )
     report = check_limits(robot, *dense)
@@ -151,7 +151,9 @@ def test_without_a_solution_the_path_is_clipped_and_stretched(monkeypatch):
     time = np.arange(60) / 100
     path = draw(robot, "beyond", 1, 60, 1.0)
     scaled = scale_path(robot, time, path)
-    dense = resample(scaled.time, scaled.positions, scaled.velocities, scaled.accelerations)
+    dense = resample_trajectory(
+        scaled.time, scaled.positions, scaled.velocities, scaled.accelerations
+    )
     assert check_limits(robot, *dense[1:]).violations == 0
 
 
@@ -181,7 +183,9 @@ def test_torques_stretch_time_exactly():
     assert stretch > 1.0
     assert np.max(np.abs(torques) / robot.limits.torque) == pytest.approx(1.0)
     scaled = scale_path(robot, time, path)
-    dense = resample(scaled.time, scaled.positions, scaled.velocities, scaled.accelerations)
+    dense = resample_trajectory(
+        scaled.time, scaled.positions, scaled.velocities, scaled.accelerations
+    )
     report = check_limits(robot, *dense[1:])
     assert report.violations == 0
     assert report.torque_ratio > 0.9
@@ -190,7 +194,9 @@ def test_torques_stretch_time_exactly():
 def test_an_arm_too_weak_for_its_own_weight():
     time, path = swing(UR5, 6.0)
     scaled = scale_path(weak(UR5, 0.01), time, path)
-    dense = resample(scaled.time, scaled.positions, scaled.velocities, scaled.accelerations)
+    dense = resample_trajectory(
+        scaled.time, scaled.positions, scaled.velocities, scaled.accelerations
+    )
     report = check_limits(weak(UR5, 0.01), *dense[1:])
     assert report.torque > 0
     assert report.violations == report.torque

@@ -7,7 +7,7 @@ from besman.exceptions import MappingError, RobotError
 from besman.records import HandTrajectory
 from besman.robot.collision import distances_between, place_capsules
 from besman.robot.kinematics import fill_frames
-from besman.robot.limits import check_limits, resample
+from besman.robot.limits import check_limits, resample_trajectory
 from besman.robot.model import load_robot
 from besman.stages.map.demonstration import MappingSettings
 from besman.stages.map.two_arms import arms_distance, map_two_arms
@@ -44,7 +44,9 @@ def test_both_arms_do_the_same_demonstrations_at_the_same_time(mappings):
         np.testing.assert_allclose(apart, 0.3, atol=1e-9)
         assert arms_distance((RIGHT, LEFT), (first, second)) > 0
         for one, robot in ((first, RIGHT), (second, LEFT)):
-            _, *dense = resample(one.time, one.positions, one.velocities, one.accelerations)
+            _, *dense = resample_trajectory(
+                one.time, one.positions, one.velocities, one.accelerations
+            )
             report = check_limits(robot, *dense)
             assert report.violations == report.self_collisions == 0
 

@@ -3,7 +3,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
 
-from besman.stages.recognize.splines import resample
+from besman.stages.recognize.splines import resample_segments
 
 
 @settings(max_examples=50, deadline=None)
@@ -17,7 +17,7 @@ def test_every_segment_has_the_spline_of_its_own_samples(seed, cuts, n_points):
     time = np.cumsum(rng.uniform(0.5, 1.5, 100))
     values = rng.normal(size=(100, 3))
     bounds = np.array([(start, start + length) for start, length in cuts])
-    points, step_s = resample(time, values, bounds, n_points)
+    points, step_s = resample_segments(time, values, bounds, n_points)
     for index, (start, end) in enumerate(bounds):
         places = np.linspace(time[start], time[end - 1], n_points)
         expected = CubicSpline(time[start:end], values[start:end])(places)
@@ -26,6 +26,8 @@ def test_every_segment_has_the_spline_of_its_own_samples(seed, cuts, n_points):
 
 
 def test_no_segments_give_no_points():
-    points, step_s = resample(np.arange(5.0), np.zeros((5, 2)), np.empty((0, 2), dtype=int), 4)
+    points, step_s = resample_segments(
+        np.arange(5.0), np.zeros((5, 2)), np.empty((0, 2), dtype=int), 4
+    )
     assert points.shape == (0, 4, 2)
     assert step_s.shape == (0,)

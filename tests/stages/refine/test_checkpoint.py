@@ -14,7 +14,7 @@ from besman.simulation.tasks.kinds import load_task
 from besman.simulation.trial import Trial
 from besman.stages.refine.checkpoint import Checkpoint, Generation
 from besman.stages.refine.methods import METHODS
-from besman.stages.refine.stage import RefineConfig
+from besman.stages.refine.stage import CmaEsConfig
 from besman.work.work import Work
 
 THROW = load_task("stick_throw")
@@ -93,11 +93,11 @@ def test_an_ended_search_goes_on_as_if_it_had_not_been(robot, make_plan, tmp_pat
 
 
 def test_what_is_finished_is_not_tried_again(robot, make_plan, tmp_path, monkeypatch):
+    from besman.stages.refine.search_loop import RunningSearch
+
     plans, config = (make_plan(0.54, target=FAR),), config_of("cma_es")
     (whole,) = refined(config, plans, robot, tmp_path)
-    from besman.stages.refine import search_loop as pool
-
-    monkeypatch.setattr(pool.Pursuit, "advance", lambda self: pytest.fail("tried again"))
+    monkeypatch.setattr(RunningSearch, "advance", lambda self: pytest.fail("tried again"))
     (again,) = refined(config, plans, robot, tmp_path)
     assert_same(again, whole)
 
@@ -121,7 +121,7 @@ def test_two_plans_of_one_name_do_not_share_what_they_keep(robot, make_plan, tmp
 
 def test_a_pool_ended_in_the_middle_of_a_generation_goes_on(robot, make_plan, tmp_path):
     plans = tuple(make_plan(0.5 + 0.04 * at, name=str(at), target=FAR) for at in range(3))
-    config = RefineConfig(episodes=30, pool=True)
+    config = CmaEsConfig(episodes=30, pool=True)
     (whole,) = refined(config, plans, robot)
     refined(config, plans, robot, tmp_path)
     for at, own in enumerate(sorted(tmp_path.iterdir())):
@@ -132,7 +132,7 @@ def test_a_pool_ended_in_the_middle_of_a_generation_goes_on(robot, make_plan, tm
 
 
 def test_a_run_keeps_checkpoints_until_the_stage_is_stored(robot, make_plan, tmp_path):
-    class Watched(RefineConfig):
+    class Watched(CmaEsConfig):
         def run(self, plans, robot, task, work=Work()):
             done = super().run(plans, robot, task, work)
             seen.append(sorted(work.checkpoints.rglob("*.npz")))
@@ -158,7 +158,7 @@ import sys
 from pathlib import Path
 
 from besman.records.files import load_record
-from besman.stages.refine.stage import RefineConfig
+from besman.stages.refine.stage import CmaEsConfig
 from besman.robot.model import load_robot
 from besman.pipeline.run_folder import Run
 from besman.simulation.tasks.kinds import load_task
@@ -167,7 +167,7 @@ plans, folder = load_record(Path(sys.argv[1])), Path(sys.argv[2])
 robot, task = load_robot("ur5", "stick_holder"), load_task("stick_throw")
 run = Run(folder, "a", jobs=2)
 run.start("", {})
-run.step("refine", RefineConfig(episodes=200), plans, robot, task)
+run.step("refine", CmaEsConfig(episodes=200), plans, robot, task)
 run.finish()
 """
 
@@ -214,8 +214,6 @@ def test_a_killed_run_goes_on_and_ends_with_the_same_bytes(robot, make_plan, tmp
 
 def test_the_same_plan_has_the_same_name(robot, make_plan, tmp_path):
     plan = make_plan(0.54, target=FAR)
-    refined(RefineConfig(episodes=2), (plan,), robot, tmp_path)
-    refined(
-        RefineConfig(episodes=2), (replace(plan, weights=plan.weights.copy()),), robot, tmp_path
-    )
+    refined(CmaEsConfig(episodes=2), (plan,), robot, tmp_path)
+    refined(CmaEsConfig(episodes=2), (replace(plan, weights=plan.weights.copy()),), robot, tmp_path)
     assert len(list(tmp_path.iterdir())) == 1

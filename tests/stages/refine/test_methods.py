@@ -8,7 +8,7 @@ from besman.exceptions import RefinementError
 from besman.simulation.tasks.kinds import load_task
 from besman.simulation.trial import try_plans
 from besman.stages.refine.methods import METHODS, RefineStage
-from besman.stages.refine.stage import RefineConfig
+from besman.stages.refine.stage import CmaEsConfig
 from besman.work.work import Work
 
 THROW = load_task("stick_throw")
@@ -24,8 +24,8 @@ def plan(robot, make_plan):
 
 
 def test_cma_es_is_the_default():
-    assert parse({}) == RefineConfig() == parse({"method": "cma_es"})
-    assert parse({"episodes": 5}) == RefineConfig(episodes=5)
+    assert parse({}) == CmaEsConfig() == parse({"method": "cma_es"})
+    assert parse({"episodes": 5}) == CmaEsConfig(episodes=5)
     assert METHODS == ("cma_es", "reps", "pi2", "pi2_cma", "cem")
 
 
@@ -82,7 +82,7 @@ def pool_plans(robot, make_plan):
 @pytest.mark.slow
 def test_a_pool_shares_a_target_and_the_best_wins(robot, make_plan):
     plans = pool_plans(robot, make_plan)
-    config = RefineConfig(episodes=150, pool=True)
+    config = CmaEsConfig(episodes=150, pool=True)
     shares = []
     (won,) = config.run(plans, robot, THROW, Work(progress=shares.append))
     assert won.success
@@ -92,7 +92,7 @@ def test_a_pool_shares_a_target_and_the_best_wins(robot, make_plan):
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
     # Each is what it would be alone; none that is alone succeeds in fewer generations.
-    alone = RefineConfig(episodes=150).run(
+    alone = CmaEsConfig(episodes=150).run(
         tuple(replace(plan, target=middle) for plan in plans), robot, THROW
     )
     assert len(won.returns) == min(len(motion.returns) for motion in alone if motion.success)
@@ -105,13 +105,13 @@ def test_a_pool_shares_a_target_and_the_best_wins(robot, make_plan):
 def test_a_pool_without_success_gives_the_best(robot, make_plan):
     plans = pool_plans(robot, make_plan)
     far = tuple(replace(plan, target=np.array([5.0, 0, 0])) for plan in plans)
-    (best,) = RefineConfig(episodes=9, pool=True).run(far, robot, THROW)
+    (best,) = CmaEsConfig(episodes=9, pool=True).run(far, robot, THROW)
     assert not best.success
-    alone = RefineConfig(episodes=9).run(far, robot, THROW)
+    alone = CmaEsConfig(episodes=9).run(far, robot, THROW)
     assert best.returns.max() == max(motion.returns.max() for motion in alone)
 
 
 def test_a_pool_refuses_what_does_not_belong_to_the_task(robot, make_plan):
     plan = replace(make_plan(), target=np.full(3, np.nan))
     with pytest.raises(RefinementError, match="a: task stick_throw needs a target on the floor"):
-        RefineConfig(pool=True).run((plan,), robot, THROW)
+        CmaEsConfig(pool=True).run((plan,), robot, THROW)

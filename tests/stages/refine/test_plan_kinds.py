@@ -21,7 +21,7 @@ from besman.simulation.tasks.kinds import load_task
 from besman.simulation.trial import try_plans
 from besman.stages.export.motion_exports import write_exports
 from besman.stages.refine.plan_space import CartesianPlanSpace, PlanSpace, Units, plan_space
-from besman.stages.refine.stage import RefineConfig
+from besman.stages.refine.stage import CmaEsConfig
 
 ALL = ("start", "goal", "duration", "weights")
 KINDS = ("joint_dmp_velocity", "cartesian_dmp")
@@ -141,11 +141,11 @@ def test_throws_land_on_their_targets_and_what_is_exported_is_the_plans_own_roll
     robot, plans, kind, tmp_path
 ):
     (trial,) = try_plans(
-        robot, THROW, [RefineConfig().set_up(plans[kind], robot, THROW).propose()[0]]
+        robot, THROW, [CmaEsConfig().set_up(plans[kind], robot, THROW).propose()[0]]
     )
     assert not trial.failure
     plan = replace(plans[kind], target=trial.outcome + np.array([-0.12, 0.08, 0]), name="x:1")
-    (motion,) = RefineConfig(episodes=150).run((plan,), robot, THROW)
+    (motion,) = CmaEsConfig(episodes=150).run((plan,), robot, THROW)
     assert motion.success
     assert motion.plan.kind == kind
     assert motion.miss < motion.miss_before

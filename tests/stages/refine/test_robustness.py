@@ -9,7 +9,7 @@ from besman.simulation.perturbation import Spreads
 from besman.simulation.tasks.kinds import load_task
 from besman.simulation.trial import try_plans
 from besman.stages.refine.robustness import Robustness, RobustnessConfig, robustness_results
-from besman.stages.refine.stage import RefineConfig
+from besman.stages.refine.stage import CmaEsConfig
 
 THROW = load_task("stick_throw")
 NONE = dict.fromkeys(Spreads.model_fields, 0.0)
@@ -22,7 +22,7 @@ def motions(robot, make_plan):
     plans = [make_plan(0.54, name="a"), make_plan(0.6, name="b")]
     trials = try_plans(robot, THROW, plans)
     plans = [replace(plan, target=trial.outcome) for plan, trial in zip(plans, trials, strict=True)]
-    return RefineConfig(episodes=1).run(tuple(plans), robot, THROW)
+    return CmaEsConfig(episodes=1).run(tuple(plans), robot, THROW)
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +61,7 @@ def test_models_that_are_right_give_the_refined_motion(robot, motions):
 
 
 def test_a_motion_without_an_outcome_has_no_figures(robot, make_plan):
-    motions = RefineConfig(episodes=1).run((make_plan(4.0),), robot, THROW)
+    motions = CmaEsConfig(episodes=1).run((make_plan(4.0),), robot, THROW)
     found = RobustnessConfig(models=2).run(motions, robot, THROW)
     results = robustness_results(found)
     assert results["success_share"] == 0.0

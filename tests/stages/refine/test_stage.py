@@ -12,7 +12,7 @@ from besman.robot.mujoco_model import matrix_to_quaternion
 from besman.simulation.perturbed_trials import finer_task
 from besman.simulation.tasks.kinds import load_task
 from besman.simulation.trial import try_plans
-from besman.stages.refine.stage import RefineConfig, refine_results
+from besman.stages.refine.stage import CmaEsConfig, refine_results
 
 THROW, REACH = load_task("stick_throw"), load_task("reach")
 
@@ -31,7 +31,7 @@ def plans(robot, make_plan):
 
 @pytest.fixture(scope="module")
 def motions(robot, plans):
-    return RefineConfig(episodes=150).run(plans, robot, THROW)
+    return CmaEsConfig(episodes=150).run(plans, robot, THROW)
 
 
 def test_throws_land_on_their_targets(robot, plans, motions):
@@ -57,7 +57,7 @@ def test_the_best_plan_does_again_what_it_did(robot, motions):
 
 
 def test_neither_threads_nor_company_change_a_result(robot, plans):
-    config = RefineConfig(episodes=35)
+    config = CmaEsConfig(episodes=35)
     shares = []
     both = config.run(plans, robot, THROW)
     threaded = config.run(plans, robot, THROW, Work(jobs=3, progress=shares.append))
@@ -79,7 +79,7 @@ def test_a_success_beyond_a_limit_is_none(robot, make_plan, monkeypatch):
     )
     plan = make_plan(0.54)
     (trial,) = try_plans(robot, THROW, [plan])
-    (motion,) = RefineConfig(episodes=1).run((replace(plan, target=trial.outcome),), robot, THROW)
+    (motion,) = CmaEsConfig(episodes=1).run((replace(plan, target=trial.outcome),), robot, THROW)
     assert not motion.success
     assert motion.failure == "limit exceeded"
     assert motion.returns[0] == -THROW.reward.failure
@@ -99,14 +99,14 @@ def test_a_success_of_the_usual_time_step_alone_is_none(robot, make_plan, monkey
     )
     plan = make_plan(0.54)
     usual, fine = (try_plans(robot, one, [plan])[0] for one in (THROW, finer_task(THROW)))
-    (motion,) = RefineConfig(episodes=1).run((replace(plan, target=usual.outcome),), robot, THROW)
+    (motion,) = CmaEsConfig(episodes=1).run((replace(plan, target=usual.outcome),), robot, THROW)
     assert not motion.success
     assert motion.miss == pytest.approx(np.linalg.norm(fine.outcome - usual.outcome))
     assert motion.miss > 0
 
 
 def test_the_seed_matters(robot, plans, motions):
-    (other,) = RefineConfig(episodes=20, seed=1).run(plans[:1], robot, THROW)
+    (other,) = CmaEsConfig(episodes=20, seed=1).run(plans[:1], robot, THROW)
     assert other.returns[0] == motions[0].returns[0]
     assert not (other.returns[1:5] == motions[0].returns[1:5]).any()
 
@@ -114,14 +114,14 @@ def test_the_seed_matters(robot, plans, motions):
 @pytest.mark.parametrize("episodes", [1, 3, 30])
 def test_the_budget_is_kept(robot, plans, episodes):
     far = replace(plans[0], target=np.array([5.0, 0, 0]))
-    (motion,) = RefineConfig(episodes=episodes).run((far,), robot, THROW)
+    (motion,) = CmaEsConfig(episodes=episodes).run((far,), robot, THROW)
     assert len(motion.returns) == len(motion.misses) == episodes
     assert not motion.success
     assert motion.miss <= motion.miss_before
 
 
 def test_an_imitation_that_fails_says_why(robot, make_plan):
-    (motion,) = RefineConfig(episodes=1).run((make_plan(4.0),), robot, THROW)
+    (motion,) = CmaEsConfig(episodes=1).run((make_plan(4.0),), robot, THROW)
     assert motion.failure == "stick not released"
     assert np.isnan(motion.miss_before)
     assert np.isnan(motion.outcome_before).all()
@@ -134,7 +134,7 @@ def test_reaching_corrects_position_and_orientation(make_plan):
     offset = np.array([0.03, -0.02, 0.02, 0.05, -0.05, 0.05])
     pose = forward_kinematics(robot.chain, plan.goal + offset)
     wanted = np.concatenate([pose[:3, 3], matrix_to_quaternion(np.ascontiguousarray(pose[:3, :3]))])
-    (motion,) = RefineConfig(episodes=400, search=("goal",)).run(
+    (motion,) = CmaEsConfig(episodes=400, search=("goal",)).run(
         (replace(plan, goal_pose=wanted, target=np.full(3, np.nan)),), robot, REACH
     )
     assert motion.miss_before > 0.01
@@ -154,7 +154,7 @@ def test_results(motions):
 
 
 def test_what_does_not_belong_together_is_refused(robot, make_plan):
-    config, plan = RefineConfig(), make_plan()
+    config, plan = CmaEsConfig(), make_plan()
     with pytest.raises(RefinementError, match="robot ur5 carries tool 'stick_holder', expected 'g"):
         config.run((plan,), robot, REACH)
     with pytest.raises(RefinementError, match="a: plan for joints x, y"):

@@ -9,7 +9,7 @@ from besman.stages.segment.locmin import find_speed_minima
 from besman.stages.segment.mci import find_position_changes
 from besman.stages.segment.rivals import BpArHmmConfig, LocminConfig, MciConfig, ProbsConfig
 from besman.stages.segment.vmci_plain import find_change_points_plainly
-from besman.synthetic.sequenced_dmps import generate
+from besman.synthetic.sequenced_dmps import generate_sequenced_dmps
 
 CONFIGS = (MciConfig(), LocminConfig(), BpArHmmConfig(sweeps=10), ProbsConfig(most_primitives=2))
 
@@ -59,7 +59,7 @@ def test_bad_speeds_are_refused():
 
 @pytest.mark.parametrize("config", CONFIGS, ids=lambda config: config.method)
 def test_what_every_rival_does(config):
-    recordings = tuple(movement.recording() for movement in generate()[:3])
+    recordings = tuple(movement.recording() for movement in generate_sequenced_dmps()[:3])
     shares = []
     segments = config.run(recordings)
     for found, recording in zip(segments, recordings, strict=True):
@@ -95,7 +95,7 @@ def test_bad_recordings(config):
 
 @pytest.mark.parametrize("config", CONFIGS[2:], ids=lambda config: config.method)
 def test_clusters_have_names_and_one_rate(config):
-    recordings = tuple(movement.recording() for movement in generate()[:3])
+    recordings = tuple(movement.recording() for movement in generate_sequenced_dmps()[:3])
     labelled = config.run_labelled(recordings)
     assert all(each.labels[0].startswith("cluster") for each in labelled)
     slow = record(np.random.default_rng(0).normal(size=(50, 3)), rate_hz=10.0)

@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 from scipy.special import logsumexp
 
 from besman.stages.segment.signals import prepare_signals, resample
-from besman.stages.segment.span_kernel import evaluate_spans
-from besman.stages.segment.valley_vmci import _search, _weigh, find_movements
+from besman.stages.segment.spans import evaluate_spans
+from besman.stages.segment.valley_vmci import _find_farthest, _search, _weigh, find_movements
 from besman.stages.segment.vmci import VmciModel, tabulate_lengths
 from besman.stages.segment.vmci_plain import evaluate_segments
 
@@ -103,18 +103,25 @@ def test_spans_have_the_evidence_of_vmci():
     factor = tabulate_lengths(len(v), 0, 2, 0.05, None, model)
     plain = factor + evaluate_segments(np.empty((len(v), 0)), v, len(v), model)
     starts, ends = np.array([0, 11, 30, len(v)]), np.array([0, 9, 30, len(v)])
-    spans = evaluate_spans(
-        np.ascontiguousarray(v.T), starts, ends, factor, 4, 0.25, 100.0, 1.0, 4.0
-    )
+    spans = evaluate_spans(v, starts, ends, np.full(4, 3), factor, model)
     for i, j in combinations(range(4), 2):
         assert spans[i, j] == pytest.approx(plain[ends[j], ends[j] - starts[i]], abs=1e-7)
     assert np.isfinite(spans).any()
     assert np.all(np.isinf(spans[np.tril_indices(4)]))
-    few = evaluate_spans(
-        np.ascontiguousarray(v.T), starts, ends, factor[:20], 4, 0.25, 100.0, 1.0, 4.0
-    )
+    few = evaluate_spans(v, starts, ends, np.full(4, 3), factor[:20], model)
     np.testing.assert_array_equal(few[0, 1], spans[0, 1])
     assert np.isinf(few[0, 3])
+    near = evaluate_spans(v, starts, ends, np.array([2, 2, 3, 3]), factor, model)
+    asked = np.array([[0, 1, 1, 0], [0, 0, 1, 0], [0, 0, 0, 1], [0, 0, 0, 0]], bool)
+    np.testing.assert_array_equal(near, np.where(asked, spans, -np.inf))
+
+
+@given(st.lists(st.booleans(), max_size=12))
+def test_no_way_leads_past_a_sure_valley(sure):
+    places = [False, *sure, False]
+    for i, farthest in enumerate(_find_farthest(np.array(sure, bool))):
+        allowed = [j for j in range(len(places)) if not any(places[i + 1 : j])]
+        assert farthest == max(allowed)
 
 
 def test_search_and_weights_against_all_ways():

@@ -3,10 +3,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from scipy.ndimage import gaussian_filter1d
 
 from besman.stages.segment.valleys import (
     GRID_HZ,
     ValleyShape,
+    _low_pass,
     find_valleys,
     smooth_speed,
     typical_speed,
@@ -96,3 +98,10 @@ def test_speed_is_the_same_at_every_rate(rate_hz):
     true = np.sqrt((3 * np.cos(3 * at)) ** 2 + (2 * np.sin(2 * at)) ** 2 + 1)
     inner = slice(30, -30)
     np.testing.assert_allclose(speed[inner], true[inner], rtol=0.02)
+
+
+@pytest.mark.parametrize(("n", "deviation"), [(1, 5.0), (30, 5.0), (500, 5.0), (500, 2.3)])
+def test_low_pass_beside_scipy(n, deviation):
+    path = np.random.default_rng(n).normal(size=(n, 3)).cumsum(axis=0)
+    expected = gaussian_filter1d(path, deviation, axis=0, mode="nearest", truncate=4.0)
+    np.testing.assert_allclose(_low_pass(path, deviation), expected, rtol=0, atol=1e-13)

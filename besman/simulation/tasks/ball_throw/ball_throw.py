@@ -9,9 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
-from typing import Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
-import mujoco
 import numpy as np
 import numpy.typing as npt
 from pydantic import Field
@@ -31,13 +30,16 @@ from besman.simulation.scenes import (
     set_contact_options,
 )
 from besman.simulation.task import TimeStep
-from besman.simulation.tasks.stick_throw.throwing import (
-    Thing,
+from besman.simulation.tasks.stick_throw.throw_and_flight import (
     ThrowConfig,
+    ThrownThing,
     ThrowSimulationConfig,
     ThrowSuccessConfig,
-    throw,
+    simulate_throw,
 )
+
+if TYPE_CHECKING:
+    import mujoco
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -134,8 +136,8 @@ class BallThrowConfig(ThrowConfig):
         def way_out(place: FloatArray) -> FloatArray:
             return np.asarray(place[..., 2] / (rim + self.ball.radius_m))
 
-        thing = Thing("ball", is_clear, way_out)
-        return throw(robot, self, model, initial, thing, movements, paths)
+        thing = ThrownThing("ball", is_clear, way_out)
+        return simulate_throw(robot, self, model, initial, thing, movements, paths)
 
 
 @lru_cache(maxsize=8)
@@ -145,6 +147,8 @@ def ball_model(robot: Robot, task: BallThrowConfig) -> mujoco.MjModel:
     Sensors: position of the ball in the frame of the tool centre point (3), position (3) and
     orientation (4, wxyz) of the tool centre point in the world.
     """
+    import mujoco
+
     spec, last = arm_spec(robot, task.simulation.time_step_s)
     set_contact_options(spec)
     _add_scoop(add_tool_body(last, robot, "scoop"), task)
@@ -167,6 +171,8 @@ def ball_model(robot: Robot, task: BallThrowConfig) -> mujoco.MjModel:
 
 def _add_scoop(scoop: Any, task: BallThrowConfig) -> None:
     """Add a plate and a rim; every wall would touch a ball that is larger by the clearance."""
+    import mujoco
+
     radius, steep = task.ball.radius_m, np.radians(task.scoop.wall_deg)
     reach = radius + task.scoop.clearance_m
     shape = {

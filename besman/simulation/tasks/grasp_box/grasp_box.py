@@ -16,12 +16,6 @@ import numpy.typing as npt
 from besman.records import AnyPlan
 from besman.robot.model import Robot
 from besman.simulation.episodes import Episodes, Movements
-from besman.simulation.tasks.grasp_box.grasp_scene import grasp_model
-from besman.simulation.tasks.grasp_box.grasping import (
-    add_lifts,
-    simulate_grasps,
-    summarize_poses,
-)
 from besman.simulation.tasks.grasp_box.sections import (
     GraspBoxFields,
 )
@@ -92,6 +86,8 @@ class GraspBoxConfig(GraspBoxFields):
 
     def move(self, plans: Sequence[AnyPlan], robot: Robot | None) -> Movements:
         """Roll out the approaches, and lift after each."""
+        from besman.simulation.tasks.grasp_box.grasping import add_lifts
+
         assert robot is not None
         approach = super().move(plans, robot)
         return add_lifts(robot, self, approach)
@@ -100,6 +96,9 @@ class GraspBoxConfig(GraspBoxFields):
         self, robot: Robot, plans: Sequence[AnyPlan], movements: Movements, paths: bool
     ) -> Episodes:
         """Approach, close, lift; the paths are those of the box at its place."""
+        from besman.simulation.tasks.grasp_box.grasp_scene import grasp_model
+        from besman.simulation.tasks.grasp_box.grasping import simulate_grasps, summarize_poses
+
         model = grasp_model(robot, self, self._shelf_place(plans[0]))
         boxes = self._box_poses(plans[0])
         episodes = simulate_grasps(robot, self, model, boxes, movements, paths)

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from besman.robot.model import Robot
 from besman.robot.mujoco_model import servo_controls
 from besman.simulation.episodes import Episodes, Movements, Playback, arm_failure, tracking_errors
-from besman.simulation.physics import Run, run_physics
+from besman.simulation.physics import SimulatedStates, run_physics
 from besman.simulation.tasks.grasp_box.gripper import FINGERS, finger_controls
 from besman.simulation.tasks.grasp_box.lift import move_along, plan_lift
 from besman.simulation.tasks.grasp_box.sections import GraspBoxFields
@@ -117,7 +117,7 @@ def simulate_grasps(
     ends = np.where(np.isfinite(movements.ends), movements.ends, closing + lift.closing_s)
     last = np.maximum(np.ceil(ends / step).astype(np.int64) - 1, gripped)
 
-    def finished(run: Run, span: slice) -> npt.NDArray[np.bool_]:
+    def finished(run: SimulatedStates, span: slice) -> npt.NDArray[np.bool_]:
         at = np.minimum(gripped, span.stop - 1)
         touching = run.sensors[np.arange(batch), at, _TOUCHES] > 0
         lost = (gripped < span.stop) & ~_is_held(touching)
@@ -177,7 +177,7 @@ def _is_held(touching: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
 
 
 def _judge(
-    run: Run,
+    run: SimulatedStates,
     task: GraspBoxFields,
     movements: Movements,
     moments: tuple[IntArray, IntArray, IntArray],

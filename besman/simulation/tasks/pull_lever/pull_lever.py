@@ -8,9 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
 from dataclasses import replace
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
-import mujoco
 import numpy as np
 import numpy.typing as npt
 
@@ -18,15 +17,15 @@ from besman.records import AnyPlan
 from besman.robot.model import Robot
 from besman.robot.mujoco_model import servo_controls
 from besman.simulation.episodes import Episodes, Movements, Playback, arm_failure, tracking_errors
-from besman.simulation.physics import Run, run_physics
-from besman.simulation.tasks.pull_lever.lever_scene import (
-    Hinge,
-    find_hinge,
-    lever_model,
-)
+from besman.simulation.physics import SimulatedStates, run_physics
 from besman.simulation.tasks.pull_lever.sections import (
     PullLeverFields,
 )
+
+if TYPE_CHECKING:
+    import mujoco
+
+    from besman.simulation.tasks.pull_lever.lever_scene import Hinge
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -63,6 +62,8 @@ class PullLeverConfig(PullLeverFields):
 
     def _hinge(self, plan: AnyPlan) -> Hinge:
         """Find the hinge that belongs to a demonstration."""
+        from besman.simulation.tasks.pull_lever.lever_scene import find_hinge
+
         return find_hinge(
             plan.start_pose, plan.goal_pose, self.lever.length_m, self.lever.offset_m, plan.name
         )
@@ -71,6 +72,8 @@ class PullLeverConfig(PullLeverFields):
         self, robot: Robot, plans: Sequence[AnyPlan], movements: Movements, paths: bool
     ) -> Episodes:
         """Pull; the paths are those of the handle."""
+        from besman.simulation.tasks.pull_lever.lever_scene import lever_model
+
         model = lever_model(robot, self, self._hinge(plans[0]).key)
         return simulate_pulling(robot, self, model, movements, paths)
 
@@ -109,7 +112,7 @@ def simulate_pulling(
     last = np.ceil(ends / task.simulation.time_step_s).astype(np.int64) - 1
     initial = np.pad(movements.positions[:, 0], ((0, 0), (0, 1)))
 
-    def finished(_: Run, span: slice) -> npt.NDArray[np.bool_]:
+    def finished(_: SimulatedStates, span: slice) -> npt.NDArray[np.bool_]:
         return np.asarray(last < span.stop)
 
     run = run_physics(model, initial, controls, finished, movements.perturbations)

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
-import mujoco
 import numpy as np
 import numpy.typing as npt
 
@@ -15,9 +14,12 @@ from besman.records import AnyPlan
 from besman.robot.model import Robot
 from besman.robot.mujoco_model import arm_spec, servo_controls
 from besman.simulation.episodes import Episodes, Movements, Playback, arm_failure, tracking_errors
-from besman.simulation.physics import Run, run_physics
+from besman.simulation.physics import SimulatedStates, run_physics
 from besman.simulation.scenes import add_tool_sensors
 from besman.simulation.task import RewardConfig, SimulationConfig, SuccessConfig, Task
+
+if TYPE_CHECKING:
+    import mujoco
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -145,7 +147,7 @@ def simulate_reaching(
     ends = movements.durations + task.simulation.settling_s
     last = np.ceil(ends / task.simulation.time_step_s).astype(np.int64) - 1
 
-    def finished(_: Run, span: slice) -> npt.NDArray[np.bool_]:
+    def finished(_: SimulatedStates, span: slice) -> npt.NDArray[np.bool_]:
         return np.asarray(last < span.stop)
 
     starts, worlds = movements.positions[:, 0], movements.perturbations

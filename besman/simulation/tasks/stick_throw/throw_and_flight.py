@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
-import mujoco
 import numpy as np
 import numpy.typing as npt
 
 from besman.config.stage import NotNegative, Positive
-from besman.robot.dynamics import GRAVITY
 from besman.robot.model import Robot
 from besman.robot.mujoco_model import servo_controls
+from besman.robot.parts import GRAVITY
 from besman.simulation.episodes import Episodes, Movements, Playback, arm_failure, tracking_errors
-from besman.simulation.physics import Run, run_physics
+from besman.simulation.physics import SimulatedStates, run_physics
 from besman.simulation.task import (
     ContactSimulationConfig,
     SuccessConfig,
@@ -22,6 +22,9 @@ from besman.simulation.task import (
     TimeStep,
     TrackingFailureConfig,
 )
+
+if TYPE_CHECKING:
+    import mujoco
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -85,7 +88,7 @@ class ThrowConfig(Task):
 
 
 @dataclass(frozen=True)
-class Thing:
+class ThrownThing:
     """What is thrown.
 
     Attributes
@@ -104,12 +107,12 @@ class Thing:
     way_out: Callable[[FloatArray], FloatArray]
 
 
-def throw(
+def simulate_throw(
     robot: Robot,
     task: ThrowConfig,
     model: mujoco.MjModel,
     initial: FloatArray,
-    thing: Thing,
+    thing: ThrownThing,
     movements: Movements,
     paths: bool,
 ) -> Episodes:
@@ -125,7 +128,7 @@ def throw(
         Joints of the arm, then the thing's free joint; sensors `THING`, `TCP`, `TCP_ROTATION`.
     initial : array, shape (B, nq)
         Where the simulations start, at rest.
-    thing : Thing
+    thing : ThrownThing
         What is thrown.
     movements : Movements
         Sampled at the task's time step, for at least `longest_wait_s` after they end.
@@ -143,7 +146,7 @@ def throw(
     longest = movements.durations + task.simulation.longest_wait_s
     last = np.ceil(longest / task.simulation.time_step_s).astype(np.int64) - 1
 
-    def finished(run: Run, span: slice) -> BoolArray:
+    def finished(run: SimulatedStates, span: slice) -> BoolArray:
         clear = thing.is_clear(run.sensors[:, span, THING])
         return np.asarray(clear.any(axis=1) | (last < span.stop))
 
@@ -161,18 +164,22 @@ def throw(
     return replace(episodes, playbacks=played)
 
 
-def _states(run: Run, movements: Movements, row: int, at: int, step_s: float) -> FloatArray:
+def _states(
+    run: SimulatedStates, movements: Movements, row: int, at: int, step_s: float
+) -> FloatArray:
     """Return what is seen of a throw that is clear after step `at` (-1: never), shape (F, nq).
 
     The arm, which is simulated no longer than needed, goes on as it was told to.
     """
+    import mujoco
+
     n = movements.positions.shape[2]
     states = run.qpos[row, : run.steps[row]]
     if at < 0 or not np.isfinite(states).all():
         return states[np.isfinite(states).all(axis=1)]
     states = states[: at + 1]
     position, velocity = states[-1, n : n + 3], run.qvel[row, at, n : n + 6]
-    path = flight(position, velocity[:3], step_s)
+    path = ballistic_flight(position, velocity[:3], step_s)
     rest = np.tile(states[-1], (max(len(path), movements.positions.shape[1] - at - 1), 1))
     asked = movements.positions[row, at + 1 :]
     rest[: len(asked), :n] = asked
@@ -189,9 +196,9 @@ def _states(run: Run, movements: Movements, row: int, at: int, step_s: float) ->
 
 
 def _judge(
-    run: Run,
+    run: SimulatedStates,
     task: ThrowConfig,
-    thing: Thing,
+    thing: ThrownThing,
     movements: Movements,
     last: npt.NDArray[np.int64],
     paths: bool,
@@ -223,7 +230,9 @@ def _judge(
         shortfalls=np.array([shortfall for _, shortfall in judged]),
         failures=tuple(failure for failure, _ in judged),
         object_paths=tuple(
-            np.concatenate([run.qpos[i, : at[i] + 1, n : n + 3], flight(position[i], velocity[i])])
+            np.concatenate(
+                [run.qpos[i, : at[i] + 1, n : n + 3], ballistic_flight(position[i], velocity[i])]
+            )
             for i in rows
         )
         if paths
@@ -268,7 +277,7 @@ def ballistic_touchdown(position: npt.ArrayLike, velocity: npt.ArrayLike) -> Flo
     return np.where((height >= 0.0)[..., None], landed, np.nan)
 
 
-def flight(
+def ballistic_flight(
     position: FloatArray, velocity: FloatArray, step_s: float = _FLIGHT_STEP_S
 ) -> FloatArray:
     """Sample a free flight (F, 3) from a state (3,) to the floor, metres."""
@@ -278,7 +287,7 @@ def flight(
     up = velocity[2]
     duration = (up + np.sqrt(up**2 + 2.0 * GRAVITY * position[2])) / GRAVITY
     time = np.append(np.arange(step_s, duration, step_s), duration)[:, None]
-    path = position + velocity * time
+    path: FloatArray = position + velocity * time
     path[:, 2] -= 0.5 * GRAVITY * time[:, 0] ** 2
     path[-1] = landed
     return path

@@ -10,9 +10,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import lru_cache
 from itertools import product
-from typing import Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
-import mujoco
 import numpy as np
 import numpy.typing as npt
 from pydantic import Field
@@ -31,7 +30,14 @@ from besman.simulation.scenes import (
     lay_in_tool,
     set_contact_options,
 )
-from besman.simulation.tasks.stick_throw.throwing import Thing, ThrowConfig, throw
+from besman.simulation.tasks.stick_throw.throw_and_flight import (
+    ThrowConfig,
+    ThrownThing,
+    simulate_throw,
+)
+
+if TYPE_CHECKING:
+    import mujoco
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -88,16 +94,18 @@ class StickThrowConfig(ThrowConfig):
         self, robot: Robot, plans: Sequence[AnyPlan], movements: Movements, paths: bool
     ) -> Episodes:
         """Throw; the paths are those of the stick's centre."""
-        return simulate_throws(robot, self, movements, paths)
+        return simulate_stick_throws(robot, self, movements, paths)
 
 
 @lru_cache(maxsize=8)
-def throw_model(robot: Robot, task: StickThrowConfig) -> mujoco.MjModel:
+def stick_throw_model(robot: Robot, task: StickThrowConfig) -> mujoco.MjModel:
     """Build the scene: arm, holder, stick.
 
     Sensors: position of the stick's tail in the frame of the tool centre point (3), position (3)
     and orientation (4, wxyz) of the tool centre point in the world.
     """
+    import mujoco
+
     spec, last = arm_spec(robot, task.simulation.time_step_s)
     set_contact_options(spec)
     # Three contacts that slide most of the time: conjugate gradients get there in two thirds of
@@ -129,6 +137,8 @@ def _add_holder(holder: Any, task: StickThrowConfig) -> None:
     pairs of shapes with one contact point that moves smoothly, which a long rod on a flat wall
     is not.
     """
+    import mujoco
+
     inner = task.stick.radius_m + task.holder.clearance_m
     length, outer = task.holder.length_m, inner + 2 * _WALL_M
     plates = [([0.0, 0.0, -_WALL_M], [outer, outer, _WALL_M])]
@@ -162,6 +172,8 @@ def _add_holder(holder: Any, task: StickThrowConfig) -> None:
 
 def _add_stick(stick: Any, task: StickThrowConfig) -> None:
     """Add a rod along z; its tail alone meets the holder's plates."""
+    import mujoco
+
     half, radius = task.stick.length_m / 2, task.stick.radius_m
     stick.add_geom(
         type=mujoco.mjtGeom.mjGEOM_CAPSULE,
@@ -183,7 +195,7 @@ def _add_stick(stick: Any, task: StickThrowConfig) -> None:
     stick.add_site(name="tail", pos=[0.0, 0.0, -half])
 
 
-def simulate_throws(
+def simulate_stick_throws(
     robot: Robot, task: StickThrowConfig, movements: Movements, paths: bool = False
 ) -> Episodes:
     """Throw.
@@ -204,7 +216,7 @@ def simulate_throws(
     Episodes
         Outcomes are where the stick's centre of mass meets the floor z = 0.
     """
-    model = throw_model(robot, task)
+    model = stick_throw_model(robot, task)
     initial = lay_in_tool(model, movements.positions[:, 0], task.stick.length_m / 2)
     length = task.holder.length_m
 
@@ -217,5 +229,5 @@ def simulate_throws(
     def way_out(tail: FloatArray) -> FloatArray:
         return np.asarray(tail[..., 2] / length)
 
-    stick = Thing("stick", is_clear, way_out)
-    return throw(robot, task, model, initial, stick, movements, paths)
+    stick = ThrownThing("stick", is_clear, way_out)
+    return simulate_throw(robot, task, model, initial, stick, movements, paths)
