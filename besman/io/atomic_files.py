@@ -10,8 +10,9 @@ import errno
 import json
 import math
 import os
+import shutil
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -82,7 +83,7 @@ def _reason(error: OSError) -> str:
     return error.strerror or " ".join(str(error).split())
 
 
-def write_json(path: Path, content: Any) -> None:
+def write_json(path: Path, content: Any, *, durable: bool = True) -> None:
     """Write JSON; numbers of any library become JSON's, what is not a number becomes null.
 
     Raises
@@ -90,7 +91,8 @@ def write_json(path: Path, content: Any) -> None:
     FileError
         If it cannot be written.
     """
-    write_text(path, json.dumps(_plain(content), indent=2, allow_nan=False) + "\n")
+    text = json.dumps(_plain(content), indent=2, allow_nan=False) + "\n"
+    write_text(path, text, durable=durable)
 
 
 def _plain(content: Any) -> Any:
@@ -146,6 +148,60 @@ def make_folder(path: Path, kind: type[BesmanError] = FileError) -> None:
         raise kind(f"{path}: is a file; expected a folder") from None
     except OSError as error:
         raise kind(f"{path}: cannot be written: {_reason(error)}") from None
+
+
+@contextmanager
+def folder_aside(folder: Path, keep: Callable[[str], bool] = lambda name: False) -> Iterator[Path]:
+    """Give an empty folder to write to; in the end it takes the place of `folder`, as a whole.
+
+    Parameters
+    ----------
+    folder : Path
+        What is in it goes; the folder above is there.
+    keep : callable
+        Tells by its name what in it stays.
+
+    Yields
+    ------
+    Path
+        A folder beside it.
+
+    Raises
+    ------
+    FileError
+        If something cannot be written.
+    """
+    temporary, old = (folder.with_name(f".{folder.name}.{end}") for end in ("tmp", "old"))
+    try:
+        with says_where(folder):
+            if old.exists() and not folder.exists():
+                # Whoever was ended in the middle of what follows.
+                old.rename(folder)
+            for left in (temporary, old):
+                remove_folder(left)
+            temporary.mkdir()
+            yield temporary
+            if folder.exists():
+                for own in folder.iterdir():
+                    if keep(own.name):
+                        own.rename(temporary / own.name)
+                folder.rename(old)
+            temporary.rename(folder)
+            remove_folder(old)
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+def remove_folder(folder: Path) -> None:
+    """Remove a folder with all that is in it, if it is there.
+
+    Raises
+    ------
+    FileError
+        If it cannot be removed.
+    """
+    with says_where(folder), suppress(FileNotFoundError):
+        shutil.rmtree(folder)
 
 
 def check_file(path: Path, where: str = "", kind: type[BesmanError] = FileError) -> None:

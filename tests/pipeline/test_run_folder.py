@@ -100,14 +100,14 @@ def test_the_files_of_a_run(tmp_path):
 KILLED = """
     import os, signal, sys
     sys.path.insert(0, {tests!r})
-    import besman.records.files, besman.pipeline.run_folder, test_run_folder
+    import besman.pipeline.stage_store, test_run_folder
     from pathlib import Path
 
     if {when!r} == "while writing":
         def save(record, path):
             Path(path).write_bytes(b"half")
             os.kill(os.getpid(), signal.SIGKILL)
-        besman.pipeline.run_folder.save_record = save
+        besman.pipeline.stage_store.save_record = save
     else:
         def run(self, segments, *, work):
             os.kill(os.getpid(), signal.SIGKILL)
