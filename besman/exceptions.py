@@ -71,6 +71,10 @@ class RunError(BesmanError):
     """A run folder that cannot be written or read."""
 
 
+class FileError(BesmanError):
+    """A file or folder that cannot be written."""
+
+
 class WebError(BesmanError):
     """A page that cannot be served, or a request that cannot be answered."""
 
