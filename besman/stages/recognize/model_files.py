@@ -38,7 +38,7 @@ def save_model(model: RecognitionModel, path: Path) -> tuple[Path, Path]:
     RecognitionError
         If one of the files is there already or cannot be written.
     """
-    check_model(path)
+    check_model_place(path)
     arrays, about = _places(path)
     make_folder(arrays.parent, kind=RecognitionError)
     with written_aside(arrays, kind=RecognitionError) as temporary:
@@ -52,7 +52,7 @@ def save_model(model: RecognitionModel, path: Path) -> tuple[Path, Path]:
     return arrays, about
 
 
-def check_model(path: Path) -> None:
+def check_model_place(path: Path) -> None:
     """See before the work that a model can be written after it.
 
     Raises
