@@ -114,7 +114,7 @@ def parse_yaml(text: str) -> tuple[Any, yaml.Node | None]:
         return loader.construct_document(node), node
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
-        problem = error.problem or error.context or "cannot be read"
+        problem = ": ".join(filter(None, (error.context, error.problem))) or "cannot be read"
         raise YamlTextError(problem, mark.line + 1 if mark else 0) from None
     except yaml.YAMLError as error:
         raise YamlTextError(" ".join(str(error).split())) from None

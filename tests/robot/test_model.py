@@ -238,6 +238,10 @@ def test_an_own_urdf(tmp_path):
     [
         (BOX_ARM.replace("TYPE", "prismatic"), "joint b: only hinges"),
         (BOX_ARM.replace("TYPE", "fixed"), "joints: no joint 'b'"),
+        (
+            BOX_ARM.replace("TYPE", "hinge"),
+            r"used as URDF: Joint \[b\] has no known type",
+        ),
         ("<robot", "not valid XML"),
         ("<robot name='a'></robot>", "cannot be used as URDF"),
         ('<!DOCTYPE a [<!ENTITY b "c">]><robot/>', "entities are not allowed"),
