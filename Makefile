@@ -25,7 +25,7 @@ test: $(VENV)/.test $(VENV)/.kernels
 # What `make test` skips because torch is large: with its requirements 0.9 GB where pip finds a build
 # for the CPU; the usual wheel cannot be imported without its CUDA libraries, several GB more.
 test-lstm: $(VENV)/.lstm
-	$(BIN)/python -m pytest tests/recognition tests/evaluation/test_recognition.py -k "lstm or torch"
+	$(BIN)/python -m pytest tests/classifiers tests/stages/recognize tests/evaluation/test_recognition.py -k "lstm or torch"
 
 lint: $(VENV)/.lint
 	$(BIN)/ruff check .

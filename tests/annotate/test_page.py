@@ -574,3 +574,25 @@ def test_digits_stay_with_their_labels_when_the_page_is_loaded_again(
     after = page.evaluate("besman.labels")
     assert after == [label for label in before if label in after]
     assert {"zoom", "aim"} <= set(after)
+
+
+def test_a_label_that_may_be_a_slip_is_said_and_can_be_taken_back(serve, annotate, recording_path):
+    page = annotate(serve(recording_path, labels=("throw", "idle")).url)
+    until(page, "besman.proposals.queue().length > 0")
+    page.evaluate("besman.select(besman.proposals.queue()[0].id)")
+    for label, said in (
+        ("thorw", "new label: thorw. Was throw meant? Ctrl+Z takes it back"),
+        ("strike_out", "new label: strike_out"),
+    ):
+        press(page, "l")
+        page.keyboard.type(label)
+        press(page, "Enter")
+        assert said in page.inner_text("body")
+        press(page, "Control+z")
+    assert rows(page) == []
+    near = """async () => {
+        const {editDistance, nearestLabel} = await import("./labels.js");
+        return [editDistance("throw", "thorw"), editDistance("", "abc"), editDistance("a", "a"),
+                nearestLabel("Throw", ["idle", "throw"]), nearestLabel("x", ["idle"])];
+    }"""
+    assert page.evaluate(near) == [2, 3, 0, "throw", None]
