@@ -8,6 +8,9 @@ from typing import Annotated
 
 import typer
 
+from besman.exceptions import one_of
+from besman.search.kinds import CONTEXTUAL_NAMES
+
 app = typer.Typer(help="Motions for targets that were never tried.", no_args_is_help=True)
 
 RunFolder = Annotated[Path, typer.Argument(help="A finished run.")]
@@ -26,7 +29,7 @@ def learn(
         ),
     ] = None,
     episodes: Annotated[int, typer.Option(help="Throws, or other tries, to learn from.")] = 3000,
-    method: Annotated[str, typer.Option(help="creps or ccma_es.")] = "ccma_es",
+    method: Annotated[str, typer.Option(help=f"{one_of(CONTEXTUAL_NAMES)}.")] = "c_cma_es",
     seed: Annotated[int, typer.Option(help="Of contexts and search.")] = 0,
     settings: Annotated[
         list[str] | None,
@@ -73,7 +76,7 @@ def apply(
         typer.Option(help="File to write: .csv, .json or .yaml (ROS 2), .script (URScript)."),
     ] = None,
     method: Annotated[
-        str | None, typer.Option(help="creps or ccma_es, if the run has both.")
+        str | None, typer.Option(help=f"{one_of(CONTEXTUAL_NAMES)}, if the run has several.")
     ] = None,
     json_file: Annotated[
         Path | None, typer.Option("--json", help="Write forecast and limits here.")

@@ -46,7 +46,7 @@ GOAL = np.array([2.09, -3.15, 0.33, -2.02, -1.48, -0.62])
 SCOOP_START = np.array([0.18, -0.99, 1.3, 0.0, 1.75, -1.57])
 SCOOP_GOAL = np.array([0.18, -2.86, 1.95, -1.15, 1.75, -1.57])
 REFINE = TypeAdapter(RefineStage).validate_python({"episodes": 9, "robustness": None})
-TEACH = TemplateConfig(method="creps", episodes=20, population=10, checks=10)
+TEACH = TemplateConfig(method="c_reps", episodes=10, population=10, checks=10)
 
 
 def move_of(robot, duration=2.5, start=START, goal=GOAL):
@@ -232,7 +232,7 @@ def test_a_template_is_learnt_and_applied(entry):
     case, motions = case_of(entry.name), motions_of(entry.name)
     lesson = prepare_lesson(motions, case.robot, case.task, (), {}, TEACH)
     template = teach(lesson, TEACH, ("robot", case.task.tool, entry.name))
-    np.testing.assert_array_equal(template.tries.contexts.shape, (20, 2))
+    np.testing.assert_array_equal(template.tries.contexts.shape, (10, 2))
     assert np.isfinite(template.tries.rewards).all()
     # What was refined is in the middle, where the policy began.
     context = lesson.kind.of(motions[0].plan, lesson.family.names)
