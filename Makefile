@@ -46,11 +46,15 @@ $(VENV)/bin/python:
 	@$(PYTHON) -m venv $(VENV) || \
 		{ rm -rf $(VENV); echo "no venv module: install python3-venv, or say make PYTHON=..."; exit 1; }
 
-# $(call install,EXTRAS,WHAT,HOW LONG) goes with a stamp. All that pip says is in the log.
+# $(call install,EXTRAS,WHAT,HOW LONG) goes with a stamp. All that pip says is in the log. Pinocchio's
+# wheel expects GCC's OpenMP on the machine: where there is none it gets the one in scikit-learn's.
 define install
 	@echo "installing $(2) into $(VENV): $(3); log: $(LOG)"
 	@$(PIP) --editable ".$(if $(1),[$(1)])" >>$(LOG) 2>&1 || \
 		{ tail -n 15 $(LOG); echo "pip failed: all that it said is in $(LOG)"; exit 1; }
+	@$(BIN)/python -c 'import ctypes; ctypes.CDLL("libgomp.so.1")' 2>/dev/null || \
+		{ cd $(VENV)/lib/python3*/site-packages/cmeel.prefix/lib && \
+		ln -sf ../../scikit_learn.libs/libgomp-*.so* libgomp.so.1; }
 	@touch $@ $(VENV)/.installed
 endef
 

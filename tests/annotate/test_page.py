@@ -258,9 +258,9 @@ def test_what_is_labelled_here_trains_a_model(
 
 
 def test_two_tabs_on_one_file(serve, annotate, recording_path, segments_path):
-    url = serve(recording_path, labels=("a", "b")).url
-    page = annotate(url, expect_errors=True)
-    other = annotate(url, expect_errors=True)
+    server = serve(recording_path, labels=("a", "b"))
+    page = annotate(server.url, expect_errors=True)
+    other = annotate(server.url, expect_errors=True)
     # It is to learn of the other's save by its own, not by looking from time to time.
     other.evaluate("besman.saving.look = async () => {}, null")
     press(page, "Enter", "1")

@@ -29,7 +29,7 @@ from besman.simulation.perturbation import Spreads, draw_perturbation
 from besman.simulation.perturbed_trials import try_perturbed
 from besman.simulation.tasks.kinds import KINDS, load_task
 from besman.simulation.trial import try_plans
-from besman.stages.map.map_demonstrations import Mapping
+from besman.stages.map.mapping import Mapping
 from besman.stages.refine.methods import RefineStage
 from besman.stages.refine.stage import refine_results
 from besman.templates.applying import apply_template

@@ -34,6 +34,7 @@ FORMATS = (
         "qtm_tsv:read_tsv",
         "Qualisys Track Manager, old and new header",
         writer="qtm_tsv:write_tsv",
+        takes_partial=True,
     ),
     Format(
         "C3D",
@@ -43,6 +44,7 @@ FORMATS = (
         "any camera system; units in mm or m, gaps by their residual",
         writer="c3d:write_c3d",
         takes_units=True,
+        takes_partial=True,
     ),
     Format(
         "Xsens MVNX",
@@ -50,6 +52,7 @@ FORMATS = (
         text_begins(rb"<.*mvnx"),
         "mvnx:read_mvnx",
         "Xsens MVN: a suit with segments",
+        takes_partial=True,
     ),
     Format(
         "joint log (CSV with '# urdf' and '# frames')",
@@ -58,6 +61,7 @@ FORMATS = (
         "exoskeleton:read_joint_log",
         "an exoskeleton; its URDF beside it, or the name of one of configs/exoskeleton",
         companions="exoskeleton:find_log_files",
+        takes_partial=True,
     ),
 )
 """All formats there are."""
@@ -70,7 +74,7 @@ WRITTEN_SUFFIXES = tuple(entry.suffixes[0] for entry in FORMATS if entry.writer)
 """Endings of the files that can be written."""
 
 
-def read_recording(path: Path, units: Units | None = None) -> Recording:
+def read_recording(path: Path, units: Units | None = None, partial: bool = False) -> Recording:
     """Read one recording; its content tells the format, whatever the file's ending.
 
     Parameters
@@ -79,6 +83,8 @@ def read_recording(path: Path, units: Units | None = None) -> Recording:
         Of one of `FORMATS`.
     units : "m" or "mm", optional
         What the coordinates are in, if the file does not say so itself, as a C3D file may.
+    partial : bool
+        Take what is there of a file that was cut in transfer, with a warning.
 
     Returns
     -------
@@ -104,7 +110,7 @@ def read_recording(path: Path, units: Units | None = None) -> Recording:
         if not head.strip():
             raise RecordingError(f"{path}: the file is empty; expected {KNOWN_FORMATS}")
         raise RecordingError(f"{path}: a format that is not known; expected {KNOWN_FORMATS}")
-    return check_recording(found.read(path, units), path)
+    return check_recording(found.read(path, units, partial), path)
 
 
 def find_companions(path: Path) -> tuple[Path, ...]:

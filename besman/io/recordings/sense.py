@@ -159,8 +159,8 @@ def _check_distances(recording: Recording, path: Path) -> None:
         row, column = (int(index) for index in far[0])
         raise RecordingError(
             f"{path}: {_call(recording, column)} is {greatest:.4g} m away at frame "
-            f"{recording.first_frame + row} ({_count(len(far), 'sample')} beyond {FARTHEST_M:g} m); "
-            "is the file damaged?"
+            f"{recording.first_frame + row} ({_count(len(far), 'sample')} beyond "
+            f"{FARTHEST_M:g} m); is the file damaged?"
         )
 
 
