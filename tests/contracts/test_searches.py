@@ -29,6 +29,7 @@ from besman.search.kinds import (
     usual_spelling,
 )
 from besman.simulation.tasks.kinds import load_task
+from besman.stages.refine import methods
 from besman.stages.refine.methods import CONFIGS
 from besman.stages.refine.stage import RefinementConfig
 from besman.templates.files import load_template, parse_settings
@@ -280,6 +281,10 @@ def test_every_search_of_the_folder_is_entered():
             own = inspect.isclass(thing) and thing.__module__ == module.__name__
             if own and not inspect.isabstract(thing) and not getattr(thing, "_is_protocol", False):
                 found |= {thing} if hasattr(thing, "ask") and hasattr(thing, "tell") else set()
+    # Searches of a placement's box are chosen by `map: {optimizer: ...}`.
     in_a_box = {one for one in found if one.__module__ == "besman.search.in_a_box"}
     entered = {entry.load() for entry in (*SEARCHES, *CONTEXTUAL_SEARCHES)}
     assert found - in_a_box == entered
+    keys = {one for one in vars(methods).values() if inspect.isclass(one)}
+    keys = {one for one in keys if issubclass(one, RefinementConfig)} - {RefinementConfig}
+    assert keys == set(CONFIGS.values())

@@ -7,6 +7,7 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cache
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,7 @@ from besman.robot.model import load_robot
 from besman.simulation.episodes import Movements
 from besman.simulation.perturbation import Spreads, draw_perturbation
 from besman.simulation.perturbed_trials import try_perturbed
+from besman.simulation.task import Task
 from besman.simulation.tasks.kinds import KINDS, load_task
 from besman.simulation.trial import try_plans
 from besman.stages.map.mapping import Mapping
@@ -156,6 +158,18 @@ def test_every_file_of_a_task_is_of_a_kind():
         for path in (TOP / "configs/tasks").glob("*.yaml")
     }
     assert kinds == {entry.name for entry in KINDS}
+
+
+def test_every_class_of_the_folder_is_entered():
+    """A kind that nobody entered is found: a task whose `simulate` is there."""
+    folder = TOP / "besman/simulation/tasks"
+    found = set()
+    for path in folder.rglob("*.py"):
+        parts = path.relative_to(TOP).with_suffix("").parts
+        for thing in vars(import_module(".".join(parts))).values():
+            if isinstance(thing, type) and issubclass(thing, Task):
+                found |= {thing} if thing.simulate is not Task.simulate else set()
+    assert found == {entry.load() for entry in KINDS}
 
 
 @EVERY
