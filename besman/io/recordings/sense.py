@@ -49,8 +49,8 @@ def check_recording(recording: Recording, path: Path) -> Recording:
     Warns
     -----
     RecordingWarning
-        With marker and frame, where samples became gaps (`besman.geometry.spikes`), and where a
-        trajectory jumps for good.
+        With marker and frame, where samples became gaps (a coordinate is missing, or
+        `besman.geometry.spikes`), and where a trajectory jumps for good.
     """
     if len(recording.time) < 2:
         raise RecordingError(f"{path}: a recording of one frame; expected at least two")
@@ -61,7 +61,7 @@ def check_recording(recording: Recording, path: Path) -> Recording:
         raise RecordingError(
             f"{path}: frames {recording.first_frame} to {last}; expected 0 to {GREATEST_FRAME:.0e}"
         )
-    recording = _leave_out_spikes(recording)
+    recording = _leave_out_spikes(_leave_out_halves(recording))
     _check_distances(recording, path)
     return recording
 
@@ -90,6 +90,22 @@ def _check_names(recording: Recording, path: Path) -> None:
         fault = None if name is None else fault_of_name(name)
         if fault is not None:
             raise RecordingError(f"{path}: trajectory {index}: name {name!r:.60} {fault}")
+
+
+def _leave_out_halves(recording: Recording) -> Recording:
+    """Make gaps of samples of which a coordinate is missing, and say so."""
+    missing = np.isnan(recording.positions)
+    seen_in_part = missing.any(axis=2) & ~missing.all(axis=2)
+    if not seen_in_part.any():
+        return recording
+    count = _count(int(seen_in_part.sum()), "sample")
+    _warn(
+        f"{recording.source}: {count} without all three coordinates became gaps: "
+        f"{_list(_places(recording, seen_in_part))}"
+    )
+    return replace(
+        recording, positions=np.where(seen_in_part[:, :, None], np.nan, recording.positions)
+    )
 
 
 def _leave_out_spikes(recording: Recording) -> Recording:
