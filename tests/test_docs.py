@@ -72,6 +72,20 @@ def test_every_package_has_a_page():
     assert packages == set(re.findall(r"\.\. package:: besman\.(\w+)", text))
 
 
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: path.name)
+def test_tables_of_the_program_are_shown_and_filled(page):
+    shown = re.findall(r"`{3}{table-of} (\S+)\n(.*?)`{3}", page.read_text(), flags=re.DOTALL)
+    if not shown:
+        return
+    table_of = extension("table_of")
+    for name, content in shown:
+        columns = table_of.columns_of(content.splitlines())
+        assert all(title for _, title in columns)
+        rows = table_of.rows_of(name, [attribute for attribute, _ in columns])
+        assert len(rows) > 1
+        assert all(len(row) == len(columns) and row[0] for row in rows)
+
+
 def test_tables_of_the_thesis_are_shown_and_filled():
     tables = extension("thesis_tables")
     page = (DOCS / "thesis.md").read_text()

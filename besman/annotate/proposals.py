@@ -20,7 +20,7 @@ import numpy.typing as npt
 from besman.classifiers.draw_examples import Candidate
 from besman.exceptions import RecognitionError
 from besman.records import FloatArray, LabelledRecording, LabelledSegments
-from besman.records.layers import IDLE, Side
+from besman.records.layers import Side
 from besman.stages.recognize.examples import find_candidates
 from besman.stages.recognize.model import (
     Examples,
@@ -209,8 +209,3 @@ def _name(
             confidence *= model.threshold / near
         names.append(Name(model.classes[places[0]], round(confidence, 4)))
     return names
-
-
-def is_rest(name: Name | None) -> bool:
-    """Tell whether a stretch is named as one that needs no segment."""
-    return name is not None and name.label == IDLE

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from besman.cli.options import Json, Recordings
+from besman.cli.options import Json, Recordings, target_file, target_folder
 from besman.cli.terminal import say
 from besman.exceptions import one_of
 from besman.io.recordings.formats import WRITTEN_SUFFIXES
@@ -59,9 +59,9 @@ def segment(
     from besman.standalone.segment_files import segment_files, segment_table
 
     found = segment_files(recordings, method, markers, rate_hz)
+    open_terminal().print(segment_table(found))
     if json_file is not None:
         write_json(json_file, found)
-    open_terminal().print(segment_table(found))
 
 
 def follow(
@@ -98,9 +98,9 @@ def follow(
     replay = Replay(recording, plan, speed, horizon or None, steady)
     for at, change in replay.run():
         say(describe_change(at, change, replay.recording.rate_hz))
+    say(replay.summary())
     if json_file is not None:
         write_json(json_file, replay.content())
-    say(replay.summary())
 
 
 def label_markers(
@@ -111,29 +111,45 @@ def label_markers(
         Path | None, typer.Option(help="A recording with names, to learn distances from.")
     ] = None,
     fill: Annotated[bool, typer.Option("--fill", help="Fill short gaps.")] = False,
-    figure: Annotated[Path | None, typer.Option(help="Draw a time line, .png or .svg.")] = None,
+    figure: Annotated[
+        Path | None,
+        typer.Option(help="Draw a time line, .png or .svg.", callback=target_file),
+    ] = None,
     json_file: Json = None,
 ) -> None:
     """Name the unnamed trajectories of a recording; what is not sure stays unnamed."""
     from besman.cli.terminal import open_terminal
     from besman.io.atomic_files import write_json
-    from besman.standalone.label_file import draw_names, label_file, summarise, summary_tables
+    from besman.standalone.label_file import (
+        check_figure,
+        draw_names,
+        label_file,
+        summarise,
+        summary_tables,
+    )
 
+    if figure is not None:
+        check_figure(figure)
     read, named = label_file(recording, markers, out, learn_from, fill)
     summary = summarise(read, named)
-    if json_file is not None:
-        write_json(json_file, summary)
-    if figure is not None:
-        draw_names(named, figure)
     console = open_terminal()
     for table in summary_tables(summary):
         console.print(table)
     console.print(f"wrote {out}", soft_wrap=True)
+    if json_file is not None:
+        write_json(json_file, summary)
+    if figure is not None:
+        draw_names(named, figure)
 
 
 def synth(
     dataset: Annotated[str, typer.Argument(help=f"One of {_DATASETS}.")],
-    out: Annotated[Path, typer.Option(help="Folder to write to; no file in it is overwritten.")],
+    out: Annotated[
+        Path,
+        typer.Option(
+            help="Folder to write to; no file in it is overwritten.", callback=target_folder
+        ),
+    ],
     subjects: Annotated[
         int | None, typer.Option(min=1, help="How many; as in the thesis by default.")
     ] = None,

@@ -112,11 +112,11 @@ def robustness(
         config = RobustnessConfig(models=models, seed=seed)
         found, results = check_robustness(run, config, Work(jobs, progress))
         end(True)
-    if json_file is not None:
-        write_json(json_file, results)
     console = open_terminal()
     console.print(robustness_table(found))
     console.print(robustness_line(results), soft_wrap=True)
+    if json_file is not None:
+        write_json(json_file, results)
 
 
 def retarget(

@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from besman.cli.options import target_file
+
 app = typer.Typer(help="Motions for targets that were never tried.", no_args_is_help=True)
 
 RunFolder = Annotated[Path, typer.Argument(help="A finished run.")]
@@ -76,7 +78,8 @@ def apply(
         str | None, typer.Option(help="creps or ccma_es, if the run has both.")
     ] = None,
     json_file: Annotated[
-        Path | None, typer.Option("--json", help="Write forecast and limits here.")
+        Path | None,
+        typer.Option("--json", help="Write forecast and limits here.", callback=target_file),
     ] = None,
 ) -> None:
     """Give the motion for a target, in milliseconds, within all limits."""
@@ -92,9 +95,6 @@ def apply(
     values = parse_context(context, template.family.names)
     robot, task = load_robot(template.robot, template.tool), load_task(template.task)
     applied = apply_template(template, robot, task, values)
-    write_application(applied, out or [])
-    if json_file is not None:
-        write_json(json_file, describe_application(applied))
     forecast, limits = applied.forecast, applied.limits
     for warning in applied.warnings:
         complain("warning", warning)
@@ -108,5 +108,8 @@ def apply(
         f"{100 * limits.torque_ratio:.0f} % of the torque limits",
         soft_wrap=True,
     )
+    write_application(applied, out or [])
+    if json_file is not None:
+        write_json(json_file, describe_application(applied))
     for path in out or []:
         console.print(f"wrote {path}", soft_wrap=True)

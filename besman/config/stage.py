@@ -80,11 +80,13 @@ class Stage(Config):
     ``run(self, *records, work: Work = Work()) -> record or tuple of records``.
     Stages read no files and write none; one that goes on where it was after it was killed keeps
     what it needs for that in ``work.checkpoints``, and says so by `keeps_checkpoints`. One whose
-    items can fail one by one says so by `leaves_out`: its figures list them.
+    items can fail one by one says so by `leaves_out`: its figures list them. `libraries` compute
+    its result besides those that every stage stands on.
     """
 
     keeps_checkpoints: ClassVar[bool] = False
     leaves_out: ClassVar[bool] = False
+    libraries: ClassVar[tuple[str, ...]] = ()
 
     @property
     def config(self) -> Stage:

@@ -13,8 +13,8 @@ from besman.evaluation.refinement_functions import FUNCTIONS, Attempt, Problem, 
 from besman.exceptions import ConfigError, nearest
 from besman.pipeline.config import load_pipeline
 from besman.pipeline.pipeline import run_pipeline
+from besman.pipeline.stored_run import open_run
 from besman.records import AnyPlan
-from besman.records.files import load_record
 from besman.robot.model import Robot, load_robot
 from besman.simulation.task import Task
 from besman.simulation.tasks.kinds import load_task
@@ -110,9 +110,8 @@ def load_problem(name: str, episodes: int | None = None) -> Problem:
     config = load_pipeline(path)
     with tempfile.TemporaryDirectory() as folder:
         few = config.refine.model_copy(update={"episodes": 1})
-        run_pipeline(config.model_copy(update={"refine": few}), Path(folder) / "run")
-        (place,) = (Path(folder) / "run").glob("[0-9][0-9]_imitate")
-        plans = load_record(place / "record.npz")
+        run = run_pipeline(config.model_copy(update={"refine": few}), Path(folder) / "run")
+        plans = open_run(run).record("imitate")
     refine = config.refine if episodes is None else _with_episodes(config.refine, episodes)
     robot, task = load_robot(config.robot, config.tool), load_task(config.task)
     return TaskProblem(Path(name).stem, plans, robot, task, refine)

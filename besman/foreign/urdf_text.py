@@ -48,7 +48,7 @@ class _Builder(ElementTree.TreeBuilder):
         super().__init__()
         self.depth = 0
 
-    def start(self, tag: str, attrs: dict[str, str]) -> ElementTree.Element:  # type: ignore[override]
+    def start(self, tag: str, attrs: dict[str, str]) -> ElementTree.Element:
         """Open an element."""
         self.depth += 1
         if self.depth > DEEPEST:

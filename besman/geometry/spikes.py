@@ -70,7 +70,7 @@ def find_faults(positions: FloatArray, rate_hz: float, joined: BoolArray) -> Fau
     for column in _suspects(positions, rate_hz, joined):
         # Beyond this squares are no numbers any more, and nothing is there.
         path = np.clip(positions[:, column], -_FARTHEST_M, _FARTHEST_M)
-        seen = np.isfinite(path).all(axis=1)
+        seen: BoolArray = np.asarray(np.isfinite(path).all(axis=1))
         pieces = [np.flatnonzero(seen)]
         if not joined[column]:
             pieces = [np.arange(start, end) for start, end in find_runs(seen)]
@@ -126,7 +126,7 @@ def _spikes_of(path: FloatArray, time: FloatArray) -> BoolArray:
         length = _length_from(path, time, int(edge))
         found[edge + 1 : edge + 1 + length] = True
         # A spike is left behind: what follows it is compared with what it came back to.
-        last = edge + length if length else last
+        last = int(edge) + length if length else last
     _mark_ends(path, time, found)
     return found
 

@@ -14,6 +14,7 @@ from besman.exceptions import RecordingError
 from besman.foreign.json_text import parse_json
 from besman.foreign.names import fault_of_name
 from besman.foreign.numbers import has_odd_digits
+from besman.io.atomic_files import write_text, written_aside
 from besman.io.csv_cells import quote_text
 from besman.records import FloatArray
 
@@ -41,12 +42,20 @@ def write_joint_csv(
         rad, rad/s, rad/s^2.
     joint_names : tuple of str, length n
         Columns are ``NAME_rad``, ``NAME_rad_per_s`` and ``NAME_rad_per_s2``.
+
+    Raises
+    ------
+    FileError
+        If it cannot be written.
     """
     header = ["time_s"]
     for unit in ("rad", "rad_per_s", "rad_per_s2"):
         header += [quote_text(f"{name}_{unit}") for name in joint_names]
     table = np.column_stack([time, positions, velocities, accelerations])
-    with path.open("w", newline="", encoding="utf-8") as file:
+    with (
+        written_aside(path) as temporary,
+        temporary.open("w", newline="", encoding="utf-8") as file,
+    ):
         csv.writer(file).writerow(header)
         np.savetxt(file, table, fmt="%.9g", delimiter=",")
 
@@ -120,14 +129,19 @@ def write_ros_joint_trajectory(path: Path, message: dict[str, Any]) -> None:
 
     The YAML has one line a point and nine decimals, so that people can read it and
     ``ros2 topic pub`` too.
+
+    Raises
+    ------
+    FileError
+        If it cannot be written.
     """
     if path.suffix != ".yaml":
-        path.write_text(json.dumps(message) + "\n", encoding="utf-8")
+        write_text(path, json.dumps(message) + "\n", durable=False)
         return
     head = {key: value for key, value in message.items() if key != "points"}
     lines = [f"{key}: {json.dumps(value)}" for key, value in head.items()]
     lines += ["points:", *(f"- {_flow(point)}" for point in message["points"])]
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_text(path, "\n".join(lines) + "\n", durable=False)
 
 
 def _flow(point: dict[str, Any]) -> str:

@@ -236,7 +236,13 @@ def _build(
     config: RobotConfig, tool_name: str, urdf: Path, mesh_folder: Path, path: Path, source: str
 ) -> Robot:
     """Assemble the robot from its checked config."""
-    from besman.robot import pinocchio_model
+    try:
+        from besman.robot import pinocchio_model
+    except ImportError as error:
+        raise RobotError(
+            f"robot {config.name}: Pinocchio cannot be loaded: {error}; "
+            "libgomp.so.1, which it needs, is in the system's package libgomp1 or libgomp"
+        ) from None
 
     limits = _limits(config.joints)
     tool = _tool(tool_name, config.tools[tool_name])

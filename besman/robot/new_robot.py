@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 import numpy as np
 import yaml
 
-from besman.exceptions import BesmanError, RobotError, nearest
+from besman.exceptions import BesmanError, RobotError, in_one_line, nearest
 from besman.foreign.numbers import parse_number
 from besman.foreign.urdf_text import joint_ends, link_names
 from besman.robot.model import list_robots, load_robot
@@ -63,20 +63,31 @@ def add_robot(urdf: Path, tip: str, name: str | None = None, folder: Path | None
     name = _check_name(name or str(tree.get("name", "")), urdf)
     content, assumed = _describe(find_chain(tree, tip, urdf), urdf)
     _validate(tree, urdf)
-    path.parent.mkdir(parents=True, exist_ok=True)
     source = os.path.relpath(urdf.resolve(), path.parent.resolve())
     content = {"name": name, "urdf": Path(source).as_posix(), "tip": tip} | content
     content["assumed"] = assumed
     text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True, default_flow_style=None)
-    # Exclusive: a file that came into being in the meantime is not overwritten either.
-    with path.open("x", encoding="utf-8") as file:
-        file.write(_HEADER.format(urdf=urdf.name) + text)
+    _write_new(path, _HEADER.format(urdf=urdf.name) + text)
     try:
         load_robot(path)
     except BesmanError:
         path.unlink()
         raise
     return path
+
+
+def _write_new(path: Path, text: str) -> None:
+    """Write a file that is not there; one that came into being meanwhile is not overwritten."""
+    made = False
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("x", encoding="utf-8") as file:
+            made = True
+            file.write(text)
+    except OSError as error:
+        if made:
+            path.unlink(missing_ok=True)
+        raise RobotError(f"{path}: cannot be written: {error.strerror}") from None
 
 
 def _check_name(name: str, urdf: Path) -> str:
@@ -101,11 +112,12 @@ def _validate(tree: ElementTree.Element, urdf: Path) -> None:
     try:
         robot = yourdfpy.URDF.load(io.BytesIO(text), build_scene_graph=False, load_meshes=False)
         robot.validate()
-        faults = [str(error) for error in robot.errors]
+        faults = [in_one_line(error) for error in robot.errors]
     except (ValueError, TypeError, KeyError, AttributeError, IndexError) as error:
-        faults = [str(error) or type(error).__name__]
+        faults = [in_one_line(error)]
     if faults:
-        raise RobotError(f"{urdf}: cannot be used as URDF: {'; '.join(faults[:3])}")
+        more = f"; and {len(faults) - 3} more" if len(faults) > 3 else ""
+        raise RobotError(f"{urdf}: cannot be used as URDF: {'; '.join(faults[:3])}{more}")
 
 
 def find_chain(tree: ElementTree.Element, tip: str, urdf: Path) -> list[ElementTree.Element]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -15,11 +14,11 @@ from besman.config.stage import Work
 from besman.config.yaml_file import parse_config
 from besman.exceptions import RefinementError, RunError
 from besman.foreign.json_text import parse_json
-from besman.io.atomic_files import write_json
+from besman.io.atomic_files import make_folder, write_json, write_record
 from besman.io.exports import ros_joint_trajectory, write_joint_csv, write_ros_joint_trajectory
 from besman.io.urscript import UR_JOINTS, write_urscript
 from besman.pipeline.finished_run import read_run
-from besman.records.files import digest, load_record, save_record
+from besman.records.files import digest, load_record
 from besman.templates.applying import Application
 from besman.templates.learning import TemplateConfig, Tries
 from besman.templates.teaching import Region, prepare_lesson, teach
@@ -81,7 +80,7 @@ def learn_in_run(
     parts = (config, lesson.family, lesson.region, run.robot.content, run.task, code_version())
     key = digest(parts)
     path = folder / "templates" / f"{config.method}.npz"
-    path.parent.mkdir(exist_ok=True)
+    make_folder(path.parent)
     if _key(path) == key:
         return load_record(path), path
     part = path.with_name(f".{config.method}.part.npz")
@@ -89,7 +88,7 @@ def learn_in_run(
     template = teach(lesson, config, run.labels, work, known, partial(_keep, part, key))
     # The figures name the key and come last: with them the template is whole.
     path.with_suffix(".json").unlink(missing_ok=True)
-    _replace(path, template)
+    write_record(path, template)
     content = {"key": key, "config": config.model_dump(mode="json"), **template_figures(template)}
     write_json(path.with_suffix(".json"), content)
     part.unlink(missing_ok=True)
@@ -218,13 +217,4 @@ def _episodes(part: Path, key: str) -> Tries | None:
 
 def _keep(part: Path, key: str, tries: Tries) -> None:
     """Store the episodes so far."""
-    _replace(part, (key, tries))
-
-
-def _replace(path: Path, record: Any) -> None:
-    """Write a record under another name, then rename it."""
-    temporary = path.with_name(f".{path.name}.tmp{os.getpid()}")
-    save_record(record, temporary)
-    with temporary.open("rb") as file:
-        os.fsync(file.fileno())
-    temporary.replace(path)
+    write_record(part, (key, tries))

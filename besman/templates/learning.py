@@ -56,8 +56,9 @@ class TemplateConfig(Config):
         Of the context, for the policy's mean.
     seed : int
         Of contexts and search.
-    search : list of "goal", "duration", "weights"
-        What of the motion plan depends on the context.
+    search : list of "start", "goal", "duration", "weights", or None
+        What of the motion plan depends on the context; null for goal and duration, and start if
+        the task's things stand where the demonstration started.
     n_shapes : int
         How many changes of the weights per joint, the smoothest first.
     units : UnitsConfig
@@ -72,7 +73,7 @@ class TemplateConfig(Config):
     ridge: Annotated[float, Field(gt=0)] | None = None
     features: Features = "quadratic"
     seed: Annotated[int, Field(ge=0)] = 0
-    search: Annotated[tuple[Part, ...], Field(min_length=1)] = ("goal", "duration")
+    search: Annotated[tuple[Part, ...], Field(min_length=1)] | None = None
     n_shapes: Annotated[int, Field(ge=1)] = 2
     units: UnitsConfig = UnitsConfig()
 

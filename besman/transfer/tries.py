@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.exceptions import TransferError, nearest
+from besman.io.atomic_files import make_folder
 from besman.motion.rollout import sample_plan
 from besman.pipeline.finished_run import FinishedRun, read_run
 from besman.records import AnyPlan, RefinedMotion
@@ -97,7 +98,7 @@ def suggest_try(
         save_state(folder, state)
     number = len(state.tries)
     place = (out or run / "transfer") / file_name(refined.plan.name) / f"try_{number:02d}"
-    place.mkdir(parents=True, exist_ok=True)
+    make_folder(place)
     plan = space.plan_at(state.archive.points[state.tries[-1].row])
     write_exports((_as_motion(refined, plan, finished, number),), finished.robot, place)
     table = (out or run / "transfer") / "results.csv"

@@ -74,7 +74,10 @@ def attempt(function: Callable[[Item], Any], item: Item) -> Outcome:
 
 def failure_of(name: str, error: Exception) -> Failure:
     """Say why an item failed; an error that besman does not know is named by its kind."""
+    return Failure(name=name, reason=describe_error(error).removeprefix(f"{name}: "))
+
+
+def describe_error(error: BaseException) -> str:
+    """Say in one line what an error is; one that besman does not know by its kind as well."""
     text = " ".join(str(error).split())
-    if not isinstance(error, BesmanError):
-        text = f"{type(error).__name__}: {text}"
-    return Failure(name=name, reason=text.removeprefix(f"{name}: "))
+    return text if isinstance(error, BesmanError) else f"{type(error).__name__}: {text}"

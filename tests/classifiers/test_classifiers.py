@@ -114,19 +114,26 @@ def test_values_that_make_no_whole_points_are_refused():
         DtwNeighbour(n_channels=2).fit(np.zeros((2, 5)), ["a", "b"])
 
 
-def test_a_library_that_is_not_there_is_named(monkeypatch):
-    from besman.classifiers import lstm
-
+@pytest.mark.parametrize(
+    ("library", "said"),
+    [
+        ("torch", "method lstm: torch is not installed; pip install 'besman[lstm]'"),
+        ("tslearn", "method dtw: tslearn is not installed; pip install 'besman[sequences]'"),
+        ("hmmlearn", "method hmm: hmmlearn is not installed; pip install 'hmmlearn'"),
+    ],
+)
+def test_a_library_that_is_not_there_is_named(library, said, monkeypatch):
     real = importlib.import_module
 
     def block(name, *args, **kwargs):
-        if name == "torch":
-            raise ImportError
+        if name.split(".")[0] == library:
+            raise ModuleNotFoundError(name=name)
         return real(name, *args, **kwargs)
 
     monkeypatch.setattr("importlib.import_module", block)
-    with pytest.raises(RecognitionError, match=r"method lstm needs torch.*install besman\[lstm"):
-        lstm.LstmClassifier().fit(np.zeros((2, 4)), ["a", "b"])
+    X, y = waves(n=2)
+    with pytest.raises(RecognitionError, match=said.replace("[", r"\[") + "$"):
+        estimators()[library].fit(X, y).predict(X)
 
 
 NOT_APPLICABLE = {

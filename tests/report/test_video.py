@@ -5,6 +5,7 @@ import pytest
 
 from besman.cli import main as cli
 from besman.exceptions import RenderingError, RunError
+from besman.pictures import rendering
 from besman.records.files import load_record
 from besman.report import video
 from besman.report.panels import BAND, join_panels, text_band
@@ -100,6 +101,22 @@ def test_without_the_encoder_the_command_says_what_to_install(small_run, monkeyp
     said = capsys.readouterr().err
     assert "video: imageio-ffmpeg is not installed; pip install 'besman[video]'" in said
     assert "Traceback" not in said
+
+
+def test_an_encoder_that_does_not_start_is_said_with_its_reason(small_run, monkeypatch, capsys):
+    def refuse():
+        raise RuntimeError("No ffmpeg exe could be found.\nInstall ffmpeg, or set a variable.")
+
+    monkeypatch.setattr("imageio_ffmpeg.get_ffmpeg_exe", refuse)
+    assert besman("video", small_run) == 2
+    said = capsys.readouterr().err
+    assert "video: no ffmpeg: No ffmpeg exe could be found. Install ffmpeg, or set a" in said
+
+
+def test_graphics_that_do_not_start_are_said_with_their_reason():
+    error = RuntimeError("EGLError(\n\terr = EGL_NOT_INITIALIZED,\n\tresult = 0\n)")
+    said = str(rendering._cannot(error))
+    assert "(EGL: EGLError( err = EGL_NOT_INITIALIZED, result = 0 )); expected" in said
 
 
 def test_without_graphics_the_command_says_so_before_a_run(tmp_path, monkeypatch, capsys):

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from besman.exceptions import RecordingError, RecordingWarning
+from besman.io.atomic_files import written_aside
 from besman.io.recordings.c3d_layout import MAX_FRAMES, C3dSections, read_sections
 from besman.io.recordings.format import Units
 from besman.records import FloatArray, Recording
@@ -112,7 +113,8 @@ def write_c3d(recording: Recording, path: Path) -> None:
     Raises
     ------
     RecordingError
-        If the recording has more frames or points than C3D can count.
+        If the recording has more frames or points than C3D can count, or the file cannot be
+        written.
     """
     import ezc3d
 
@@ -143,11 +145,16 @@ def write_c3d(recording: Recording, path: Path) -> None:
     with tempfile.TemporaryDirectory() as folder:
         written = Path(folder) / "recording.c3d"
         file.write(str(written))
-        content = written.read_bytes()
-    try:
-        path.write_bytes(content)
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be written: {error.strerror}") from None
+        content = written.read_bytes() if written.is_file() else b""
+    # Word 9 of the header says in which block of 512 bytes the data begin.
+    data_start = 512 * (int.from_bytes(content[16:18], "little") - 1)
+    if len(content) < data_start + 4 * coordinates.size:
+        raise RecordingError(
+            f"{path}: cannot be written: {tempfile.gettempdir()}, where it is made, is full or "
+            "read-only"
+        )
+    with written_aside(path, kind=RecordingError) as temporary:
+        temporary.write_bytes(content)
 
 
 def _values(sections: C3dSections, name: str) -> list[str]:

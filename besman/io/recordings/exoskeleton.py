@@ -17,6 +17,7 @@ from besman.foreign.names import fault_of_name
 from besman.foreign.numbers import has_odd_digits
 from besman.foreign.paths import is_file
 from besman.geometry.frames import rotation_to_quaternion
+from besman.io.atomic_files import written_aside
 from besman.io.recordings.exoskeleton_kinematics import (
     frame_id,
     link_poses,
@@ -132,7 +133,10 @@ def write_joint_log(
     """
     frames = " ".join(f"{body}={link}" for body, link in bodies.items())
     table = np.round(np.column_stack([time, angles]), 6) + 0.0
-    with path.open("w", encoding="utf-8", newline="\n") as file:
+    with (
+        written_aside(path, kind=RecordingError) as temporary,
+        temporary.open("w", encoding="utf-8", newline="\n") as file,
+    ):
         file.write(f"# urdf: {urdf}\n# frames: {frames}\n")
         file.write(",".join([_TIME, *joint_names]) + "\n")
         np.savetxt(file, table, fmt="%.6f", delimiter=",")

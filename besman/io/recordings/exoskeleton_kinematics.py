@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from besman.exceptions import RecordingError
+from besman.exceptions import RecordingError, in_one_line
+from besman.foreign.error_stream import catch_error_stream
 from besman.foreign.urdf_text import parse_urdf
 from besman.records import FloatArray
 
@@ -23,12 +24,15 @@ def load_exoskeleton_model(urdf: Path, path: Path) -> Any:
     """
     import pinocchio
 
+    said: list[str] = []
     try:
         text = urdf.read_text(encoding="utf-8")
         parse_urdf(text)
-        return pinocchio.buildModelFromXML(text)
+        # What is wrong is written there, not raised.
+        with catch_error_stream() as said:
+            return pinocchio.buildModelFromXML(text)
     except (OSError, UnicodeDecodeError, ValueError, RuntimeError) as error:
-        reason = " ".join(str(error).split())
+        reason = in_one_line(said) or in_one_line(error)
         raise RecordingError(f"{path}: {urdf.name} is not a usable URDF: {reason}") from None
 
 

@@ -161,16 +161,24 @@ def write_recording(recording: Recording | LabelledRecording, path: Path) -> Non
             source=recording.source,
             first_frame=recording.first_frame,
         )
+    find_writer(path).write(recording, path)
+
+
+def find_writer(path: Path) -> Format:
+    """Return the format in which a file of this name is written.
+
+    Raises
+    ------
+    RecordingError
+        If the ending is not that of one.
+    """
     ending = path.suffix.lower()
     found = next((one for one in FORMATS if one.writer and one.suffixes[0] == ending), None)
     if found is None:
         raise RecordingError(
             f"{path}: cannot be written: the ending must be {one_of(WRITTEN_SUFFIXES)}"
         )
-    try:
-        found.write(recording, path)
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be written: {error.strerror}") from None
+    return found
 
 
 def find_recordings(paths: Iterable[Path]) -> list[Path]:

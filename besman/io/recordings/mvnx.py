@@ -12,6 +12,7 @@ import numpy as np
 
 from besman.exceptions import RecordingError, RecordingWarning
 from besman.foreign.numbers import has_odd_digits, parse_number, parse_whole_number
+from besman.io.atomic_files import write_text
 from besman.records import FloatArray, Recording
 from besman.records.recordings import GREATEST_FRAME, RATES_HZ
 
@@ -72,7 +73,8 @@ def write_mvnx(recording: Recording, path: Path) -> None:
     Raises
     ------
     RecordingError
-        If a segment has no name or a gap, which the format does not know.
+        If a segment has no name or a gap, which the format does not know, or the file cannot be
+        written.
     """
     for index, name in enumerate(recording.names):
         if name is None or not np.isfinite(recording.positions[:, index]).all():
@@ -102,7 +104,7 @@ def write_mvnx(recording: Recording, path: Path) -> None:
         lines.append(_element("position", recording.positions[row]))
         lines.append("</frame>")
     lines += ["</frames>", "</subject>", "</mvnx>", ""]
-    path.write_text("\n".join(lines), encoding="utf-8", newline="\n")
+    write_text(path, "\n".join(lines), durable=False, kind=RecordingError)
 
 
 def _element(tag: str, values: FloatArray) -> str:

@@ -18,6 +18,7 @@ from besman.robot.model import Robot
 from besman.robot.mujoco_model import servo_controls
 from besman.simulation.episodes import Episodes, Movements, Playback, arm_failure, tracking_errors
 from besman.simulation.physics import SimulatedStates, run_physics
+from besman.simulation.task import PlacedBy
 from besman.simulation.tasks.pull_lever.sections import (
     PullLeverFields,
 )
@@ -37,12 +38,17 @@ class PullLeverConfig(PullLeverFields):
     """A lever is pulled beyond an angle; see `PullLeverFields` for its sections."""
 
     needs: ClassVar[str] = "demonstrated start and end pose"
+    placed_by: ClassVar[tuple[PlacedBy, ...]] = ("start_pose", "goal_pose")
     worst: ClassVar[dict[str, float]] = {"slip_m": 1.0}
 
     @property
     def rest_s(self) -> float:
         """How long the simulation goes on after the movement, seconds."""
         return self.simulation.settling_s
+
+    def wanted(self, plan: AnyPlan) -> FloatArray:
+        """Return the handle's place after the pull, shape (3,), which both poses make."""
+        return plan.target
 
     def place(self, plan: AnyPlan, robot: Robot) -> AnyPlan:
         """Return the plan with the handle's place after the pull as its target."""
