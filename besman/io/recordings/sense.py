@@ -98,11 +98,7 @@ def _leave_out_halves(recording: Recording) -> Recording:
     seen_in_part = missing.any(axis=2) & ~missing.all(axis=2)
     if not seen_in_part.any():
         return recording
-    count = _count(int(seen_in_part.sum()), "sample")
-    _warn(
-        f"{recording.source}: {count} without all three coordinates became gaps: "
-        f"{_list(_places(recording, seen_in_part))}"
-    )
+    _warn_of_gaps(recording, seen_in_part, "without all three coordinates")
     return replace(
         recording, positions=np.where(seen_in_part[:, :, None], np.nan, recording.positions)
     )
@@ -121,16 +117,22 @@ def _leave_out_spikes(recording: Recording) -> Recording:
         )
     if not faults.spikes.any():
         return recording
-    count = _count(int(faults.spikes.sum()), "sample")
-    _warn(
-        f"{recording.source}: {count} that no body makes became gaps: "
-        f"{_list(_places(recording, faults.spikes))}"
-    )
+    _warn_of_gaps(recording, faults.spikes, "that no body makes")
     positions = np.where(faults.spikes[:, :, None], np.nan, recording.positions)
     orientations = recording.orientations
     if orientations is not None:
         orientations = _hold(orientations, faults.spikes)
     return replace(recording, positions=positions, orientations=orientations)
+
+
+def _warn_of_gaps(recording: Recording, left_out: npt.NDArray[np.bool_], what: str) -> None:
+    """Say which samples became gaps."""
+    count = int(left_out.sum())
+    became = "became a gap" if count == 1 else "became gaps"
+    _warn(
+        f"{recording.source}: {_count(count, 'sample')} {what} {became}: "
+        f"{_list(_places(recording, left_out))}"
+    )
 
 
 def _hold(
@@ -195,5 +197,5 @@ def _list(places: Sequence[str]) -> str:
 
 
 def _warn(message: str) -> None:
-    # The line that reads the recording is two calls above `check_recording`.
-    warnings.warn(message, RecordingWarning, stacklevel=5)
+    # The line that reads the recording calls `check_recording` by way of `read_recording`.
+    warnings.warn(message, RecordingWarning, stacklevel=6)
