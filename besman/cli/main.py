@@ -22,6 +22,7 @@ from besman.cli.robots import robots
 from besman.cli.terminal import complain
 from besman.cli.view import view
 from besman.exceptions import BesmanError, RecordingWarning
+from besman.io.recordings.formats import taking_partial_files
 
 app = typer.Typer(
     name="besman",
@@ -70,8 +71,14 @@ def info() -> None:
 @app.callback()
 def _options(
     debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="A warning about a recording is an error.")
+    ] = False,
+    partial: Annotated[
+        bool, typer.Option("--partial", help="Take what is there of recordings that were cut.")
+    ] = False,
 ) -> None:
-    """Options of every command; `main` takes --debug wherever it stands."""
+    """Options of every command; `main` takes them wherever they stand."""
 
 
 def _show_warning(
@@ -87,17 +94,27 @@ def _show_warning(
     complain("warning", f"{kind}{message}")
 
 
+def _take(option: str) -> bool:
+    """Take an option out of the arguments, wherever it stands; tell whether it was there."""
+    is_there = option in sys.argv
+    sys.argv = [argument for argument in sys.argv if argument != option]
+    return is_there
+
+
 def main() -> None:
     """Run the command line; a user's error is one line and exit code 2."""
-    debug = "--debug" in sys.argv
-    sys.argv = [argument for argument in sys.argv if argument != "--debug"]
+    debug, strict, partial = _take("--debug"), _take("--strict"), _take("--partial")
     warnings.showwarning = _show_warning
     try:
-        app()
-    except BesmanError as error:
+        with warnings.catch_warnings(), taking_partial_files(partial):
+            if strict:
+                warnings.simplefilter("error", RecordingWarning)
+            app()
+    except (BesmanError, RecordingWarning) as error:
         if debug:
             raise
-        complain("error", str(error))
+        said = "" if isinstance(error, BesmanError) else " (--strict: a warning is an error)"
+        complain("error", f"{error}{said}")
         sys.exit(2)
     except KeyboardInterrupt:
         complain("", "stopped; the same command goes on from here")
