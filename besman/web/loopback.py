@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from urllib.parse import parse_qsl, unquote, urlsplit
 
-from besman.exceptions import BesmanError, WebError
+from besman.exceptions import BesmanError, StoppedError, WebError
 
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; "
@@ -188,7 +188,7 @@ class LoopbackServer:
             _open_browser(self.url)
         try:
             self._server.serve_forever(0.1)
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, StoppedError):
             pass
         finally:
             self._server.server_close()
