@@ -13,7 +13,7 @@ from besman.robot.limits import check_limits, resample
 from besman.robot.model import load_robot
 
 RIGHT, LEFT = load_robot("rh5_right"), load_robot("rh5_left")
-QUICK = MappingSettings(evaluations=40)
+QUICK = MappingSettings(evaluations=40, yaw=False)
 
 
 def carry(index, side, speed=1.0):
