@@ -108,7 +108,7 @@ def load_problem(name: str, episodes: int | None = None) -> Problem:
     path = find_resource("pipelines", TASKS.get(name, name))
     config = load_pipeline(path)
     with tempfile.TemporaryDirectory() as folder:
-        few = config.refine.model_copy(update={"episodes": 1})
+        few = config.refine.model_copy(update={"episodes": 1, "robustness": None})
         run_pipeline(config.model_copy(update={"refine": few}), Path(folder) / "run")
         (place,) = (Path(folder) / "run").glob("[0-9][0-9]_imitate")
         plans = load_record(place / "record.npz")
