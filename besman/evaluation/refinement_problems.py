@@ -104,7 +104,7 @@ def load_problem(name: str, episodes: int | None = None) -> Problem:
     path = find_resource("pipelines", TASK_RECIPES.get(name, name))
     config = load_pipeline(path)
     with tempfile.TemporaryDirectory() as folder:
-        few = config.refine.model_copy(update={"episodes": 1})
+        few = config.refine.model_copy(update={"episodes": 1, "robustness": None})
         run = run_pipeline(config.model_copy(update={"refine": few}), Path(folder) / "run")
         plans = open_run(run).record("imitate")
     refine = config.refine if episodes is None else _with_episodes(config.refine, episodes)

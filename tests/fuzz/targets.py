@@ -346,9 +346,7 @@ TARGETS = {
         share=8,
         **_READ,
     ),
-    "joint csv": Target(
-        joint_csv, {"a.csv": mutations.table}, read_joint_csv, sense.of_arrays, 1
-    ),
+    "joint csv": Target(joint_csv, {"a.csv": mutations.table}, read_joint_csv, sense.of_arrays, 1),
     "segments": Target(
         segments,
         {"a_manually_segmented.json": mutations.json_file, "a_truth.json": mutations.json_file},

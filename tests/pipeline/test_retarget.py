@@ -9,11 +9,11 @@ from besman.pipeline import retarget
 from besman.pipeline.retarget import (
     Retargeted,
     RetargetPlan,
-    describe,
     plan_retargeting,
     raise_failures,
     retarget_robots,
 )
+from besman.work.outcome import describe_error
 
 FILE = Path("new.tsv")
 
@@ -59,6 +59,6 @@ def test_what_fails_for_one_robot_does_not_stop_the_others(monkeypatch):
 
 
 def test_an_error_of_besmans_own_needs_no_name():
-    assert describe(RobotError("far  away")) == "far away"
-    assert describe(KeyError("a")) == "KeyError: 'a'"
+    assert describe_error(RobotError("far  away")) == "far away"
+    assert describe_error(KeyError("a")) == "KeyError: 'a'"
     assert Retargeted(None).error is None
