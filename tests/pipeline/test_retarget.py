@@ -4,12 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from besman.exceptions import ConfigError, RobotError, RunError
+from besman.exceptions import ConfigError, RunError
 from besman.pipeline import retarget
 from besman.pipeline.retarget import (
-    Retargeted,
     RetargetPlan,
-    describe,
     plan_retargeting,
     raise_failures,
     retarget_robots,
@@ -56,9 +54,3 @@ def test_what_fails_for_one_robot_does_not_stop_the_others(monkeypatch):
     with pytest.raises(ZeroDivisionError):
         raise_failures(done[1:2])
     raise_failures(done[:1])
-
-
-def test_an_error_of_besmans_own_needs_no_name():
-    assert describe(RobotError("far  away")) == "far away"
-    assert describe(KeyError("a")) == "KeyError: 'a'"
-    assert Retargeted(None).error is None
