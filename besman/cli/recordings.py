@@ -12,12 +12,10 @@ from besman.cli.options import Json, Recordings, target_file, target_folder
 from besman.cli.terminal import say
 from besman.exceptions import one_of
 from besman.io.recordings.formats import WRITTEN_SUFFIXES
+from besman.stages.segment.kinds import SEGMENTATION_NAMES
+from besman.synthetic.names import DATASET_NOTES
 
-# Datasets are heavy to import for a help text; a test compares.
-_DATASETS = (
-    "step, lever, pick_and_place, ball_throw, stick_throw, stick_throw_unmarked (no stick seen), "
-    "stick_throw_marked (small), gestures, object_rotation, circle_drawing, rotation"
-)
+_DATASETS = ", ".join(f"{name} ({note})" if note else name for name, note in DATASET_NOTES.items())
 
 
 def train(
@@ -46,7 +44,9 @@ def train(
 
 def segment(
     recordings: Recordings,
-    method: Annotated[str, typer.Option(help="Segmentation method.")] = "valley_vmci",
+    method: Annotated[
+        str, typer.Option(help=f"{one_of(SEGMENTATION_NAMES)}.")
+    ] = SEGMENTATION_NAMES[0],
     markers: Annotated[str, typer.Option(help="Marker set.")] = "right_arm",
     rate_hz: Annotated[
         float | None, typer.Option(help="Sampling rate of a method that has one.")

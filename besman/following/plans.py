@@ -107,7 +107,7 @@ def make_plan(
 
 def _plan_of_run(run: Path) -> FollowPlan:
     """Load a run's models and recordings."""
-    config, stored = read_recipe(run), open_run(run)
+    config, stored = read_recipe(run), open_run(run, needs_state=False)
     given = config.recognize.model
     model = trained_model(run) if given is None else load_model(Path(given))
     segment = VmciOnlineConfig()

@@ -231,6 +231,12 @@ def _decode(data: bytes, kind: int, sides: list[int], processor: int) -> Values:
 
 def _floats(data: bytes, processor: int) -> npt.NDArray[np.float64]:
     """Decode single precision numbers of one of three processors."""
+    # Bytes that are no number, as text in their place, may be NaN of the kind that signals.
+    with np.errstate(invalid="ignore"):
+        return _decode_floats(data, processor)
+
+
+def _decode_floats(data: bytes, processor: int) -> npt.NDArray[np.float64]:
     if processor == _DEC:
         # The halves are swapped and the exponent counts from two more.
         halves = np.frombuffer(data, "<u2").reshape(-1, 2)[:, ::-1]

@@ -7,7 +7,9 @@ texts, the page *My recording* and the tests go through the table; nothing else 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -74,7 +76,28 @@ WRITTEN_SUFFIXES = tuple(entry.suffixes[0] for entry in FORMATS if entry.writer)
 """Endings of the files that can be written."""
 
 
-def read_recording(path: Path, units: Units | None = None, partial: bool = False) -> Recording:
+_TAKES_PARTIAL: ContextVar[bool] = ContextVar("takes_partial", default=False)
+
+
+@contextmanager
+def taking_partial_files(partial: bool = True) -> Iterator[None]:
+    """Let `read_recording` take what is there of files that were cut, within a block of code.
+
+    Parameters
+    ----------
+    partial : bool
+        Whether it does; for whoever reads recordings through other functions, as commands do.
+    """
+    before = _TAKES_PARTIAL.set(partial)
+    try:
+        yield
+    finally:
+        _TAKES_PARTIAL.reset(before)
+
+
+def read_recording(
+    path: Path, units: Units | None = None, partial: bool | None = None
+) -> Recording:
     """Read one recording; its content tells the format, whatever the file's ending.
 
     Parameters
@@ -83,8 +106,9 @@ def read_recording(path: Path, units: Units | None = None, partial: bool = False
         Of one of `FORMATS`.
     units : "m" or "mm", optional
         What the coordinates are in, if the file does not say so itself, as a C3D file may.
-    partial : bool
-        Take what is there of a file that was cut in transfer, with a warning.
+    partial : bool, optional
+        Take what is there of a file that was cut in transfer, with a warning; if not given, what
+        `taking_partial_files` says, by default not.
 
     Returns
     -------
@@ -110,6 +134,8 @@ def read_recording(path: Path, units: Units | None = None, partial: bool = False
         if not head.strip():
             raise RecordingError(f"{path}: the file is empty; expected {KNOWN_FORMATS}")
         raise RecordingError(f"{path}: a format that is not known; expected {KNOWN_FORMATS}")
+    if partial is None:
+        partial = _TAKES_PARTIAL.get()
     return check_recording(found.read(path, units, partial), path)
 
 
