@@ -4,10 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from besman.exceptions import ConfigError, RobotError, RunError
+from besman.exceptions import ConfigError, RunError
 from besman.pipeline import retarget
 from besman.pipeline.retarget import (
-    Retargeted,
     RetargetPlan,
     plan_retargeting,
     raise_failures,
