@@ -54,9 +54,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import logsumexp
 
 from besman.segmentation.signals import prepare_signals, resample
+from besman.segmentation.span_evidence import SpanEvidence
+from besman.segmentation.spans import Spans
 from besman.segmentation.valleys import (
     GRID_HZ,
     Valley,
@@ -66,9 +67,9 @@ from besman.segmentation.valleys import (
     smooth_speed,
 )
 from besman.segmentation.vmci import VmciModel, length_factor, tabulate_lengths
+from besman.segmentation.ways import Ways
 
 FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 # The evidence takes samples as independent: they are no closer than the smoothing allows.
 EVIDENCE_HZ = 20.0
@@ -160,72 +161,59 @@ def find_movements(
     longest = None if longest_s is None else max(2, round(longest_s * rate_hz))
     # A marker that stands still says nothing.
     speeds = signals.speeds[:, signals.speeds.any(axis=0)]
-    movement, rest = _evaluate(speeds, valleys, n_grid, rate_hz, longest, model or MODEL)
-    movement = _keep_sure(movement, find_sure(speed, valleys, shape.sure))
-    path, log_probability = _search(movement, rest)
+    sure = find_sure(speed, valleys, shape.sure)
+    ways = Ways(_find_spans(speeds, valleys, sure, n_grid, rate_hz, longest, model or MODEL))
     borders, rests = [0.0], []
-    for first, last in (valleys[k - 1] for k in path[1:-1]):
+    for first, last in (valleys[k - 1] for k in ways.best[1:-1]):
         if first > 0:
             borders.append(first / GRID_HZ)
             rests.append(False)
         if last > first:
             borders.append(last / GRID_HZ)
             rests.append(True)
-    if len(path) > 2 and valleys[path[-2] - 1].last == n_grid:
+    if len(ways.best) > 2 and valleys[ways.best[-2] - 1].last == n_grid:
         borders.pop()
     else:
         rests.append(False)
     return Movements(
         np.array([*borders, whole[-1]]),
         np.array(rests),
-        log_probability,
+        ways.log_probability,
         np.array(valleys, dtype=np.float64).reshape(-1, 2) / GRID_HZ,
-        _weigh(movement, rest)[1:-1],
+        ways.weigh()[1:-1],
     )
 
 
-def _evaluate(
+def _find_spans(
     speeds: FloatArray,
     valleys: list[Valley],
+    sure: npt.NDArray[np.bool_],
     n_grid: int,
     rate_hz: float,
     longest: int | None,
     model: VmciModel,
-) -> tuple[FloatArray, FloatArray]:
-    """Evaluate all movements (V, V) and rests (V,); the two ends count as valleys."""
-    from besman.segmentation.span_kernel import evaluate_spans
-
+) -> Spans:
+    """Find the movements and evaluate the rests; the two ends count as valleys."""
     n_samples, s = speeds.shape
     p = min(0.5, _BORDERS_PER_S / rate_hz)
     places = np.round(np.array(valleys, dtype=np.float64).reshape(-1, 2) / GRID_HZ * rate_hz)
     places = np.clip(places, 0, n_samples).astype(np.int64)
-    begins_at_rest = bool(valleys) and valleys[0].first == 0
-    ends_at_rest = bool(valleys) and valleys[-1].last == n_grid
-    if ends_at_rest:
+    # A recording may begin or end at rest.
+    given = {}
+    if valleys and valleys[0].first == 0:
+        given[1] = 0.0
+    if valleys and valleys[-1].last == n_grid:
         places[-1, 1] = n_samples
+        given[len(valleys) + 1] = 0.0
     starts = np.concatenate([[0], places[:, 1], [n_samples]])
     ends = np.concatenate([[0], places[:, 0], [n_samples]])
-    movement = evaluate_spans(
-        np.ascontiguousarray(speeds.T),
-        starts,
-        ends,
-        tabulate_lengths(n_samples, 0, s, p, longest, model),
-        model.n_centres,
-        model.bell_width,
-        model.speed_weight_variance,
-        model.noise_scale,
-        model.nu(s),
-    )
-    # A recording may begin or end at rest.
-    if begins_at_rest:
-        movement[0, 1] = 0.0
-    if ends_at_rest:
-        movement[-2, -1] = 0.0
     still = model._replace(noise_scale=model.noise_scale * _REST_NOISE**2)
     rest = np.array(
         [_evaluate_rest(speeds[a:b], p, still) for a, b in zip(ends, starts, strict=True)]
     )
-    return movement, rest
+    factor = tabulate_lengths(n_samples, 0, s, p, longest, model)
+    evidence = SpanEvidence(np.ascontiguousarray(speeds), factor, model)
+    return Spans(evidence, starts, ends, rest, np.concatenate([[False], sure, [False]]), given)
 
 
 def _evaluate_rest(speeds: FloatArray, p: float, model: VmciModel) -> float:
@@ -238,41 +226,3 @@ def _evaluate_rest(speeds: FloatArray, p: float, model: VmciModel) -> float:
     evidence = length_factor(np.array([float(n)]), s, model)[0]
     evidence -= 0.5 * (n + model.nu(s)) * np.linalg.slogdet(scatter)[1]
     return float(length + evidence)
-
-
-def _keep_sure(movement: FloatArray, sure: npt.NDArray[np.bool_]) -> FloatArray:
-    """Forbid movements that lead past a valley that is a border in any case."""
-    n = len(movement)
-    upto = np.concatenate([[0], np.cumsum(sure), [np.count_nonzero(sure)]])
-    before = upto[np.maximum(np.arange(n) - 1, 0)]
-    return np.where(before[None, :] > upto[:, None], -np.inf, movement)
-
-
-def _search(movement: FloatArray, rest: FloatArray) -> tuple[IntArray, float]:
-    """Return the most probable way through the valleys, from the first to the last."""
-    best = np.full(len(rest), -np.inf)
-    best[0] = 0.0
-    previous = np.zeros(len(rest), dtype=np.int64)
-    for k in range(1, len(rest)):
-        values = best[:k] + movement[:k, k]
-        previous[k] = np.argmax(values)
-        best[k] = rest[k] + values.max()
-    path = [len(rest) - 1]
-    while path[-1] > 0:
-        path.append(int(previous[path[-1]]))
-    return np.array(path[::-1], dtype=np.int64), float(best[-1])
-
-
-def _weigh(movement: FloatArray, rest: FloatArray) -> FloatArray:
-    """Return the posterior probability of every valley, shape (V,)."""
-    n = len(rest)
-    forward, backward = np.full(n, -np.inf), np.full(n, -np.inf)
-    forward[0] = backward[-1] = 0.0
-    for k in range(1, n):
-        forward[k] = rest[k] + logsumexp(forward[:k] + movement[:k, k])
-    for k in range(n - 2, -1, -1):
-        backward[k] = logsumexp(backward[k + 1 :] + rest[k + 1 :] + movement[k, k + 1 :])
-    if not np.isfinite(forward[-1]):
-        return np.zeros(n)
-    weights: FloatArray = np.exp(forward + backward - forward[-1])
-    return np.minimum(weights, 1.0)
