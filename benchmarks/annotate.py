@@ -26,10 +26,10 @@ import numpy as np
 from PIL import Image
 from playwright.sync_api import Browser, Page, sync_playwright
 
-from besman.io.recordings import find_recordings, read_recording, write_recording
+from besman.io.recordings.formats import find_recordings, read_recording, write_recording
 from besman.io.segments_json import find_segments, read_segments
-from besman.manual_segments import complete_truth
 from besman.records import LabelledSegments, Recording
+from besman.records.layers import complete_truth
 from besman.synthetic.datasets import captures, write_synthetic
 
 FINGERS = {"thumb": (0.06, 0.05, -0.02), "index": (0.1, 0.02, 0.0), "middle": (0.1, -0.01, 0.0)}

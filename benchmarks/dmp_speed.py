@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from besman.imitation.cartesian_dmp import fit_poses, roll_out_poses
-from besman.imitation.dmp import fit_weights, roll_out
-from besman.imitation.velocity_dmp import fit_velocity_weights, roll_out_velocity
+from besman.motion.cartesian_dmp import fit_poses, roll_out_poses
+from besman.motion.dmp import fit_weights, roll_out
+from besman.motion.velocity_dmp import fit_velocity_weights, roll_out_velocity
 
 DURATION, STEP = 0.6, 0.01
 SAMPLES = np.linspace(0, DURATION, round(DURATION / STEP) + 1)

@@ -17,16 +17,16 @@ from collections.abc import Callable
 import numpy as np
 
 from besman.evaluation.demonstrations import arm_markers, name_markers
-from besman.following.arms import Arm
+from besman.following.arms import FollowedArm
 from besman.following.follower import Follower
-from besman.hierarchy.actions import LevelModel, compose_level, name_spans, train_level
-from besman.hierarchy.borders import measure_brisk
-from besman.hierarchy.online import OnlineHierarchy
-from besman.recognition.stage import RecognizeConfig
 from besman.records import LabelledRecording
-from besman.segmentation.sampling import sample_paths
-from besman.segmentation.signals import measure_scaling
-from besman.segmentation.stage import VmciOnlineConfig
+from besman.stages.compose.actions import LevelModel, compose_level, name_spans, train_level
+from besman.stages.compose.borders import measure_brisk
+from besman.stages.compose.online import OnlineHierarchy
+from besman.stages.recognize.stage import RecognizeConfig
+from besman.stages.segment.sampling import sample_paths
+from besman.stages.segment.signals import measure_scaling
+from besman.stages.segment.stage import VmciOnlineConfig
 from besman.synthetic.datasets import captures
 
 RATE_HZ = 100.0
@@ -77,7 +77,7 @@ def make_follower(dataset: str) -> tuple[Follower, np.ndarray]:
         blocks = lesson.layers[f"{side}_hand"]
         model = RecognizeConfig(markers=markers, examples_per_class=4).train((known,), (blocks,))
         scaling = measure_scaling(sample_paths(known, markers[:1], segment.rate_hz)[0])
-        arms.append(Arm(side, markers[:1], model, scaling))
+        arms.append(FollowedArm(side, markers[:1], model, scaling))
         hands[markers[0]] = measure_brisk([known], markers[0])
     names = [name for markers in of_arms.values() for name in markers]
     truth = lesson.segments

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
+from besman.config.resources import resource_folder
 from besman.evaluation.degradation import DegradeRecipe, degrade_recording
 from besman.evaluation.labelling import (
     LEVELS,
@@ -23,9 +24,8 @@ from besman.evaluation.labelling import (
     labelling_table,
 )
 from besman.evaluation.takes import make_protocols
-from besman.labelling.fragments import split_fragments
-from besman.labelling.naming import label_fragments
-from besman.resources import resource_folder
+from besman.stages.label.fragments import split_fragments
+from besman.stages.label.naming import label_fragments
 
 
 def stretch(positions: np.ndarray, rate_hz: float, duration_s: float, to_hz: float) -> np.ndarray:

@@ -14,15 +14,16 @@ from unittest import mock
 
 import numpy as np
 
-from besman.evaluation.mapping_data import simulate_throws
-from besman.mapping.joint_spline import JointSpline, fit_spline
-from besman.mapping.limit_program import LimitProgram
-from besman.mapping.path_change import PathChange
-from besman.mapping.stage import MapConfig
-from besman.mapping.time_scaling import ChangeTolerance, scale_path
+from besman.evaluation.mapping_data import simulate_throw_set
 from besman.records import JointTrajectory
-from besman.robot.limits import check_limits, resample
+from besman.robot.limits import check_limits, resample_trajectory
 from besman.robot.model import Robot, load_robot
+from besman.stages.map.joint_spline import JointSpline, fit_spline
+from besman.stages.map.limit_program import LimitProgram
+from besman.stages.map.needed_stretch import ChangeTolerance
+from besman.stages.map.path_change import PathChange
+from besman.stages.map.stage import MapConfig
+from besman.stages.map.time_scaling import scale_path
 
 TOLERANCE = ChangeTolerance(free_spin=True)
 PLAIN = ChangeTolerance(position=0.0, free_spin=True)
@@ -37,7 +38,7 @@ def compare(robot: Robot, paths: list[JointTrajectory]) -> str:
             start = time.process_time()
             scaled = scale_path(robot, before, path.positions, tolerance=tolerance)
             spent = time.process_time() - start
-            _, *dense = resample(
+            _, *dense = resample_trajectory(
                 scaled.time, scaled.positions, scaled.velocities, scaled.accelerations
             )
             errors = PathChange(robot, path.positions, TOLERANCE).errors(scaled.positions)
@@ -63,7 +64,7 @@ def solve_rates(robot: Robot, path: JointTrajectory, repeats: int = 20) -> list[
     for solver in ("CLARABEL", "OSQP", "SCS"):
         with (
             mock.patch("cvxpy.CLARABEL", solver),
-            mock.patch("besman.mapping.limit_program._OPTIONS", {}),
+            mock.patch("besman.stages.map.limit_program._OPTIONS", {}),
         ):
             program = LimitProgram(16, robot.n)
             start = time.process_time()
@@ -89,7 +90,9 @@ def main() -> None:
     parser.add_argument("--throws", type=int, default=40)
     parser.add_argument("--robots", nargs="+", default=["ur5", "ur10", "iiwa7", "compi"])
     arguments = parser.parse_args()
-    throws = simulate_throws(n_subjects=4, n_repetitions=-(-arguments.throws // 4)).demonstrations
+    throws = simulate_throw_set(
+        n_subjects=4, n_repetitions=-(-arguments.throws // 4)
+    ).demonstrations
     config = MapConfig(free_axis_spin=True, greatest_change_m=0.0)
     print("robot | stretch plain | changed | unscaled plain | changed | change mean / max", end="")
     print(" | CPU plain | changed | samples beyond a limit")

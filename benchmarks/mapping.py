@@ -17,12 +17,12 @@ import numpy as np
 from rich.console import Console
 
 from besman.evaluation.mapping import ROBOTS, evaluate_mapping
-from besman.evaluation.mapping_data import load_demonstrations, simulate_throws
-from besman.evaluation.mapping_figures import write_figures
-from besman.evaluation.mapping_tables import failure_lines, mapping_tables
-from besman.run import write_json
-from besman.work import Work
-from besman.workers import Workers
+from besman.evaluation.mapping_data import load_demonstrations, simulate_throw_set
+from besman.evaluation.mapping_figures import write_mapping_figures
+from besman.evaluation.mapping_tables import mapping_tables, reason_lines
+from besman.io.atomic_files import write_json
+from besman.work.work import Work
+from besman.work.workers import Workers
 
 ROOT = Path(__file__).resolve().parents[1]
 REAL = Path(os.environ.get("BESMAN_REAL_DATA", ROOT.parent / "shared" / "data")) / "pick_and_place"
@@ -42,7 +42,7 @@ def study(sets: list, options: argparse.Namespace) -> tuple[dict, list]:
     console = Console(width=110)
     for table in mapping_tables(result["rows"]):
         console.print(table)
-    for line in failure_lines(result["rows"]):
+    for line in reason_lines(result["rows"]):
         print(line)
     return result, mapped
 
@@ -103,7 +103,7 @@ def main() -> None:
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
     started = time.perf_counter()
-    throws = simulate_throws(options.subjects, options.repetitions)
+    throws = simulate_throw_set(options.subjects, options.repetitions)
     result, mapped = study([throws], options)
     wall_s = time.perf_counter() - started
     real, thrown = None, list(result["rows"])
@@ -120,7 +120,7 @@ def main() -> None:
     if options.json is not None:
         write_json(options.json, result)
     if options.figures is not None:
-        for path in write_figures(mapped, options.figures):
+        for path in write_mapping_figures(mapped, options.figures):
             print(f"wrote {path}")
 
 

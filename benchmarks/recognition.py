@@ -8,13 +8,13 @@ import time
 
 import numpy as np
 
+from besman.classifiers.nearest_neighbour import classify, fit_spread, scale
+from besman.config.resources import resource_folder
 from besman.evaluation.recognition_data import name_parts
-from besman.inputs import read_inputs
-from besman.recognition.examples import find_candidates
-from besman.recognition.features import count_channels
-from besman.recognition.nearest_neighbour import classify, fit_spread, scale
-from besman.recognition.stage import RecognizeConfig
-from besman.resources import resource_folder
+from besman.stages.read.read_inputs import read_inputs
+from besman.stages.recognize.examples import find_candidates
+from besman.stages.recognize.features import count_channels
+from besman.stages.recognize.stage import RecognizeConfig
 
 N_SEGMENTS = 2913
 N_EXAMPLES = 9

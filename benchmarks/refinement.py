@@ -19,9 +19,9 @@ from besman.evaluation.approximate_ik import PUBLIC
 from besman.evaluation.refinement import evaluate_refinement
 from besman.evaluation.refinement_problems import load_problem
 from besman.evaluation.refinement_tables import refinement_tables, write_curves
-from besman.run import write_json
-from besman.work import Work
-from besman.workers import Workers
+from besman.io.atomic_files import write_json
+from besman.work.work import Work
+from besman.work.workers import Workers
 
 FUNCTIONS = ("sphere", "rosenbrock", "contextual_sphere", "contextual_rosenbrock", "via_points")
 ARM = {

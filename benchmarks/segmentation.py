@@ -13,7 +13,7 @@ from rich.console import Console
 
 from besman.evaluation.segmentation import evaluate_segmentation
 from besman.evaluation.segmentation_tables import segmentation_tables
-from besman.run import write_json
+from besman.io.atomic_files import write_json
 
 
 def main() -> None:

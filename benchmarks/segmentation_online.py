@@ -12,9 +12,9 @@ import tracemalloc
 
 import numpy as np
 
-from besman.segmentation.signals import measure_scaling, prepare_signals, resample
-from besman.segmentation.vmci import find_change_points, merge_single_samples
-from besman.segmentation.vmci_online import OnlineVmci
+from besman.stages.segment.signals import measure_scaling, prepare_signals, resample
+from besman.stages.segment.vmci import find_change_points, merge_single_samples
+from besman.stages.segment.vmci_online import OnlineVmci
 
 SAMPLE_RATE_HZ = 100.0
 RATE_HZ = 20.0

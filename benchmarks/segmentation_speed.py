@@ -12,9 +12,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from besman.segmentation.signals import Signals, prepare_signals
-from besman.segmentation.vmci import ChangePoints, find_change_points
-from besman.segmentation.vmci_plain import find_change_points_plainly
+from besman.stages.segment.signals import Signals, prepare_signals
+from besman.stages.segment.vmci import ChangePoints, find_change_points
+from besman.stages.segment.vmci_plain import find_change_points_plainly
 
 RATE_HZ = 20.0
 

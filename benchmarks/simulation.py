@@ -23,16 +23,17 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 
-from besman.pipeline import PipelineConfig, load_pipeline, run_pipeline
-from besman.record_files import load_record
+from besman.config.resources import find_resource
+from besman.pipeline.config import PipelineConfig, load_pipeline
+from besman.pipeline.pipeline import run_pipeline
 from besman.records import RefinedMotion
-from besman.refinement.plan_space import plan_space
-from besman.resources import find_resource
+from besman.records.files import load_record
 from besman.robot.model import Robot, load_robot
 from besman.simulation.perturbed_trials import finer_task
 from besman.simulation.task import Task
-from besman.simulation.tasks import load_task
+from besman.simulation.tasks.kinds import load_task
 from besman.simulation.trial import try_plans
+from besman.stages.refine.plan_space import plan_space
 
 RECIPES = {
     "stick_throw": "ur5_stick_throw",

@@ -16,11 +16,12 @@ from typing import Any
 
 import numpy as np
 
+from besman.config.stage import Work
 from besman.exceptions import PlanError
+from besman.pipeline.finished_run import read_run
 from besman.simulation.trial import try_plans
-from besman.stage import Work
 from besman.templates.applying import apply_template
-from besman.templates.files import parse_settings, read_run
+from besman.templates.files import parse_settings
 from besman.templates.teaching import prepare_lesson, teach
 
 _UNSEEN = 4711

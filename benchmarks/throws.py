@@ -64,7 +64,7 @@ def main() -> None:
 
 
 def imitated(run_folder: Path) -> str:
-    from besman.record_files import load_record
+    from besman.records.files import load_record
 
     motions = load_record(next(run_folder.glob("*_refine")) / "record.npz")
     misses = np.array([motion.miss_before for motion in motions])

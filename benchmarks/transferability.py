@@ -20,11 +20,12 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 
-from besman.pipeline import load_pipeline, run_pipeline
-from besman.refinement.plan_space import plan_space
-from besman.refinement.stage import RefineConfig
-from besman.resources import find_resource
-from besman.templates.files import read_run
+from besman.config.resources import find_resource
+from besman.pipeline.config import load_pipeline
+from besman.pipeline.finished_run import read_run
+from besman.pipeline.pipeline import run_pipeline
+from besman.stages.refine.plan_space import plan_space
+from besman.stages.refine.stage import CmaEsConfig
 from besman.transfer.approach import RealTry, TransferConfig, suggest
 from besman.transfer.archive import Simulator, no_plans
 from besman.transfer.second_simulation import SecondSimulation
@@ -82,7 +83,7 @@ def local_correction(motion, finished):
                 aim[:2] += motion.plan.target[:2] - outcome
             else:  # Nothing learnt: back half-way to where it was aimed first.
                 aim = 0.5 * (aim + motion.plan.target)
-            config = RefineConfig(episodes=_EPISODES, robustness=None)
+            config = CmaEsConfig(episodes=_EPISODES, robustness=None)
             (found,) = config.run((replace(plan, target=aim),), finished.robot, task)
             plan = found.plan
 

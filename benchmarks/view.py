@@ -15,8 +15,9 @@ from pathlib import Path
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
-from besman.pipeline import load_pipeline, run_pipeline
-from besman.resources import find_resource
+from besman.config.resources import find_resource
+from besman.pipeline.config import load_pipeline
+from besman.pipeline.pipeline import run_pipeline
 from besman.view.export import write_replay
 from besman.view.run_content import RunContent
 

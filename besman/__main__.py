@@ -1,5 +1,5 @@
 """``python -m besman`` is the command line."""
 
-from besman.cli import main
+from besman.cli.main import main
 
 main()

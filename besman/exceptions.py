@@ -3,9 +3,19 @@
 import difflib
 from collections.abc import Iterable
 
+LONGEST_MESSAGE = 4000
+"""Characters of a message that are shown."""
+
 
 class BesmanError(Exception):
-    """Base of all errors that besman raises on purpose; the command line shows them as one line."""
+    """Base of all errors that besman raises on purpose; the command line shows them as one line.
+
+    Messages quote names and values from files, so what would begin a second line or steer a
+    terminal is written as in Python's source.
+    """
+
+    def __str__(self) -> str:
+        return one_line(super().__str__())
 
 
 class ConfigError(BesmanError):
@@ -72,6 +82,33 @@ class RenderingError(BesmanError):
     """A picture or video that cannot be made on this machine."""
 
 
+def one_of(allowed: Iterable[str]) -> str:
+    """Name what is allowed in an error message: ``a, b or c``."""
+    *others, last = allowed
+    return f"{', '.join(others)} or {last}" if others else last
+
+
+def one_line(text: str) -> str:
+    """Return a text with everything that is not printable written as in Python's source.
+
+    Parameters
+    ----------
+    text : str
+
+    Returns
+    -------
+    str
+        One line, cut after `LONGEST_MESSAGE` characters.
+    """
+    if len(text) > LONGEST_MESSAGE:
+        text = text[:LONGEST_MESSAGE] + " ..."
+    if text.isprintable():
+        return text
+    return "".join(
+        one if one.isprintable() else one.encode("unicode_escape").decode() for one in text
+    )
+
+
 def nearest(name: str, allowed: Iterable[str]) -> str:
     """Say which allowed names there are and which is nearest, as the end of an error message.
 
@@ -88,6 +125,7 @@ def nearest(name: str, allowed: Iterable[str]) -> str:
         For example ``did you mean 'rate_hz'? allowed: marker, rate_hz``.
     """
     names = sorted(str(option) for option in allowed)
-    close = difflib.get_close_matches(str(name), names, n=1, cutoff=0.5)
+    # Nobody's misspelling is longer, and comparing takes the square of the length.
+    close = difflib.get_close_matches(str(name)[:100], names, n=1, cutoff=0.5)
     listed = ", ".join(names) if names else "nothing"
     return (f"did you mean {close[0]!r}? " if close else "") + f"allowed: {listed}"

@@ -22,6 +22,7 @@ extensions = [
     "examples",
     "mathml",
     "packages",
+    "table_of",
     "thesis_tables",
 ]
 exclude_patterns = ["_build", "extensions", "results"]

@@ -4,14 +4,14 @@ The recording is one of the embedded sample: a simulated person who throws a sti
 times, seen by a motion capture system that knows the markers' names.
 """
 
-from besman.io.recordings import read_recording
+from besman.config.resources import resource_folder
+from besman.io.recordings.formats import read_recording
 from besman.io.segments_json import find_segments, read_segments
-from besman.labelling.marker_set import load_marker_set
-from besman.labelling.stage import LabelConfig
-from besman.resources import resource_folder
-from besman.segmentation.scores import mean_score
-from besman.segmentation.stage import ValleyVmciConfig
-from besman.segmentation.valley_vmci import find_movements
+from besman.person.marker_set import load_marker_set
+from besman.stages.label.stage import LabelConfig
+from besman.stages.segment.scores import mean_score
+from besman.stages.segment.stage import ValleyVmciConfig
+from besman.stages.segment.valley_vmci import find_movements
 
 # The content of the file tells its format: Qualisys TSV, C3D, Xsens MVNX or a joint log.
 path = resource_folder("data") / "stick_throw" / "subject1.tsv"

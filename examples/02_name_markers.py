@@ -7,16 +7,12 @@ person who wears the same set, is enough to learn from.
 
 import numpy as np
 
-from besman.io.recordings import read_recording
-from besman.io.true_names import find_true_names, read_true_names
-from besman.labelling.marker_set import load_marker_set
-from besman.labelling.results import count_names
-from besman.labelling.trajectories import (
-    fill_markers,
-    learn_from_recording,
-    name_trajectories,
-)
-from besman.resources import resource_folder
+from besman.config.resources import resource_folder
+from besman.io.recordings.formats import read_recording
+from besman.io.recordings.true_names import find_true_names, read_true_names
+from besman.person.marker_set import load_marker_set
+from besman.stages.label.results import count_names
+from besman.stages.label.trajectories import fill_markers, learn_from_recording, name_trajectories
 
 data = resource_folder("data")
 markers = load_marker_set("right_arm")

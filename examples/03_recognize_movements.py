@@ -8,14 +8,14 @@ from collections import Counter
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from besman.inputs import read_inputs
-from besman.labelling.marker_set import load_marker_set
-from besman.labelling.stage import LabelConfig
-from besman.recognition.model_files import load_model, save_model
-from besman.recognition.nearest_neighbour import classify
-from besman.recognition.stage import RecognizeConfig
-from besman.resources import resource_folder
-from besman.segmentation.stage import ValleyVmciConfig
+from besman.classifiers.nearest_neighbour import classify
+from besman.config.resources import resource_folder
+from besman.person.marker_set import load_marker_set
+from besman.stages.label.stage import LabelConfig
+from besman.stages.read.read_inputs import read_inputs
+from besman.stages.recognize.model_files import load_model, save_model
+from besman.stages.recognize.stage import RecognizeConfig
+from besman.stages.segment.stage import ValleyVmciConfig
 
 folder = resource_folder("data") / "stick_throw"
 inputs = read_inputs([str(folder)])

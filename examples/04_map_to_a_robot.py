@@ -7,13 +7,14 @@ change of the path by a few millimetres does not help.
 
 import numpy as np
 
-from besman.inputs import read_inputs
-from besman.labelling.marker_set import load_marker_set
-from besman.labelling.stage import LabelConfig
-from besman.mapping.stage import MapConfig, SelectConfig
-from besman.resources import resource_folder
-from besman.robot.limits import check_limits, resample
+from besman.config.resources import resource_folder
+from besman.person.marker_set import load_marker_set
+from besman.robot.limits import check_limits, resample_trajectory
 from besman.robot.model import load_robot
+from besman.stages.label.stage import LabelConfig
+from besman.stages.map.stage import MapConfig
+from besman.stages.read.read_inputs import read_inputs
+from besman.stages.select.stage import SelectConfig
 
 folder = resource_folder("data") / "stick_throw"
 inputs = read_inputs([str(folder / "subject1.tsv")])
@@ -54,7 +55,7 @@ for name, stage, what in (
 
     # Checked at 1 kHz: nothing is beyond a limit.
     one = mapping.trajectories[0]
-    time, q, v, a = resample(one.time, one.positions, one.velocities, one.accelerations)
+    time, q, v, a = resample_trajectory(one.time, one.positions, one.velocities, one.accelerations)
     report = check_limits(robot, q, v, a)
     print(f"  the first at 1 kHz: {report.samples} samples, {report.violations} beyond a limit;")
     print(f"  {report.velocity_ratio:.0%} of the speed and {report.torque_ratio:.0%} of the torque")

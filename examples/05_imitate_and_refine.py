@@ -7,20 +7,21 @@ where the person's did.
 
 import numpy as np
 
-from besman.imitation.movement import sample_plan
-from besman.imitation.retarget import retarget_plan
-from besman.imitation.stage import ImitateConfig
-from besman.inputs import read_inputs
-from besman.labelling.marker_set import load_marker_set
-from besman.labelling.stage import LabelConfig
-from besman.mapping.stage import MapConfig, SelectConfig
-from besman.refinement.robustness import RobustnessConfig
-from besman.refinement.stage import RefineConfig
-from besman.resources import resource_folder
+from besman.config.resources import resource_folder
+from besman.motion.adapt_plan import retarget_plan
+from besman.motion.rollout import sample_plan
+from besman.person.marker_set import load_marker_set
 from besman.robot.limits import check_limits
 from besman.robot.model import load_robot
-from besman.simulation.tasks import load_task
+from besman.simulation.tasks.kinds import load_task
 from besman.simulation.trial import try_plans
+from besman.stages.imitate.stage import ImitateConfig
+from besman.stages.label.stage import LabelConfig
+from besman.stages.map.stage import MapConfig
+from besman.stages.read.read_inputs import read_inputs
+from besman.stages.refine.robustness import RobustnessConfig
+from besman.stages.refine.stage import CmaEsConfig
+from besman.stages.select.stage import SelectConfig
 
 # As in example 4.
 folder = resource_folder("data") / "stick_throw"
@@ -48,7 +49,7 @@ print(f"another goal: {moved.duration:.2f} s, {beyond} of {len(time)} samples be
 print(f"\nimitated: lands {100 * trial.miss:.1f} cm from the target")
 
 # Refine: goal, duration and the smoothest changes of the weights are searched by CMA-ES.
-stage = RefineConfig(episodes=200, robustness=None, seed=0)
+stage = CmaEsConfig(episodes=200, robustness=None, seed=0)
 for motion in stage.run(plans, robot, task):
     x, y = motion.outcome[:2]
     print(f"{motion.plan.name}: after {len(motion.returns)} episodes at x {x:.2f}, y {y:.2f} m,")

@@ -10,21 +10,22 @@ from tempfile import TemporaryDirectory
 
 import yaml
 
-from besman.imitation.stage import ImitateConfig
-from besman.inputs import read_inputs
-from besman.labelling.marker_set import load_marker_set
-from besman.labelling.stage import LabelTrajectoriesConfig
-from besman.mapping.stage import MapConfig, SelectConfig
-from besman.refinement.stage import RefineConfig
-from besman.resources import resource_folder
+from besman.config.resources import resource_folder
+from besman.person.marker_set import load_marker_set
 from besman.robot.doubts import check_robot
 from besman.robot.model import load_robot
 from besman.robot.new_robot import add_robot
-from besman.simulation.tasks import load_task
+from besman.simulation.tasks.kinds import load_task
+from besman.stages.imitate.stage import ImitateConfig
+from besman.stages.label.stage import LabelTrajectoriesConfig
+from besman.stages.map.stage import MapConfig
+from besman.stages.read.read_inputs import read_inputs
+from besman.stages.refine.stage import CmaEsConfig
+from besman.stages.select.stage import SelectConfig
 from besman.templates.applying import apply_template
 from besman.templates.learning import TemplateConfig
 from besman.templates.teaching import prepare_lesson, teach
-from besman.work import Work
+from besman.work.work import Work
 
 folder = TemporaryDirectory()  # is removed at the end
 place = Path(folder.name)
@@ -71,9 +72,7 @@ demonstrations = SelectConfig(label="throw").run(labelled, inputs.truth)[:1]
 # As in examples 4 and 5, on the own arm. A throw may also begin elsewhere.
 mapping = MapConfig(yaw=False, evaluations=20).run(demonstrations, robot)
 plans = ImitateConfig().run(mapping.trajectories, robot)
-refine = RefineConfig(
-    episodes=400, search=("start", "goal", "duration"), sigma=0.8, robustness=None
-)
+refine = CmaEsConfig(episodes=400, search=("start", "goal", "duration"), sigma=0.8, robustness=None)
 motions = refine.run(plans, robot, task)
 motion = motions[0]
 print(f"\nimitated: {100 * motion.miss_before:.0f} cm from the target")

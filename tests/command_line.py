@@ -2,7 +2,7 @@
 
 import pytest
 
-from besman import cli
+from besman.cli import main as cli
 
 
 def besman(monkeypatch, *arguments):

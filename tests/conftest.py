@@ -3,10 +3,11 @@ import functools
 import numpy as np
 import pytest
 
-from besman.imitation.dmp import fit_weights
-from besman.pipeline import load_pipeline, run_pipeline
+from besman.config.resources import find_resource
+from besman.motion.dmp import fit_weights
+from besman.pipeline.config import load_pipeline
+from besman.pipeline.pipeline import run_pipeline
 from besman.records import MotionPlan
-from besman.resources import find_resource
 from besman.robot.model import load_robot
 from besman.synthetic.datasets import write_synthetic
 

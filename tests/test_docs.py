@@ -7,12 +7,11 @@ import json
 import re
 import sys
 from importlib import import_module
-from pathlib import Path
 
 import pytest
+from places import TOP
 from pydantic import BaseModel
 
-TOP = Path(__file__).parents[1]
 DOCS = TOP / "docs"
 PAGES = sorted(path for path in DOCS.rglob("*.md") if "_build" not in path.parts)
 NAME = re.compile(r"\bbesman(?:\.[A-Za-z_]\w*)+")
@@ -58,7 +57,7 @@ def test_the_method_names_every_stage():
         assert f"besman.{package}." in text
     for package in ("imitation", "refinement", "transfer"):
         assert f"besman.{package}." in text
-    assert not found("besman.segmentation.vmci.no_such_function")
+    assert not found("besman.stages.segment.vmci.no_such_function")
 
 
 @pytest.mark.parametrize("page", [*PAGES, TOP / "README.md"], ids=lambda path: path.name)
@@ -71,6 +70,20 @@ def test_every_package_has_a_page():
     text = "".join(path.read_text() for path in (DOCS / "reference/api").glob("*.rst"))
     packages = {path.parent.name for path in (TOP / "besman").glob("*/__init__.py")}
     assert packages == set(re.findall(r"\.\. package:: besman\.(\w+)", text))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: path.name)
+def test_tables_of_the_program_are_shown_and_filled(page):
+    shown = re.findall(r"`{3}{table-of} (\S+)\n(.*?)`{3}", page.read_text(), flags=re.DOTALL)
+    if not shown:
+        return
+    table_of = extension("table_of")
+    for name, content in shown:
+        columns = table_of.columns_of(content.splitlines())
+        assert all(title for _, title in columns)
+        rows = table_of.rows_of(name, [attribute for attribute, _ in columns])
+        assert len(rows) > 1
+        assert all(len(row) == len(columns) and row[0] for row in rows)
 
 
 def test_tables_of_the_thesis_are_shown_and_filled():
@@ -129,7 +142,7 @@ def sections(config: type[BaseModel], seen: dict[str, type[BaseModel]]) -> dict:
 
 
 def test_every_pipeline_key_is_described():
-    from besman.pipeline import PipelineConfig
+    from besman.pipeline.config import PipelineConfig
 
     described = extension("configuration").described
     missing = [
@@ -142,7 +155,7 @@ def test_every_pipeline_key_is_described():
 
 
 def test_methods_are_named_as_in_a_pipeline():
-    from besman.pipeline import PipelineConfig
+    from besman.pipeline.config import PipelineConfig
 
     inside, method_of = (
         getattr(extension("configuration"), n) for n in ("sections_of", "method_of")
@@ -154,7 +167,7 @@ def test_methods_are_named_as_in_a_pipeline():
 def test_every_command_and_option_is_described():
     from typer.main import get_command
 
-    from besman.cli import app
+    from besman.cli.main import app
 
     line = extension("command_line")
     found_commands = dict(line.commands(get_command(app), "besman"))

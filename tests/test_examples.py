@@ -9,8 +9,8 @@ import sys
 from pathlib import Path
 
 import pytest
+from places import TOP
 
-TOP = Path(__file__).parents[1]
 EXAMPLES = TOP / "examples"
 
 

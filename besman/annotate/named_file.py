@@ -6,10 +6,8 @@ import os
 from pathlib import Path
 
 from besman.exceptions import AnnotationError
-from besman.io.recordings import write_recording
+from besman.io.recordings.formats import WRITTEN_SUFFIXES, write_recording
 from besman.records import Recording
-
-_WRITTEN = (".tsv", ".c3d")
 
 
 class NamedFile:
@@ -18,7 +16,7 @@ class NamedFile:
     Parameters
     ----------
     source : Path
-        The recording that was read; a C3D file is written as C3D.
+        The recording that was read; written in its format, if that can be, or as TSV.
 
     Attributes
     ----------
@@ -27,7 +25,7 @@ class NamedFile:
     """
 
     def __init__(self, source: Path) -> None:
-        ending = source.suffix.lower() if source.suffix.lower() in _WRITTEN else ".tsv"
+        ending = source.suffix.lower() if source.suffix.lower() in WRITTEN_SUFFIXES else ".tsv"
         number = 1
         while True:
             more = "" if number == 1 else f"_{number}"

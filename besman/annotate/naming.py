@@ -14,12 +14,12 @@ from typing import NamedTuple
 import numpy as np
 
 from besman.exceptions import AnnotationError, LabellingError, nearest
-from besman.gaps import find_runs
-from besman.label_files import with_unnamed
-from besman.labelling.marker_set import MarkerSet, normalise_name
-from besman.labelling.stage import LabelTrajectoriesConfig
-from besman.labelling.trajectories import name_trajectories
+from besman.geometry.gaps import find_runs
+from besman.person.marker_set import MarkerSet, normalise_name
 from besman.records import FloatArray, Recording
+from besman.stages.label.stage import LabelTrajectoriesConfig
+from besman.stages.label.trajectories import name_trajectories
+from besman.standalone.label_file import with_unnamed
 
 GHOST = ""
 """Name of a fragment that is no marker."""
@@ -56,7 +56,7 @@ class Fragment(NamedTuple):
     review: bool
 
 
-class View(NamedTuple):
+class NamedView(NamedTuple):
     """A recording with names given, and where the trajectories without one are in it."""
 
     recording: Recording
@@ -95,7 +95,7 @@ class Naming:
             fragments, key=lambda one: (not one.review, one.start - one.end, one.start, one.column)
         )
 
-    def view(self, names: Names) -> View:
+    def view(self, names: Names) -> NamedView:
         """Give names to fragments.
 
         Parameters
@@ -105,7 +105,7 @@ class Naming:
 
         Returns
         -------
-        View
+        NamedView
             First what has a name, in the order of the marker set; ghosts are left out.
 
         Raises
@@ -137,7 +137,7 @@ class Naming:
             names=(*named, *(None,) * len(unnamed)),
             orientations=None,
         )
-        return View(recording, {column: len(named) + k for k, column in enumerate(unnamed)})
+        return NamedView(recording, {column: len(named) + k for k, column in enumerate(unnamed)})
 
     def candidates(self, number: int, names: Names) -> list[tuple[str, bool]]:
         """Return the names that a fragment may get, the likely ones first, and which are free.

@@ -4,7 +4,7 @@ Both come with a confidence. That of a border is its posterior probability; that
 least of its two borders' and of one minus that of any border left out inside it. That of a label
 compares the distance a to the nearest example of its class with the distance b to the nearest of
 any other class, (b - a) / (b + a), and falls with a where a is greater than the examples suggest
-(`besman.recognition.novelty.fit_threshold`).
+(`besman.classifiers.novelty.fit_threshold`).
 """
 
 from __future__ import annotations
@@ -17,10 +17,12 @@ from weakref import WeakKeyDictionary
 import numpy as np
 import numpy.typing as npt
 
+from besman.classifiers.draw_examples import Candidate
 from besman.exceptions import RecognitionError
-from besman.manual_segments import IDLE, Side
-from besman.recognition.examples import Candidate, find_candidates
-from besman.recognition.model import (
+from besman.records import FloatArray, LabelledRecording, LabelledSegments
+from besman.records.layers import IDLE, Side
+from besman.stages.recognize.examples import find_candidates
+from besman.stages.recognize.model import (
     Examples,
     Recipe,
     RecognitionModel,
@@ -28,9 +30,8 @@ from besman.recognition.model import (
     name_segments,
     rank_classes,
 )
-from besman.recognition.stage import RecognizeConfig
-from besman.records import FloatArray, LabelledRecording, LabelledSegments
-from besman.segmentation.stage import ValleyVmciConfig
+from besman.stages.recognize.stage import RecognizeConfig
+from besman.stages.segment.stage import ValleyVmciConfig
 
 _NEAR_S = 0.06  # the grid of the probabilities is 20 Hz
 _LONGEST_S = 30.0
@@ -38,7 +39,7 @@ _LONG_RECORDING_S = 300.0
 _ALONE = 0.5  # confidence of the only label there is an example of
 
 
-class Stretch(NamedTuple):
+class ProposedSegment(NamedTuple):
     """A stretch of a recording that may be a segment: half-open rows, confidence of its borders."""
 
     start: int
@@ -53,7 +54,7 @@ class Name(NamedTuple):
     confidence: float
 
 
-def propose_stretches(recording: LabelledRecording, hand: str) -> list[Stretch]:
+def propose_stretches(recording: LabelledRecording, hand: str) -> list[ProposedSegment]:
     """Cut a recording where besman's default segmentation does.
 
     Parameters
@@ -64,7 +65,7 @@ def propose_stretches(recording: LabelledRecording, hand: str) -> list[Stretch]:
 
     Returns
     -------
-    list of Stretch
+    list of ProposedSegment
         Together they cover the recording.
 
     Raises
@@ -88,7 +89,7 @@ def propose_stretches(recording: LabelledRecording, hand: str) -> list[Stretch]:
         inside = probability[start + near + 1 : end - near]
         left_out = float(inside.max()) if len(inside) else 0.0
         confidence = min(border(start), border(end), 1.0 - left_out)
-        stretches.append(Stretch(start, end, round(confidence, 4)))
+        stretches.append(ProposedSegment(start, end, round(confidence, 4)))
     return stretches
 
 

@@ -78,18 +78,18 @@ class _Routes:
         return json_answer({"revision": take.document.store.revision()})
 
     def chunk(self, request: Request) -> Answer:
-        """Return a piece of a curve, see `besman.annotate.signals.Signals.chunk`."""
+        """Return a piece of a curve, see `besman.annotate.signals.SignalPyramids.chunk`."""
         signals = self._session.take(request.query.get("recording", "")).signals
         marker, level, index = (request.whole(name) for name in ("marker", "level", "index"))
         return _binary(signals.chunk(request.query.get("group", ""), marker, level, index))
 
     def frames(self, request: Request) -> Answer:
-        """Return a piece of all markers' places, see `besman.annotate.signals.Signals.frames`."""
+        """Return a piece of all places, see `besman.annotate.signals.SignalPyramids.frames`."""
         signals = self._session.take(request.query.get("recording", "")).signals
         return _binary(signals.frames(request.whole("index")))
 
     def sketch(self, request: Request) -> Answer:
-        """Return curves as they are drawn first, see `besman.annotate.signals.Signals.sketch`."""
+        """Return what is drawn first, see `besman.annotate.signals.SignalPyramids.sketch`."""
         signals = self._session.take(request.query.get("recording", "")).signals
         return _binary(signals.sketch()[0])
 

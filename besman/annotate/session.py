@@ -11,10 +11,10 @@ from typing import Any
 from besman.annotate.proposals import Name, Teacher, name_stretches
 from besman.annotate.takes import Take, shares_side, side_of_layer
 from besman.exceptions import AnnotationError, BesmanError
-from besman.io.recordings import find_recordings, read_recording
-from besman.manual_segments import LAYERS, drop_parts
-from besman.recognition.model import RecognitionModel
+from besman.io.recordings.formats import find_recordings, read_recording
 from besman.records import LabelledSegments
+from besman.records.layers import LAYERS, drop_parts
+from besman.stages.recognize.model import RecognitionModel
 
 
 class Session:

@@ -62,7 +62,7 @@ def _reduce(values: Float32, function: np.ufunc) -> Float32:
     return np.asarray(function.reduceat(values, starts, axis=1), dtype=np.float32)
 
 
-class Signals:
+class SignalPyramids:
     """The signals of one recording, by groups.
 
     ``positions`` of a marker are x, y, z in metres, ``velocities`` those in metres per second,
@@ -136,7 +136,7 @@ class Signals:
         """Return central differences, shape (3, T); NaN where a position is missing."""
         x = self._positions[marker]
         n, lag = x.shape[1], self._lag
-        velocities = np.empty_like(x)
+        velocities: Float32 = np.empty_like(x)
         if n > 2 * lag:
             span = (self._time[2 * lag :] - self._time[: -2 * lag]).astype(np.float32)
             velocities[:, lag:-lag] = (x[:, 2 * lag :] - x[:, : -2 * lag]) / span

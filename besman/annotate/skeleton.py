@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from besman.labelling.marker_set import normalise_name
+from besman.person.marker_set import normalise_name
 
 _BACK = ("back_top", "back_left", "back_right")
 _ARM = (

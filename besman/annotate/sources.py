@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from besman.exceptions import AnnotationError
-from besman.recognition.model import RecognitionModel
-from besman.recognition.model_files import load_model
+from besman.stages.recognize.model import RecognitionModel
+from besman.stages.recognize.model_files import load_model
 
 
 def split_labels(text: str | None) -> tuple[str, ...]:
@@ -35,7 +35,7 @@ def load_models(run: Path | None, model: Path | None) -> tuple[RecognitionModel,
     """
     models = () if model is None else (load_model(model),)
     if run is not None:
-        from besman.pipeline import trained_model
+        from besman.pipeline.finished_run import trained_model
 
         models += (trained_model(run),)
     return models

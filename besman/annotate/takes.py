@@ -11,18 +11,18 @@ import numpy as np
 
 from besman.annotate.document import Document
 from besman.annotate.named_file import NamedFile
-from besman.annotate.naming import Names, Naming, View
-from besman.annotate.proposals import Stretch, propose_stretches
-from besman.annotate.signals import Signals
+from besman.annotate.naming import NamedView, Names, Naming
+from besman.annotate.proposals import ProposedSegment, propose_stretches
+from besman.annotate.signals import SignalPyramids
 from besman.annotate.skeleton import find_bones
 from besman.exceptions import AnnotationError, BesmanError, ChangedError, LabellingError
-from besman.io.recordings import read_recording
+from besman.io.recordings.formats import read_recording
 from besman.io.segments_json import segments_path
-from besman.labelling.marker_set import MarkerSet, load_marker_set
-from besman.labelling.results import trajectory_name
-from besman.labelling.stage import LabelConfig
-from besman.manual_segments import ACTIONS, Side
+from besman.person.marker_set import MarkerSet, load_marker_set
 from besman.records import LabelledRecording, Recording
+from besman.records.layers import ACTIONS, Side
+from besman.stages.label.results import trajectory_name
+from besman.stages.label.stage import LabelConfig
 
 MARKER_SETS = ("two_arms", "right_arm", "xsens", "exoskeleton")
 """Marker sets that are tried in this order where none is named."""
@@ -95,7 +95,7 @@ class Take:
             self.naming = Naming(self.recording, marker_set, teacher)
             self._show(self.naming.view({}))
         else:
-            self._show(View(self.recording, {}))
+            self._show(NamedView(self.recording, {}))
 
     def give_names(self, names: Names, revision: int | None = None) -> None:
         """Give names to fragments; those not mentioned have none.
@@ -137,13 +137,13 @@ class Take:
         with self._lock:
             return self.named_file.write(self.shown)
 
-    def _show(self, view: View) -> None:
+    def _show(self, view: NamedView) -> None:
         """Show a recording; what was computed of another is forgotten."""
         self.shown, self._columns = view
         shown = self.shown
-        self.signals = Signals(shown.time, shown.positions, shown.rate_hz)
+        self.signals = SignalPyramids(shown.time, shown.positions, shown.rate_hz)
         self._labelled: tuple[LabelledRecording, MarkerSet] | BesmanError | None = None
-        self._stretches: dict[str, list[Stretch]] = {}
+        self._stretches: dict[str, list[ProposedSegment]] = {}
 
     def labelled(self) -> tuple[LabelledRecording, MarkerSet]:
         """Return the recording with the names of a marker set, and the set.
@@ -162,7 +162,7 @@ class Take:
             raise labelled
         return labelled
 
-    def stretches(self, layer: str) -> list[Stretch]:
+    def stretches(self, layer: str) -> list[ProposedSegment]:
         """Return proposals for the segments of a layer, computed once.
 
         Raises

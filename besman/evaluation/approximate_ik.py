@@ -22,9 +22,9 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from besman.frames import quaternion_to_rotation
-from besman.imitation.cartesian_dmp import roll_out_poses
-from besman.imitation.dmp import roll_out
+from besman.geometry.frames import quaternion_to_rotation
+from besman.motion.cartesian_dmp import roll_out_poses
+from besman.motion.dmp import roll_out
 from besman.robot.ik_kernel import follow_paths
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.parts import Chain

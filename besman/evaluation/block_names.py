@@ -8,12 +8,12 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from besman.classifiers.nearest_neighbour import scale
 from besman.evaluation.demonstrations import Demonstration, arm_markers, sample_labels
-from besman.hierarchy.actions import LevelModel, cut_paths, name_spans, train_level
-from besman.hierarchy.clustering import cluster_g_means, cluster_k_means, match_clusters
-from besman.manual_segments import IDLE
-from besman.recognition.nearest_neighbour import scale
 from besman.records import Segments
+from besman.records.layers import IDLE
+from besman.stages.compose.actions import LevelModel, cut_paths, name_spans, train_level
+from besman.stages.compose.clustering import cluster_g_means, cluster_k_means, match_clusters
 
 Method = Literal["vhms", "cl_vhms_k_means", "cl_vhms_g_means"]
 METHODS: tuple[Method, ...] = ("vhms", "cl_vhms_k_means", "cl_vhms_g_means")

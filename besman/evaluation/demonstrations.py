@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.exceptions import RecognitionError
-from besman.manual_segments import IDLE, complete_truth
 from besman.records import LabelledRecording, LabelledSegments, Recording
+from besman.records.layers import IDLE, complete_truth
 
 _ARMS = ("right", "left")
 _HANDS = ("hand_top", "wrist")

@@ -10,14 +10,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from besman.config.stage import Stage
 from besman.records import LabelledRecording, Segments
-from besman.segmentation.bp_ar_hmm import BpArHmmPrior, infer_shared_states
-from besman.segmentation.sampling import gather_paths, sample_paths, to_segments
-from besman.segmentation.scores import score_borders
-from besman.segmentation.signals import prepare_signals
-from besman.segmentation.valley_vmci import find_movements
-from besman.segmentation.vmci import VmciModel, find_change_points, merge_single_samples
-from besman.stage import Stage
+from besman.stages.segment.bp_ar_hmm import infer_shared_states
+from besman.stages.segment.bp_ar_hmm_prior import BpArHmmPrior
+from besman.stages.segment.sampling import gather_gapless_paths, sample_paths, to_segments
+from besman.stages.segment.scores import score_borders
+from besman.stages.segment.signals import prepare_signals
+from besman.stages.segment.valley_vmci import find_movements
+from besman.stages.segment.vmci import VmciModel, find_change_points, merge_single_samples
 from besman.synthetic.sequenced_dmps import SequencedDmps
 
 FloatArray = npt.NDArray[np.float64]
@@ -152,7 +153,7 @@ def _segment(
 
 def _segment_valleys(recording: LabelledRecording, model: VmciModel) -> Segments:
     """Segment one movement by the default method; its borders lie on a grid of its own."""
-    paths = gather_paths(recording, ("hand_top",))
+    paths = gather_gapless_paths(recording, ("hand_top",))
     found = find_movements(recording.time, paths, model=model)
     rows = np.unique(np.round(found.borders_s * recording.rate_hz).astype(np.int64))
     return to_segments(rows, recording.rate_hz, recording, found.log_probability)

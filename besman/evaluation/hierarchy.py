@@ -20,15 +20,12 @@ from besman.evaluation.demonstrations import (
     sample_labels,
 )
 from besman.exceptions import ConfigError, RecognitionError, nearest
-from besman.hierarchy.actions import (
-    LevelModel,
-    compose_level,
-)
-from besman.hierarchy.borders import candidate_borders
-from besman.manual_segments import IDLE
 from besman.records import LabelledSegments, Segments
-from besman.segmentation.scores import match_borders
-from besman.segmentation.stage import SegmentConfig
+from besman.records.layers import IDLE
+from besman.stages.compose.actions import LevelModel, compose_level
+from besman.stages.compose.borders import candidate_borders
+from besman.stages.segment.scores import match_borders
+from besman.stages.segment.stage import SegmentConfig
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -117,7 +114,7 @@ class HierarchyScore:
     seconds: float
 
 
-def read_dataset(name: str, seed: int = 0) -> list[Demonstration]:
+def simulate_demonstrations(name: str, seed: int = 0) -> list[Demonstration]:
     """Simulate a dataset and cut it into demonstrations (synthetic).
 
     Parameters
@@ -132,7 +129,7 @@ def read_dataset(name: str, seed: int = 0) -> list[Demonstration]:
     ConfigError
         If there is no such experiment.
     """
-    from besman.synthetic.datasets import captures  # type: ignore[attr-defined]
+    from besman.synthetic.datasets import captures
 
     plan = _find(name)
     found: list[Demonstration] = []
@@ -179,7 +176,7 @@ def run_experiment(
     """
     plan = _find(name)
     if demonstrations is None:
-        demonstrations = read_dataset(name)
+        demonstrations = simulate_demonstrations(name)
     found = [find_blocks(one) for one in demonstrations]
     rows = []
     variants = [*((method, False) for method in METHODS), ("vhms", True)]

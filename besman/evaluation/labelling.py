@@ -16,12 +16,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from besman.config.resources import resource_folder
 from besman.evaluation.degradation import GHOST, Degraded, DegradeRecipe, degrade_recording
 from besman.evaluation.frame_tracker import track_frames
-from besman.evaluation.takes import Protocol, Take, make_protocols
-from besman.labelling.fragments import Fragments, split_fragments
-from besman.labelling.naming import label_fragments
-from besman.resources import resource_folder
+from besman.evaluation.takes import ExperimentTake, Protocol, make_protocols
+from besman.stages.label.fragments import Fragments, split_fragments
+from besman.stages.label.naming import label_fragments
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -138,7 +138,7 @@ def _measure_level(
     ]
 
 
-def _track(take: Take, spoilt: Degraded) -> tuple[tuple[int, int, int], int, float]:
+def _track(take: ExperimentTake, spoilt: Degraded) -> tuple[tuple[int, int, int], int, float]:
     """Name a recording frame by frame, from a start that is given."""
     first = int(np.isfinite(take.positions[..., 0]).sum(axis=1).argmax())
     start = time.perf_counter()

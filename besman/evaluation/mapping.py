@@ -20,17 +20,18 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from besman.config_file import load_config
+from besman.config.yaml_file import load_config
 from besman.evaluation.mapping_data import DATASET, DemonstrationSet
 from besman.exceptions import BesmanError, ConfigError
-from besman.mapping.embodiment import Mapping
-from besman.mapping.stage import MapConfig
 from besman.records import Failure, JointTrajectory
 from besman.robot.config import RobotConfig
 from besman.robot.kinematics import forward_kinematics
-from besman.robot.limits import check_limits, resample
+from besman.robot.limits import check_limits, resample_trajectory
 from besman.robot.model import Robot, find_robot, load_robot
-from besman.work import Notes, Work
+from besman.stages.map.mapping import Mapping
+from besman.stages.map.stage import MapConfig
+from besman.work.outcome import Notes
+from besman.work.work import Work
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -63,7 +64,7 @@ class Transferred:
 
 
 @dataclass(frozen=True)
-class Measured:
+class TransferMeasures:
     """What one transferred demonstration costs.
 
     Attributes
@@ -176,7 +177,7 @@ def _map_set(
         "n_corrected": 0 if mapping is None else len(mapping.corrected),
         "scale": None if mapping is None else mapping.scale,
         "failed": [asdict(failure) for failure in (*one.failed, *failed)],
-        **figures(trajectories, measured),
+        **transfer_figures(trajectories, measured),
         "seconds_per_demonstration": wall / max(len(one.demonstrations), 1),
         "cpu_seconds_per_demonstration": cpu / max(len(one.demonstrations), 1),
         "peak_rss_mb": max([own_peak_mb, *notes.workers.values()]),
@@ -198,7 +199,7 @@ def _try_mapping(
     return mapping, mapping.failed
 
 
-def measure(trajectory: JointTrajectory, robot: Robot) -> Measured:
+def measure(trajectory: JointTrajectory, robot: Robot) -> TransferMeasures:
     """Check a trajectory at 1 kHz, and compare the tool's path with that of the hand.
 
     Parameters
@@ -206,14 +207,14 @@ def measure(trajectory: JointTrajectory, robot: Robot) -> Measured:
     trajectory : JointTrajectory
     robot : Robot
     """
-    _, *dense = resample(
+    _, *dense = resample_trajectory(
         trajectory.time, trajectory.positions, trajectory.velocities, trajectory.accelerations
     )
     report = check_limits(robot, *dense)
     reached = forward_kinematics(robot.chain, trajectory.positions)[:, :3, 3]
     has_dtw = importlib.util.find_spec("tslearn") is not None
     distance = average_dtw(trajectory.poses[:, :3], reached) if has_dtw else None
-    return Measured(report.violations, report.self_collisions, distance)
+    return TransferMeasures(report.violations, report.self_collisions, distance)
 
 
 def average_dtw(first: FloatArray, second: FloatArray) -> float:
@@ -240,15 +241,15 @@ def average_dtw(first: FloatArray, second: FloatArray) -> float:
     return float(total) / max(len(first), len(second))
 
 
-def figures(
-    trajectories: Sequence[JointTrajectory], measured: Sequence[Measured]
+def transfer_figures(
+    trajectories: Sequence[JointTrajectory], measured: Sequence[TransferMeasures]
 ) -> dict[str, Any]:
     """Return the figures of transferred demonstrations, None where there are none.
 
     Parameters
     ----------
     trajectories : sequence of JointTrajectory
-    measured : sequence of Measured
+    measured : sequence of TransferMeasures
         Of each of them.
     """
     if not trajectories:

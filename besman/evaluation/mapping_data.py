@@ -8,12 +8,13 @@ from pathlib import Path
 
 from besman.evaluation.recognition_data import dataset_folders, is_synthetic, name_parts
 from besman.exceptions import ConfigError, MappingError
-from besman.inputs import read_inputs
-from besman.manual_segments import IDLE, SIDES, Side, actions_of, building_blocks
-from besman.mapping.stage import SelectConfig
 from besman.records import Failure, HandTrajectory, LabelledRecording, LabelledSegments
+from besman.records.layers import IDLE, SIDES, Side, actions_of, building_blocks
+from besman.stages.read.read_inputs import read_inputs
+from besman.stages.select.stage import SelectConfig
 from besman.synthetic.datasets import captures
-from besman.work import Notes, Work
+from besman.work.outcome import Notes
+from besman.work.work import Work
 
 DATASET, CLASS, STICK = "stick_throw", "throw", "stick"
 _LONGEST_S = 3600.0
@@ -78,7 +79,7 @@ class _Collected:
             self.demonstrations += found
 
 
-def simulate_throws(
+def simulate_throw_set(
     n_subjects: int | None = None,
     n_repetitions: int | None = None,
     seed: int = 0,
@@ -233,7 +234,7 @@ def choose_sets(
     data : Path, optional
         See `load_demonstrations`.
     n_subjects, n_repetitions, seed, progress
-        See `simulate_throws`.
+        See `simulate_throw_set`.
 
     Raises
     ------
@@ -241,7 +242,7 @@ def choose_sets(
         If a folder is given and subjects or repetitions too.
     """
     if data is None:
-        return [simulate_throws(n_subjects, n_repetitions, seed, progress)]
+        return [simulate_throw_set(n_subjects, n_repetitions, seed, progress)]
     if n_subjects is not None or n_repetitions is not None:
         raise ConfigError(
             "--data and --subjects or --repetitions: got both; the latter are of simulated throws"

@@ -31,7 +31,7 @@ _LIGHT = np.array([0.25, -0.75, 0.6])
 _PEDESTAL_M = 0.25
 
 
-def write_figures(mapped: Sequence[Transferred], folder: Path) -> list[Path]:
+def write_mapping_figures(mapped: Sequence[Transferred], folder: Path) -> list[Path]:
     """Draw every class in the workspaces of all robots, and how errors and times are spread.
 
     Parameters

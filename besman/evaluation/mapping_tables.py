@@ -97,7 +97,7 @@ def _spread(values: dict[str, float] | None, factor: float, digits: int) -> str:
     return " / ".join(f"{factor * value:.{digits}f}" for value in values.values())
 
 
-def failure_lines(rows: Sequence[dict[str, Any]]) -> list[str]:
+def reason_lines(rows: Sequence[dict[str, Any]]) -> list[str]:
     """Return the first reasons for which demonstrations were not transferred, one a line."""
     lines = [
         f"{row['robot']}, {row['label']}: {one['name']}: {one['reason']}"

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from besman.classifiers.novelty import UNKNOWN
 from besman.evaluation.draws import Draw, draw_balanced, draw_subjects
 from besman.evaluation.recognition_data import LabelledSet
 from besman.exceptions import ConfigError, nearest
-from besman.recognition.model import Examples, classify_features, fit_model
-from besman.recognition.novelty import UNKNOWN
-from besman.recognition.stage import CONFIGS, RecognizeConfig
+from besman.stages.recognize.model import Examples, classify_features, fit_model
+from besman.stages.recognize.stage import CONFIGS, RecognizeConfig
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -66,7 +66,7 @@ def run_recognition(
     ----------
     sets : sequence of LabelledSet
     methods : sequence of str
-        Names out of `besman.recognition.stage.CONFIGS`.
+        Names out of `besman.stages.recognize.stage.CONFIGS`.
     draws : int
         Random choices of examples; a twentieth of it for methods other than 1-NN.
     progress : callable

@@ -12,17 +12,18 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from besman.classifiers.draw_examples import Candidate
+from besman.config.resources import resource_folder
 from besman.exceptions import ConfigError, RecognitionError, nearest
-from besman.gaps import fill_gaps
-from besman.inputs import read_inputs
-from besman.io.recordings import find_recordings
-from besman.manual_segments import IDLE
-from besman.recognition.examples import Candidate, find_candidates
-from besman.recognition.features import count_channels
-from besman.recognition.model import Recipe
-from besman.recognition.stage import RecognizeConfig
+from besman.geometry.gaps import fill_gaps
+from besman.io.recordings.formats import find_recordings
 from besman.records import LabelledRecording, LabelledSegments, Recording
-from besman.resources import resource_folder
+from besman.records.layers import IDLE
+from besman.stages.read.read_inputs import read_inputs
+from besman.stages.recognize.examples import find_candidates
+from besman.stages.recognize.features import count_channels
+from besman.stages.recognize.model import Recipe
+from besman.stages.recognize.stage import RecognizeConfig
 from besman.synthetic.datasets import captures
 
 FloatArray = npt.NDArray[np.float64]

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from besman.evaluation.refinement_functions import Attempt, Problem
 from besman.evaluation.refinement_problems import TaskProblem
 from besman.exceptions import ConfigError, nearest
-from besman.work import Work
+from besman.work.work import Work
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -108,7 +108,7 @@ def _row(
     problem: Problem, method: str, seeds: Sequence[int], attempts: Sequence[Attempt]
 ) -> dict[str, Any]:
     """Sum up the runs of one search on one problem."""
-    best = [best_so_far(one.rewards, problem.episodes) for one in attempts]
+    best = [best_rewards(one.rewards, problem.episodes) for one in attempts]
     needed = [one.episodes_to_success for one in attempts if one.episodes_to_success is not None]
     spent = [one.cpu_s_to_success for one in attempts if one.cpu_s_to_success is not None]
     places = np.unique(np.geomspace(1, problem.episodes, _N_PLACES).astype(np.int64))
@@ -135,7 +135,7 @@ def _row(
     }
 
 
-def best_so_far(rewards: npt.ArrayLike, n: int) -> FloatArray:
+def best_rewards(rewards: npt.ArrayLike, n: int) -> FloatArray:
     """Return the best reward up to every episode, shape (n,); after the last one it stays.
 
     Parameters

@@ -12,10 +12,10 @@ import numpy.typing as npt
 from pydantic import TypeAdapter
 
 from besman.evaluation.approximate_ik import PUBLIC, ArmFunction
-from besman.refinement.contextual_cma_es import ContextualCmaEs
-from besman.refinement.contextual_reps import ContextualReps
-from besman.refinement.methods import METHODS, RefineMethod, RefineStage
-from besman.refinement.search import ContextualSearch
+from besman.search.contextual import ContextualSearch
+from besman.search.contextual_cma_es import ContextualCmaEs
+from besman.search.contextual_reps import ContextualReps
+from besman.stages.refine.methods import METHODS, RefineMethod, RefineStage
 
 FloatArray = npt.NDArray[np.float64]
 

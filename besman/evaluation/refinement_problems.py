@@ -8,18 +8,19 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from besman.config.resources import find_resource
 from besman.evaluation.refinement_functions import FUNCTIONS, Attempt, Problem, parse_config
 from besman.exceptions import ConfigError, nearest
-from besman.pipeline import load_pipeline, run_pipeline
-from besman.record_files import load_record
+from besman.pipeline.config import load_pipeline
+from besman.pipeline.pipeline import run_pipeline
 from besman.records import AnyPlan
-from besman.refinement.methods import METHODS
-from besman.refinement.stage import RefinementConfig
-from besman.resources import find_resource
+from besman.records.files import load_record
 from besman.robot.model import Robot, load_robot
 from besman.simulation.task import Task
-from besman.simulation.tasks import load_task
+from besman.simulation.tasks.kinds import load_task
 from besman.simulation.trial import try_plans
+from besman.stages.refine.methods import METHODS
+from besman.stages.refine.stage import RefinementConfig
 
 # A simulated task is a pipeline: its imitations are what is refined.
 TASKS = {
@@ -70,17 +71,17 @@ class TaskProblem:
         own = self.config.model_dump() if method == self.config.method else common
         config = parse_config({**own, "method": method, "seed": seed})
         plan = self.plans[seed % len(self.plans)]
-        quest = config.set_up(plan, self.robot, self.task)
+        search = config.set_up(plan, self.robot, self.task)
         started = time.thread_time()
-        while not quest.done:
-            quest.learn(try_plans(self.robot, self.task, quest.propose()))
+        while not search.done:
+            search.learn(try_plans(self.robot, self.task, search.propose()))
         spent = time.thread_time() - started
         return Attempt(
-            rewards=quest.rewards,
-            final=float(quest.best_trial.reward),
-            episodes_to_success=quest.n_episodes if quest.won else None,
+            rewards=search.rewards,
+            final=float(search.best_trial.reward),
+            episodes_to_success=search.n_episodes if search.won else None,
             cpu_s=spent,
-            cpu_s_to_success=spent if quest.won else None,
+            cpu_s_to_success=spent if search.won else None,
         )
 
 

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from besman.config.stage import Stage, Work
 from besman.evaluation.dmp_settings import (
     MARGIN_S,
     NOISE_M,
@@ -23,16 +24,15 @@ from besman.evaluation.dmp_settings import (
 )
 from besman.evaluation.segmentation_data import (
     SIMULATED,
-    Dataset,
+    SegmentedDataset,
     read_dataset,
     simulate_dataset,
 )
 from besman.exceptions import ConfigError, nearest
-from besman.manual_segments import drop_parts
 from besman.records import LabelledRecording, LabelledSegments, Segments
-from besman.segmentation.methods import CONFIGS
-from besman.segmentation.scores import mean_score, score_borders
-from besman.stage import Stage, Work
+from besman.records.layers import drop_parts
+from besman.stages.segment.methods import CONFIGS
+from besman.stages.segment.scores import mean_score, score_borders
 from besman.synthetic import sequenced_dmps
 
 FloatArray = npt.NDArray[np.float64]
@@ -85,7 +85,7 @@ def evaluate_segmentation(
     names = choose_methods(methods)
     if margin_s is not None and not margin_s >= 0.0:
         raise ConfigError(f"evaluate segmentation: margin_s: got {margin_s}; must not be negative")
-    datasets: list[Dataset | str] = []
+    datasets: list[SegmentedDataset | str] = []
     if data is not None:
         datasets.append(read_dataset(data, source))
     else:
@@ -119,7 +119,7 @@ def evaluate_segmentation(
 
 def _warm_up_recordings(seed: int) -> tuple[Any, ...]:
     """Return one short recording, for compiling kernels before anything is timed."""
-    return (sequenced_dmps.generate(seed=seed)[0].recording(),)
+    return (sequenced_dmps.generate_sequenced_dmps(seed=seed)[0].recording(),)
 
 
 def choose_methods(methods: Sequence[str] | None) -> tuple[str, ...]:
@@ -139,7 +139,7 @@ def make_method(name: str, settings: dict[str, Any]) -> Stage:
 
 
 def score_method(
-    dataset: Dataset,
+    dataset: SegmentedDataset,
     name: str,
     margin_s: float | None,
     seed: int,
@@ -222,7 +222,7 @@ def _score_dmps(
     progress: Callable[[float], None],
 ) -> dict[str, Any]:
     """Score a method on sequenced DMPs."""
-    movements = sequenced_dmps.generate(NOISE_M[dataset], seed=seed)
+    movements = sequenced_dmps.generate_sequenced_dmps(NOISE_M[dataset], seed=seed)
     margin = MARGIN_S if margin_s is None else margin_s
     stage = make_method(name, {"rate_hz": RATE_HZ})
     figures = score_settings(movements, name, stage, margin, progress)

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from besman.exceptions import RecordingError
-from besman.inputs import read_inputs
-from besman.labelling.marker_set import load_marker_set
-from besman.labelling.stage import LabelConfig
-from besman.manual_segments import building_blocks
+from besman.person.marker_set import load_marker_set
 from besman.records import LabelledRecording, LabelledSegments, Recording
+from besman.records.layers import building_blocks
+from besman.stages.label.stage import LabelConfig
+from besman.stages.read.read_inputs import read_inputs
 
 SIMULATED = ("step", "stick_throw", "pick_and_place")
 N_SUBJECTS = 3
@@ -96,7 +96,7 @@ THESIS = {
 
 
 @dataclass(frozen=True)
-class Dataset:
+class SegmentedDataset:
     """Recordings with their true segments.
 
     Attributes
@@ -122,7 +122,9 @@ class Dataset:
     settings: dict[str, dict[str, Any]] = field(default_factory=dict)
 
 
-def read_dataset(folder: Path, source: str = "real", markers: str = "right_arm") -> Dataset:
+def read_dataset(
+    folder: Path, source: str = "real", markers: str = "right_arm"
+) -> SegmentedDataset:
     """Read recordings that have a segments file beside them.
 
     Parameters
@@ -136,7 +138,7 @@ def read_dataset(folder: Path, source: str = "real", markers: str = "right_arm")
 
     Returns
     -------
-    Dataset
+    SegmentedDataset
 
     Raises
     ------
@@ -158,7 +160,7 @@ def read_dataset(folder: Path, source: str = "real", markers: str = "right_arm")
     return _make(folder.resolve().stem, source, recordings, truth, markers)
 
 
-def simulate_dataset(name: str, seed: int = 0) -> Dataset:
+def simulate_dataset(name: str, seed: int = 0) -> SegmentedDataset:
     """Simulate the recordings of a dataset of the thesis.
 
     Parameters
@@ -170,7 +172,7 @@ def simulate_dataset(name: str, seed: int = 0) -> Dataset:
 
     Returns
     -------
-    Dataset
+    SegmentedDataset
     """
     from besman.synthetic import datasets
 
@@ -192,7 +194,7 @@ def _make(
     recordings: Sequence[Recording],
     truth: Sequence[LabelledSegments],
     markers: str = "right_arm",
-) -> Dataset:
+) -> SegmentedDataset:
     label = LabelConfig(markers=markers, longest_gap_s=_LONGEST_GAP_S)
     table = THESIS.get(name, THESIS["pick_and_place"])
     labelled = label.run(tuple(recordings), load_marker_set(markers))
@@ -200,4 +202,4 @@ def _make(
         "locmin": {"window_s": table.windows_s[0]},
         "probs": {"window_s": table.windows_s[1]},
     }
-    return Dataset(name, source, labelled, tuple(truth), table, settings)
+    return SegmentedDataset(name, source, labelled, tuple(truth), table, settings)

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from besman.evaluation.segmentation_data import Dataset
+from besman.evaluation.segmentation_data import SegmentedDataset
 from besman.records import LabelledRecording, LabelledSegments, Segments
-from besman.segmentation.scores import manual_borders
+from besman.stages.segment.scores import manual_borders
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,12 +23,14 @@ _AXES = ("#0072b2", "#009e73", "#cc79a7")
 _BORDER = "#d55e00"
 
 
-def draw_dataset(dataset: Dataset, found: dict[str, tuple[Segments, ...]], folder: Path) -> None:
+def draw_dataset(
+    dataset: SegmentedDataset, found: dict[str, tuple[Segments, ...]], folder: Path
+) -> None:
     """Draw the first recordings of a dataset, one PNG each.
 
     Parameters
     ----------
-    dataset : Dataset
+    dataset : SegmentedDataset
         Recordings and truth.
     found : dict of tuple of Segments
         Segments of every recording by method.

@@ -27,11 +27,11 @@ def segmentation_tables(rows: Sequence[dict[str, Any]]) -> list[Table]:
             title += "; (48) settings"
         number = next((row["thesis"]["table"] for row in chosen if row["thesis"]), "")
         table = Table(
-            title=f"[bold]{title}[/bold]",
+            title=title,
             caption=f"* table {number} of the thesis, measured on other data" if number else None,
             title_justify="left",
             caption_justify="left",
-            title_style="",
+            title_style="bold",
             box=None,
             padding=(0, 1, 0, 0),
         )

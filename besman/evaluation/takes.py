@@ -10,11 +10,11 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.exceptions import LabellingError, RecordingError
-from besman.io.recordings import find_recordings, read_recording
-from besman.io.true_names import find_true_names
-from besman.labelling.learning import learn_marker_model
-from besman.labelling.marker_set import load_marker_set, normalise_name
-from besman.labelling.model import MarkerModel
+from besman.io.recordings.formats import find_recordings, read_recording
+from besman.io.recordings.true_names import find_true_names
+from besman.person.marker_set import load_marker_set, normalise_name
+from besman.stages.label.learning import learn_marker_model
+from besman.stages.label.model import MarkerModel
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -24,7 +24,7 @@ _LEARNT_SHARE = 0.2
 
 
 @dataclass(frozen=True, eq=False)
-class Take:
+class ExperimentTake:
     """A recording of the experiment.
 
     Attributes
@@ -60,13 +60,13 @@ class Protocol:
     learnt_from : str
         Of whom the model is: ``same person``, ``other person``, ``same recording``.
     model : MarkerModel
-    takes : tuple of Take
+    takes : tuple of ExperimentTake
     """
 
     dataset: str
     learnt_from: str
     model: MarkerModel
-    takes: tuple[Take, ...]
+    takes: tuple[ExperimentTake, ...]
 
 
 def make_protocols(folder: Path, synthetic: bool = False) -> list[Protocol]:
@@ -106,7 +106,7 @@ def make_protocols(folder: Path, synthetic: bool = False) -> list[Protocol]:
     return protocols
 
 
-def _read_takes(folder: Path, synthetic: bool) -> list[Take]:
+def _read_takes(folder: Path, synthetic: bool) -> list[ExperimentTake]:
     """Read the recordings of one folder; those with names get the markers they share."""
     try:
         files = find_recordings([folder])
@@ -128,7 +128,7 @@ def _read_takes(folder: Path, synthetic: bool) -> list[Take]:
             place = [normalise_name(name or "") for name in recording.names]
             positions = positions[:, [place.index(name) for name in shared]]
         takes.append(
-            Take(
+            ExperimentTake(
                 recording.source,
                 person.group().lower() if person else file.stem,
                 positions,
@@ -140,9 +140,9 @@ def _read_takes(folder: Path, synthetic: bool) -> list[Take]:
     return takes
 
 
-def _plan(dataset: str, takes: list[Take]) -> list[Protocol]:
+def _plan(dataset: str, takes: list[ExperimentTake]) -> list[Protocol]:
     """Say who teaches whom."""
-    persons: dict[str, list[Take]] = {}
+    persons: dict[str, list[ExperimentTake]] = {}
     for take in takes:
         if take.markers:
             persons.setdefault(take.person, []).append(take)
@@ -165,7 +165,7 @@ def _plan(dataset: str, takes: list[Take]) -> list[Protocol]:
     return plans
 
 
-def _learn(take: Take) -> MarkerModel:
+def _learn(take: ExperimentTake) -> MarkerModel:
     """Learn a model; what is stuck to one body is known for markers of one arm."""
     arm = load_marker_set("right_arm")
     bodies = None
@@ -181,6 +181,6 @@ def _canonical(name: str) -> str:
     return re.sub(r"[\s-]+", "_", name.strip().lower())
 
 
-def _part(take: Take, frames: slice) -> Take:
+def _part(take: ExperimentTake, frames: slice) -> ExperimentTake:
     """Return some frames of a recording."""
     return replace(take, positions=take.positions[frames])

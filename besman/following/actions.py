@@ -7,13 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from besman.bodies import find_back
+from besman.classifiers.novelty import UNKNOWN
 from besman.following.candidates import CandidateStream
 from besman.following.frames import FrameBuffer
 from besman.following.pieces import Change, Ledger, Piece
-from besman.hierarchy.actions import LevelModel
-from besman.hierarchy.online import CurrentLevel, OnlineHierarchy
-from besman.recognition.novelty import UNKNOWN
+from besman.person.body import find_back
+from besman.stages.compose.actions import LevelModel
+from besman.stages.compose.online import CurrentLevel, OnlineHierarchy
 
 
 class _Moment(NamedTuple):
@@ -35,7 +35,7 @@ class ActionStream:
     models : sequence of LevelModel
         One for each level, the lowest first.
     longest, horizon : int, optional
-        See `besman.hierarchy.online.OnlineHierarchy`.
+        See `besman.stages.compose.online.OnlineHierarchy`.
     brisk_m_s : mapping of str to float
         See `besman.following.candidates.CandidateStream`.
     frames : FrameBuffer

@@ -9,17 +9,17 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
+from besman.classifiers.novelty import UNKNOWN
 from besman.exceptions import SegmentationError
 from besman.following.frames import FrameBuffer
 from besman.following.pieces import Change, Ledger, Piece
 from besman.following.steadiness import SteadyBorders
-from besman.recognition.features import needed_markers
-from besman.recognition.model import RecognitionModel, name_segments
-from besman.recognition.novelty import UNKNOWN
-from besman.segmentation.signals import Scaling, measure_scaling, resample
-from besman.segmentation.stage import VmciOnlineConfig
-from besman.segmentation.vmci import VmciModel
-from besman.segmentation.vmci_online import OnlineVmci
+from besman.stages.recognize.features import needed_markers
+from besman.stages.recognize.model import RecognitionModel, name_segments
+from besman.stages.segment.signals import Scaling, measure_scaling, resample
+from besman.stages.segment.stage import VmciOnlineConfig
+from besman.stages.segment.vmci import VmciModel
+from besman.stages.segment.vmci_online import OnlineVmci
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -27,7 +27,7 @@ _CALIBRATION_S = 10.0
 
 
 @dataclass(frozen=True, eq=False)
-class Arm:
+class FollowedArm:
     """What is followed of one arm, or of both as one.
 
     Attributes
@@ -53,7 +53,7 @@ class ArmStream:
 
     Parameters
     ----------
-    arm : Arm
+    arm : FollowedArm
     segment : VmciOnlineConfig
         How to segment; its markers do not matter. Without a border probability one border a second
         is expected, without `calibration_s` the scaling is measured on 10 s.
@@ -71,7 +71,7 @@ class ArmStream:
     """
 
     def __init__(
-        self, arm: Arm, segment: VmciOnlineConfig, frames: FrameBuffer, steady_s: float
+        self, arm: FollowedArm, segment: VmciOnlineConfig, frames: FrameBuffer, steady_s: float
     ) -> None:
         self.arm, self._segment, self._frames = arm, segment, frames
         recipe = arm.model.recipe

@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.following.frames import FrameBuffer
-from besman.hierarchy.borders import SNAP_S, give_way, merge_borders
-from besman.hierarchy.valley_stream import ValleyStream
+from besman.stages.compose.borders import SNAP_S, give_way, merge_borders
+from besman.stages.compose.valley_stream import ValleyStream
 
 
 class CandidateStream:

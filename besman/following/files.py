@@ -13,7 +13,7 @@ from besman.exceptions import ConfigError
 from besman.following.follower import Follower
 from besman.following.pieces import Change, Piece
 from besman.following.plans import FollowPlan, label_stream, make_follower
-from besman.io.recordings import read_recording
+from besman.io.recordings.formats import read_recording
 from besman.records import FloatArray, LabelledRecording
 
 

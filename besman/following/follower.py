@@ -10,12 +10,12 @@ import numpy.typing as npt
 
 from besman.exceptions import RecognitionError, RecordingError, nearest
 from besman.following.actions import ActionStream
-from besman.following.arms import Arm, ArmStream
+from besman.following.arms import ArmStream, FollowedArm
 from besman.following.frames import FrameBuffer
 from besman.following.pieces import Change, Piece
-from besman.hierarchy.actions import LevelModel
-from besman.labelling.holding import GapHolder
-from besman.segmentation.stage import VmciOnlineConfig
+from besman.stages.compose.actions import LevelModel
+from besman.stages.label.hold_last_sighting import GapHolder
+from besman.stages.segment.stage import VmciOnlineConfig
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Follower:
         Names of the columns of a sample.
     rate_hz : float
         Samples per second.
-    arms : sequence of Arm
+    arms : sequence of FollowedArm
         What is segmented and named.
     levels : sequence of LevelModel
         Actions, the lowest first; none: blocks alone.
@@ -65,7 +65,7 @@ class Follower:
         How to segment; see `besman.following.arms.ArmStream`.
     brisk_m_s : mapping of str to float
         Where one of these hands is slow an action may begin or end too, not only at the borders of
-        blocks; with their brisk speed, see `besman.hierarchy.borders.measure_brisk`.
+        blocks; with their brisk speed, see `besman.stages.compose.borders.measure_brisk`.
     longest_blocks : int, optional
         Most blocks, or stretches between such places, in one action.
     horizon_blocks : int or None
@@ -93,7 +93,7 @@ class Follower:
         self,
         markers: Sequence[str],
         rate_hz: float,
-        arms: Sequence[Arm],
+        arms: Sequence[FollowedArm],
         levels: Sequence[LevelModel] = (),
         segment: VmciOnlineConfig | None = None,
         *,
@@ -237,7 +237,7 @@ class Follower:
 
 
 def _check_names(
-    arms: Sequence[Arm], needed: Sequence[str], markers: Sequence[str], source: str
+    arms: Sequence[FollowedArm], needed: Sequence[str], markers: Sequence[str], source: str
 ) -> None:
     """Refuse arms that cannot be followed, and markers that are not there."""
     names = [arm.name for arm in arms]

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from besman.labelling.holding import HeldSample
 from besman.records import LabelledRecording
+from besman.stages.label.hold_last_sighting import HeldSample
 
 IntArray = npt.NDArray[np.int64]
 

@@ -7,23 +7,24 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from besman.bodies import find_body
-from besman.config_file import load_config
+from besman.config.yaml_file import load_config
 from besman.exceptions import ConfigError, RunError
-from besman.following.arms import Arm
+from besman.following.arms import FollowedArm
 from besman.following.follower import Follower
-from besman.hierarchy.actions import LevelModel
-from besman.hierarchy.borders import measure_brisk
-from besman.labelling.marker_set import load_marker_set
-from besman.labelling.stage import LabelConfig
-from besman.manual_segments import side_of
-from besman.pipeline import PipelineConfig, learn_from, trained_model
-from besman.recognition.model import RecognitionModel
-from besman.recognition.model_files import load_model
+from besman.person.body import find_body
+from besman.person.marker_set import load_marker_set
+from besman.pipeline.config import PipelineConfig, learn_from
+from besman.pipeline.finished_run import trained_model
 from besman.records import LabelledRecording, Recording
-from besman.segmentation.sampling import sample_paths
-from besman.segmentation.signals import Scaling, measure_scaling, pool_scalings
-from besman.segmentation.stage import SegmentConfig, VmciOnlineConfig
+from besman.records.layers import side_of
+from besman.stages.compose.actions import LevelModel
+from besman.stages.compose.borders import measure_brisk
+from besman.stages.label.stage import LabelConfig
+from besman.stages.recognize.model import RecognitionModel
+from besman.stages.recognize.model_files import load_model
+from besman.stages.segment.sampling import sample_paths
+from besman.stages.segment.signals import Scaling, measure_scaling, pool_scalings
+from besman.stages.segment.stage import SegmentConfig, VmciOnlineConfig
 
 
 @dataclass(frozen=True)
@@ -142,7 +143,7 @@ def label_stream(plan: FollowPlan, recording: Recording) -> LabelledRecording:
     """
     marker_set = load_marker_set(plan.label.markers)
     if not isinstance(plan.label, LabelConfig):
-        from besman.io.recordings import read_recording
+        from besman.io.recordings.formats import read_recording
 
         teachers = () if plan.teacher is None else (read_recording(Path(plan.teacher)),)
         labelled: LabelledRecording = plan.label.run((recording,), marker_set, *teachers)[0]
@@ -186,7 +187,7 @@ def make_follower(
             body = find_body(recording.markers, recording.source)
             hands = tuple(arm.hand for arm in body.arms_of(model.recipe.markers))
         scaling = _measure_scaling(plan, hands, recording.rate_hz)
-        arms.append(Arm(_name(hands), hands, model, scaling))
+        arms.append(FollowedArm(_name(hands), hands, model, scaling))
     brisk: Mapping[str, float] = {
         hand: measure_brisk(plan.earlier, hand) for hand in plan.slow_hands if plan.levels
     }

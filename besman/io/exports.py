@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 
 from besman.exceptions import RecordingError
+from besman.foreign.json_text import parse_json
+from besman.io.csv_cells import quote_text
 from besman.records import FloatArray
 
 
@@ -36,7 +38,7 @@ def write_joint_csv(
     """
     header = ["time_s"]
     for unit in ("rad", "rad_per_s", "rad_per_s2"):
-        header += [f"{name}_{unit}" for name in joint_names]
+        header += [quote_text(f"{name}_{unit}") for name in joint_names]
     table = np.column_stack([time, positions, velocities, accelerations])
     with path.open("w", newline="", encoding="utf-8") as file:
         csv.writer(file).writerow(header)
@@ -137,7 +139,7 @@ def read_ros_joint_trajectory(
     """
     text = path.read_text(encoding="utf-8")
     try:
-        message = _from_yaml(text) if path.suffix == ".yaml" else json.loads(text)
+        message = _from_yaml(text) if path.suffix == ".yaml" else parse_json(text)
         points = message["points"]
         stamps = [point["time_from_start"] for point in points]
         time = np.array([stamp["sec"] + 1e-9 * stamp["nanosec"] for stamp in stamps], float)
@@ -160,6 +162,6 @@ def _from_yaml(text: str) -> dict[str, Any]:
     message = {}
     for line in head.splitlines():
         key, _, value = line.partition(": ")
-        message[key] = json.loads(value)
-    message["points"] = [json.loads(line.removeprefix("- ")) for line in points.splitlines()]
+        message[key] = parse_json(value)
+    message["points"] = [parse_json(line.removeprefix("- ")) for line in points.splitlines()]
     return message

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import json
+import warnings
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from besman.exceptions import RecordingError, nearest
-from besman.manual_segments import LAYERS, is_layer
+from besman.exceptions import RecordingError, RecordingWarning, nearest
+from besman.foreign.json_text import parse_json
+from besman.foreign.names import fault_of_name
 from besman.records import LabelledRecording, LabelledSegments, Recording
+from besman.records.layers import LAYERS, is_layer
+from besman.records.recordings import FARTHEST_M, GREATEST_FRAME
 
 SEGMENTS_SUFFIX = "_manually_segmented.json"
 _KEYS = ("start index", "end index", "label")
@@ -73,7 +77,7 @@ def read_segments(
         A list of ``{"start index", "end index", "label"}``, or an object that holds the list as
         ``segments``. Indices are absolute frame numbers; segments are half-open, so that a border
         is the end of one and the start of the next. A segment may have a ``"layer"``, one of
-        `besman.manual_segments.LAYERS`; segments of one layer do not overlap.
+        `besman.records.layers.LAYERS`; segments of one layer do not overlap.
     recording : Recording or LabelledRecording
         The recording that the segments belong to.
     keep_parts : bool
@@ -89,6 +93,11 @@ def read_segments(
     RecordingError
         If the file is missing, not of this layout, or belongs to other frames, or two segments of
         one layer overlap.
+
+    Warns
+    -----
+    RecordingWarning
+        If a stretch stands there twice in one layer.
     """
     return parse_segments(read_content(path), recording, path, keep_parts=keep_parts)
 
@@ -129,6 +138,7 @@ def parse_segments(
     ]
     segments.sort(key=lambda segment: segment[:2])
     _refuse_overlap(segments, recording.first_frame, path)
+    _warn_of_twins(segments, recording.first_frame, path)
     kept = [segment for segment in segments if keep_parts or not segment.label.endswith(_PART)]
     return LabelledSegments(
         bounds=np.array([segment[:2] for segment in kept], dtype=np.int64).reshape(-1, 2),
@@ -155,18 +165,13 @@ def read_throws(path: Path) -> tuple[ThrowEvent, ...]:
     names = [field.name for field in fields(ThrowEvent)]
     try:
         rows = content["events"]["throws"]
-        throws = tuple(ThrowEvent(**row) for row in rows)
-        return tuple(
-            replace(
-                throw,
-                release_m=_read_point(throw.release_m),
-                touchdown_m=_read_point(throw.touchdown_m),
-            )
-            for throw in throws
-        )
+        if not isinstance(rows, list):
+            raise TypeError
+        return tuple(_read_throw(ThrowEvent(**row)) for row in rows)
     except (KeyError, TypeError, ValueError):
         raise RecordingError(
-            f"{path}: events: expected 'throws', a list of objects with {', '.join(names)}"
+            f"{path}: events: expected 'throws', a list of objects with {', '.join(names)}: frame, "
+            f"times in s that rise, places within {FARTHEST_M:g} m"
         ) from None
 
 
@@ -213,7 +218,7 @@ def read_content(path: Path) -> Any:
         If it is missing or not JSON.
     """
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
+        return parse_json(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise RecordingError(f"{path}: no such file") from None
     except json.JSONDecodeError as error:
@@ -233,6 +238,9 @@ def _read_segment(row: Any, number: int, first_frame: int, n_samples: int, path:
     start, end, label = (row[key] for key in _KEYS)
     if not (type(start) is int and type(end) is int and isinstance(label, str) and label):
         raise RecordingError(f"{where}: got {row!r:.80}, expected two frame numbers and a label")
+    fault = fault_of_name(label)
+    if fault is not None:
+        raise RecordingError(f"{where}: label {label!r:.60} {fault}")
     layer = row.get(_LAYER, "")
     if not (isinstance(layer, str) and (is_layer(layer) or _LAYER not in row)):
         raise RecordingError(
@@ -269,7 +277,46 @@ def _refuse_overlap(segments: list[_Row], first_frame: int, path: Path) -> None:
         last[one.layer] = one
 
 
+def _warn_of_twins(segments: list[_Row], first_frame: int, path: Path) -> None:
+    """Say which stretches stand there twice in one layer: a class would learn from them twice."""
+    seen: dict[tuple[int, int, str], _Row] = {}
+    twins = [
+        (seen[one[0], one[1], one.layer], one)
+        for one in segments
+        if seen.setdefault((one.start, one.end, one.layer), one) is not one
+    ]
+    if twins:
+        first, second = twins[0]
+        warnings.warn(
+            f"{path.name}: {len(twins)} stretches stand there twice, first segment {second.number} "
+            f"({second.label}), frames {second.start + first_frame} to {second.end + first_frame} "
+            f"as segment {first.number} ({first.label})",
+            RecordingWarning,
+            stacklevel=4,
+        )
+
+
+def _read_throw(throw: ThrowEvent) -> ThrowEvent:
+    """Check a throw; a `ValueError` or `TypeError` says that it is none."""
+    times = (_read_number(throw.release_time_s), _read_number(throw.touchdown_time_s))
+    if type(throw.release_frame) is not int or not 0 <= throw.release_frame <= GREATEST_FRAME:
+        raise ValueError
+    if not times[0] < times[1]:
+        raise ValueError
+    release_m, touchdown_m = _read_point(throw.release_m), _read_point(throw.touchdown_m)
+    return replace(throw, release_m=release_m, touchdown_m=touchdown_m)
+
+
+def _read_number(value: Any) -> float:
+    """Check a number that is neither text nor infinite."""
+    if type(value) not in (int, float) or not abs(value) <= GREATEST_FRAME:
+        raise ValueError
+    return float(value)
+
+
 def _read_point(values: Any) -> tuple[float, float, float]:
     """Check three coordinates."""
-    x, y, z = (float(value) for value in values)
+    x, y, z = (_read_number(value) for value in values)
+    if max(abs(x), abs(y), abs(z)) > FARTHEST_M:
+        raise ValueError
     return x, y, z

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from besman.gaps import find_runs
-from besman.labelling.record import NamedRecording
+from besman.geometry.gaps import find_runs
 from besman.report.figures import COLOURS, INK, new_figure, style
+from besman.stages.label.named_recording import NamedRecording
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

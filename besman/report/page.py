@@ -8,9 +8,10 @@ import json
 from pathlib import Path
 from typing import Any
 
-from besman.config_file import read_yaml
+from besman.config.yaml_file import read_yaml
 from besman.exceptions import RunError
-from besman.record_files import digest
+from besman.io.atomic_files import write_json, write_text
+from besman.records.files import digest
 from besman.report.confusion import confusion_table
 from besman.report.html_tables import html_table
 from besman.report.motions import captioned, demonstration_table, motion_sections, overview_figure
@@ -20,8 +21,7 @@ from besman.report.run_records import ArmRecords, arm_records, load_records
 from besman.report.stage_tables import stage_tables
 from besman.report.terminal import failures, outcome_lines
 from besman.report.timing import read_json, seconds
-from besman.run import write_json, write_text
-from besman.versions import code_version
+from besman.work.versions import code_version
 
 # The page stays one file of less than three megabytes.
 _LARGEST_VIDEO = 1_200_000

@@ -9,10 +9,10 @@ from besman.report.timing import read_json, seconds
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from besman.retargeting import Retargeted
+    from besman.pipeline.retarget import Retargeted
 
 
-def robots_table(done: tuple[Retargeted, ...]) -> Table:
+def retargeted_table(done: tuple[Retargeted, ...]) -> Table:
     """Make a table with one row a robot.
 
     Parameters

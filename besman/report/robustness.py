@@ -10,7 +10,7 @@ import numpy as np
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from besman.refinement.robustness import Robustness
+    from besman.stages.refine.robustness import Robustness
 
 ROBUSTNESS_HEADER = ["perturbed: success", "perturbed: miss, 95 %", "shift at dt/4"]
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from besman.manual_segments import Side
-from besman.record_files import load_record
 from besman.records import RefinedMotion
+from besman.records.files import load_record
+from besman.records.layers import Side
 
 
 @dataclass(frozen=True, eq=False)

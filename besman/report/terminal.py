@@ -146,7 +146,7 @@ def robustness_line(found: dict[str, Any]) -> str:
     Parameters
     ----------
     found : dict
-        What `besman.refinement.robustness.robustness_results` gave.
+        What `besman.stages.refine.robustness.robustness_results` gave.
     """
     share, shift = found["success_share"], found["shift_at_quarter_step_m"]["median"]
     parts = []

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 from besman.exceptions import RunError
+from besman.foreign.json_text import parse_json
 
 # Seconds per experiment of 8 throws: thesis table 7.1. "Imitation learning" covers the choice of
 # demonstrations, their mapping and the motion plans; it stands in the row of the mapping.
@@ -32,7 +32,7 @@ def read_json(path: Path) -> Any:
         If it is missing or damaged.
     """
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
+        return parse_json(path.read_bytes())
     except FileNotFoundError:
         raise RunError(f"{path.parent}: not a run: {path.name} is missing") from None
     except (OSError, ValueError) as error:

@@ -12,18 +12,18 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from besman.config_file import read_yaml
+from besman.config.yaml_file import read_yaml
 from besman.exceptions import RenderingError, RunError, nearest
-from besman.record_files import load_record
+from besman.pictures.camera import CameraView, frame_points
+from besman.pictures.rendering import Renderer
+from besman.pictures.scene_geoms import SceneGeoms, farthest_path, scene_geoms
 from besman.records import FloatArray, RefinedMotion
+from besman.records.files import load_record
 from besman.report.panels import BAND, Picture, join_panels, text_band
 from besman.robot.model import Robot, load_robot
-from besman.simulation.camera import View, frame_points
 from besman.simulation.episodes import Playback
-from besman.simulation.rendering import Renderer
-from besman.simulation.scene_geoms import SceneGeoms, follow, scene_geoms
 from besman.simulation.task import Task
-from besman.simulation.tasks import load_task
+from besman.simulation.tasks.kinds import load_task
 from besman.simulation.trial import try_plans
 
 _RATE_HZ = 25
@@ -66,7 +66,7 @@ def check_video() -> None:
         If the encoder is not installed, or nothing can be drawn without a screen.
     """
     _encoder()
-    nothing = View(np.zeros(3), 1.0, 0.0, 0.0)
+    nothing = CameraView(np.zeros(3), 1.0, 0.0, 0.0)
     with Renderer(load_robot("ur5"), nothing, 16, 16):
         pass
 
@@ -160,7 +160,7 @@ def _panel(motion: RefinedMotion, index: int, robot: Robot, task: Task) -> Panel
     if not len(playback.states):
         raise RunError(f"{plan.name}: episode {episode}: the simulation diverged at its start")
     geoms = scene_geoms(robot, playback.model)
-    trail = follow(playback.model, playback.states, geoms)
+    trail = farthest_path(playback.model, playback.states, geoms)
     if not len(trail):
         trail = _tool_path(playback)
     return Panel(_caption(motion, index, robot, task), playback, geoms, trail)
@@ -192,7 +192,7 @@ def _tool_path(playback: Playback) -> FloatArray:
     return path
 
 
-def _view(panels: list[Panel], robot: Robot, target: FloatArray, aspect: float) -> View:
+def _view(panels: list[Panel], robot: Robot, target: FloatArray, aspect: float) -> CameraView:
     """Choose one view for all panels."""
     base = robot.chain.placements[0, :3, 3]
     foot = base * [1.0, 1.0, 0.0]

@@ -6,11 +6,10 @@ from typing import Annotated
 
 from pydantic import Field, field_validator
 
-from besman.stage import Config
+from besman.config.stage import Config, NotNegative
 
 Triple = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
-NotNegative = Annotated[float, Field(ge=0)]
 
 
 class JointConfig(Config):

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from besman.config_file import load_config
+from besman.config.yaml_file import load_config
 from besman.exceptions import BesmanError
 from besman.robot.collision import distances
 from besman.robot.config import RobotConfig

@@ -9,10 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.robot.model import Robot
+from besman.robot.parts import GRAVITY
 
 FloatArray = npt.NDArray[np.float64]
-
-GRAVITY = 9.81  # m/s^2
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,8 +74,10 @@ def inverse_dynamics(
     ]
     bodies = body_inertias(robot)
     chain = robot.chain
+    parts = _rodrigues_parts(chain.placements, chain.axes)
+    offsets = np.ascontiguousarray(chain.placements[:, :3, 3])
     torques = _newton_euler(
-        chain.placements, chain.axes, bodies.masses, bodies.centres, bodies.tensors, *flat
+        parts, offsets, chain.axes, bodies.masses, bodies.centres, bodies.tensors, *flat
     )
     return torques.reshape(shape)
 
@@ -100,23 +101,17 @@ def _turn_back(R: FloatArray, v: FloatArray, out: FloatArray) -> None:  # pragma
         out[i] = R[0, i] * v[0] + R[1, i] * v[1] + R[2, i] * v[2]
 
 
-@numba.njit(cache=True)
-def _rodrigues_parts(placements: FloatArray, axes: FloatArray) -> FloatArray:  # pragma: no cover
+def _rodrigues_parts(placements: FloatArray, axes: FloatArray) -> FloatArray:
     """Parts (n, 3, 3, 3) of rotations child2parent: part 0 + sin q part 1 + (1 - cos q) part 2."""
-    n = len(axes)
-    parts = np.empty((n, 3, 3, 3))
-    for i in range(n):
-        x, y, z = axes[i]
-        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-        parts[i, 0] = placements[i, :3, :3]
-        parts[i, 1] = np.ascontiguousarray(placements[i, :3, :3]) @ cross
-        parts[i, 2] = parts[i, 1] @ cross
-    return parts
+    rotations = placements[:, :3, :3]
+    crosses = np.cross(axes[:, None, :], np.eye(3)).swapaxes(1, 2)
+    return np.stack([rotations, rotations @ crosses, rotations @ crosses @ crosses], axis=1)
 
 
 @numba.njit(cache=True, nogil=True)
 def _newton_euler(
-    placements: FloatArray,
+    parts: FloatArray,
+    offsets: FloatArray,
     axes: FloatArray,
     masses: FloatArray,
     centres: FloatArray,
@@ -125,16 +120,19 @@ def _newton_euler(
     velocities: FloatArray,
     accelerations: FloatArray,
 ) -> FloatArray:  # pragma: no cover
+    """Compute the torques (samples, n) by recursion outwards and back; see `inverse_dynamics`.
+
+    In one piece: with one recursion in a function of its own it is slower.
+    """
     samples, n = positions.shape
     torques = np.empty((samples, n))
-    R, parts = np.empty((n, 3, 3)), _rodrigues_parts(placements, axes)
+    R = np.empty((n, 3, 3))
     force, moment = np.empty((n, 3)), np.empty((n, 3))
     w, dw, a = np.zeros(3), np.zeros(3), np.zeros(3)
     t1, t2, t3 = np.empty(3), np.empty(3), np.empty(3)
     for k in range(samples):
-        w[:] = 0.0
-        dw[:] = 0.0
-        a[:] = 0.0
+        for j in range(3):
+            w[j] = dw[j] = a[j] = 0.0
         # A base that accelerates upwards feels gravity.
         a[2] = GRAVITY
         for i in range(n):
@@ -144,7 +142,7 @@ def _newton_euler(
                     R[i, j, m] = (
                         parts[i, 0, j, m] + sine * parts[i, 1, j, m] + rest * parts[i, 2, j, m]
                     )
-            offset = placements[i, :3, 3]
+            offset = offsets[i]
             _cross(w, offset, t1)
             _cross(w, t1, t2)
             _cross(dw, offset, t1)
@@ -177,7 +175,7 @@ def _newton_euler(
             if i > 0:
                 _turn(R[i], force[i], t1)
                 _turn(R[i], moment[i], t2)
-                _cross(placements[i, :3, 3], t1, t3)
+                _cross(offsets[i], t1, t3)
                 for j in range(3):
                     force[i - 1, j] += t1[j]
                     moment[i - 1, j] += t2[j] + t3[j]

@@ -68,7 +68,7 @@ def check_limits(
     ----------
     robot : Robot
     positions, velocities, accelerations : array, shape (T, n)
-        rad, rad/s, rad/s^2; sampled at 1 kHz by convention, see `resample`.
+        rad, rad/s, rad/s^2; sampled at 1 kHz by convention, see `resample_trajectory`.
 
     Returns
     -------
@@ -117,7 +117,7 @@ def time_stretch(limits: JointLimits, velocities: FloatArray, accelerations: Flo
     return max(speed, float(np.sqrt(pull)))
 
 
-def resample(
+def resample_trajectory(
     time: FloatArray,
     positions: FloatArray,
     velocities: FloatArray,

@@ -11,10 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from besman.config_file import load_config
+from besman.config.resources import resource_folder
+from besman.config.yaml_file import load_config
 from besman.exceptions import RobotError, nearest
-from besman.record_files import digest
-from besman.resources import resource_folder
+from besman.geometry.frames import quaternion_to_rotation
+from besman.records.files import digest
 from besman.robot.config import JointConfig, RobotConfig, ToolConfig
 from besman.robot.parts import Chain, FloatArray, JointLimits, Tool, read_only
 from besman.robot.urdf_file import read_urdf
@@ -271,13 +272,11 @@ def _limits(joints: tuple[JointConfig, ...]) -> JointLimits:
 
 def _tool(name: str, config: ToolConfig) -> Tool:
     """Turn a tool's config into matrices."""
-    from scipy.spatial.transform import Rotation
-
     tcp2flange = np.eye(4)
-    tcp2flange[:3, :3] = Rotation.from_quat(config.rotation_wxyz, scalar_first=True).as_matrix()
+    tcp2flange[:3, :3] = quaternion_to_rotation(config.rotation_wxyz)
     tcp2flange[:3, 3] = config.translation_m
     tcp2hand = np.eye(4)
-    tcp2hand[:3, :3] = Rotation.from_quat(config.hand_to_tcp_wxyz, scalar_first=True).as_matrix()
+    tcp2hand[:3, :3] = quaternion_to_rotation(config.hand_to_tcp_wxyz)
     tcp2hand[:3, 3] = config.hand_to_tcp_m
     return Tool(
         name=name,

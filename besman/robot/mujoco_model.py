@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from besman.robot.dynamics import GRAVITY, body_inertias, inverse_dynamics
 from besman.robot.model import Robot
+from besman.robot.parts import GRAVITY
+
+if TYPE_CHECKING:
+    import mujoco
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -62,6 +64,10 @@ def arm_spec(robot: Robot, time_step_s: float) -> tuple[mujoco.MjSpec, Any]:
     last : mujoco.MjsBody
         The last link, to hang the tool on.
     """
+    import mujoco
+
+    from besman.robot.dynamics import body_inertias
+
     spec = mujoco.MjSpec()
     spec.compiler.degree = False
     spec.option.timestep = time_step_s
@@ -93,6 +99,8 @@ def arm_spec(robot: Robot, time_step_s: float) -> tuple[mujoco.MjSpec, Any]:
 
 def _add_capsule(body: Any, ends: FloatArray, radius: float) -> None:
     """Add a capsule (2, 3); MuJoCo takes one without length for a mistake, so it is a sphere."""
+    import mujoco
+
     is_sphere = np.linalg.norm(ends[1] - ends[0]) < 1e-6
     shape: dict[str, Any] = (
         {"type": mujoco.mjtGeom.mjGEOM_SPHERE, "pos": ends[0]}
@@ -104,6 +112,8 @@ def _add_capsule(body: Any, ends: FloatArray, radius: float) -> None:
 
 def _add_servo(spec: mujoco.MjSpec, joint: str, kp: float, kv: float, torque: float) -> None:
     """Add a position servo whose torque is limited."""
+    import mujoco
+
     servo = spec.add_actuator(name=joint, target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
     servo.set_to_position(kp=kp, kv=kv)
     servo.forcelimited = True
@@ -130,6 +140,8 @@ def servo_controls(
     array, shape (..., n)
         rad.
     """
+    from besman.robot.dynamics import inverse_dynamics
+
     gains = servo_gains(robot)
     movement = (positions, velocities, accelerations)
     q, v, a = (np.asarray(part, dtype=np.float64) for part in movement)
@@ -156,6 +168,8 @@ def _moving_samples(*movement: FloatArray) -> int:
 
 def matrix_to_quaternion(rotation: FloatArray) -> FloatArray:
     """Return the quaternion (w, x, y, z) of a rotation matrix, shape (3, 3)."""
+    import mujoco
+
     quaternion = np.empty(4)
     mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(rotation).ravel())
     return quaternion

@@ -9,6 +9,8 @@ import numpy.typing as npt
 
 FloatArray = npt.NDArray[np.float64]
 
+GRAVITY = 9.81  # m/s^2
+
 
 @dataclass(frozen=True, eq=False)
 class JointLimits:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
-import mujoco
 import numpy as np
 import numpy.typing as npt
 
 from besman.simulation.perturbation import Perturbation
+
+if TYPE_CHECKING:
+    import mujoco
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -15,8 +15,8 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
+from besman.config.stage import Config, NotNegative
 from besman.robot.model import Robot
-from besman.stage import Config
 
 if TYPE_CHECKING:
     import mujoco
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 FloatArray = npt.NDArray[np.float64]
 
 Share = Annotated[float, Field(ge=0, lt=1)]
-NotNegative = Annotated[float, Field(ge=0)]
 
 # An offset is taken up within this time, so that it does not strike what lies in the tool.
 _RAMP_S = 0.1
@@ -239,7 +238,7 @@ def perturb_controls(
         if noise is not None:
             late = late + noise[:, joint]
         if perturbation.backlash[joint] > 0:
-            late = play(late, perturbation.backlash[joint])
+            late = follow_with_play(late, perturbation.backlash[joint])
         changed[:, joint] = late
     return changed
 
@@ -264,7 +263,7 @@ def _noise(time: FloatArray, perturbation: Perturbation, n: int) -> FloatArray |
     return np.column_stack([np.interp(time, cycles, column) for column in drawn.T])
 
 
-def play(driving: FloatArray, width: float) -> FloatArray:
+def follow_with_play(driving: FloatArray, width: float) -> FloatArray:
     """Follow a movement through a gear with play.
 
     Parameters

@@ -4,25 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
 
-import mujoco
-import mujoco.rollout
 import numpy as np
 import numpy.typing as npt
 
 from besman.simulation.perturbation import Perturbation, perturb_controls, perturb_model
+
+if TYPE_CHECKING:
+    import mujoco
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 
 _CHUNK_STEPS = 50
 
-# A simulation that diverges is an outcome; MuJoCo would write a log into the working directory.
-mujoco.set_mju_user_warning(lambda _: None)
-
 
 @dataclass(frozen=True, eq=False)
-class Run:
+class SimulatedStates:
     """States of B simulations after each of at most T steps; NaN after a simulation was stopped.
 
     Attributes
@@ -45,9 +45,9 @@ def run_physics(
     model: mujoco.MjModel,
     initial_qpos: FloatArray,
     controls: FloatArray,
-    finished: Callable[[Run, slice], BoolArray],
+    finished: Callable[[SimulatedStates, slice], BoolArray],
     perturbations: Sequence[Perturbation] = (),
-) -> Run:
+) -> SimulatedStates:
     """Simulate a batch from rest.
 
     Results do not depend on the batch: every simulation starts afresh and is looked at after the
@@ -69,13 +69,17 @@ def run_physics(
 
     Returns
     -------
-    Run
+    SimulatedStates
         A diverged simulation has states that are not finite.
     """
+    import mujoco
+    import mujoco.rollout
+
+    _silence_warnings()
     batch, steps, _ = controls.shape
     state = np.zeros((batch, mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)))
     state[:, 1 : 1 + model.nq] = initial_qpos
-    run = Run(
+    run = SimulatedStates(
         qpos=np.full((batch, steps, model.nq), np.nan),
         qvel=np.full((batch, steps, model.nv), np.nan),
         sensors=np.full((batch, steps, model.nsensordata), np.nan),
@@ -107,3 +111,14 @@ def run_physics(
             if not len(active):
                 break
     return run
+
+
+@lru_cache(maxsize=1)
+def _silence_warnings() -> None:
+    """Have MuJoCo say nothing: a simulation that diverges is an outcome.
+
+    Otherwise it would write a log into the working directory.
+    """
+    import mujoco
+
+    mujoco.set_mju_user_warning(lambda _: None)

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from itertools import product
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import mujoco
 import numpy as np
 import numpy.typing as npt
 
 from besman.robot.model import Robot
 from besman.robot.mujoco_model import ARM_BIT, matrix_to_quaternion
+
+if TYPE_CHECKING:
+    import mujoco
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -21,6 +23,8 @@ _IMPEDANCE = [0.8, 0.95, 0.0002, 0.5, 2.0]
 
 def set_contact_options(spec: mujoco.MjSpec) -> None:
     """Choose the solver's options for few, stiff contacts with friction."""
+    import mujoco
+
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     # Friction that is softer than the contact itself lets things creep.
     spec.option.impratio = 10.0
@@ -51,6 +55,8 @@ def add_tool_body(last: Any, robot: Robot, name: str) -> Any:
 
 def add_tool_capsule(last: Any, robot: Robot, **parameters: Any) -> None:
     """Add the capsule that the robot's tool says to the last link; nothing if it has none."""
+    import mujoco
+
     tool = robot.tool
     if tool.capsule_radius == 0:
         return
@@ -69,6 +75,8 @@ def add_tool_capsule(last: Any, robot: Robot, **parameters: Any) -> None:
 
 def add_tool_sensors(spec: mujoco.MjSpec) -> None:
     """Add position (3) and orientation (4, wxyz) of the tool centre point in the world."""
+    import mujoco
+
     site, kinds = mujoco.mjtObj.mjOBJ_SITE, mujoco.mjtSensor
     spec.add_sensor(name="tcp", type=kinds.mjSENS_FRAMEPOS, objtype=site, objname="tcp")
     spec.add_sensor(name="turn", type=kinds.mjSENS_FRAMEQUAT, objtype=site, objname="tcp")
@@ -76,6 +84,8 @@ def add_tool_sensors(spec: mujoco.MjSpec) -> None:
 
 def add_point_sensor(spec: mujoco.MjSpec, site: str) -> None:
     """Add the position (3) of a site in the frame of the tool centre point."""
+    import mujoco
+
     kind = mujoco.mjtObj.mjOBJ_SITE
     spec.add_sensor(
         name=site,
@@ -103,6 +113,8 @@ def lay_in_tool(model: mujoco.MjModel, starts: FloatArray, ahead_m: float) -> Fl
     -------
     array, shape (B, nq)
     """
+    import mujoco
+
     data = mujoco.MjData(model)
     qpos = np.empty((len(starts), model.nq))
     n = starts.shape[1]

@@ -10,7 +10,7 @@ from itertools import groupby
 import numpy as np
 import numpy.typing as npt
 
-from besman.records import AnyPlan
+from besman.records import AnyPlan, Record, freeze
 from besman.robot.collision import distances
 from besman.robot.model import Robot
 from besman.simulation.episodes import Episodes, Movements
@@ -27,7 +27,7 @@ _CLEARANCE_M = 0.002
 
 
 @dataclass(frozen=True)
-class Trial:
+class Trial(Record, stored_as="besman.simulation.trial:Trial"):
     """What came of one motion plan.
 
     Attributes
@@ -64,6 +64,10 @@ class Trial:
     measures: dict[str, float] = field(default_factory=dict)
     costs: dict[str, float] = field(default_factory=dict)
     release: FloatArray = field(default_factory=lambda: np.full(6, np.nan))
+
+    def __post_init__(self) -> None:
+        """Copy the arrays, make them read-only and check their shapes."""
+        freeze(self, {"outcome": (3,), "object_path": ("F", 3), "release": (6,)})
 
 
 def try_plans(

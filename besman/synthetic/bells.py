@@ -65,7 +65,8 @@ class Bell:
         """Share of the way done, from 0 before the movement to 1 after it, shape of `time` (s)."""
         rise, fall = self._exponents()
         share = np.clip((time - self.start) / self.duration, 0.0, 1.0)
-        return betainc(rise + 1.0, fall + 1.0, share)
+        done: FloatArray = betainc(rise + 1.0, fall + 1.0, share)
+        return done
 
     def _exponents(self) -> tuple[float, float]:
         """Exponents of the rising and the falling side."""

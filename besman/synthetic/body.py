@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from besman.frames import rotation_to_quaternion
+from besman.geometry.frames import rotation_to_quaternion
 from besman.synthetic.person import (
     BACK_MARKERS,
     ELBOW_MARKER,
@@ -57,7 +57,7 @@ class Capsules:
 
 
 @dataclass(frozen=True)
-class Body:
+class BodyMotion:
     """A person in motion.
 
     Attributes
@@ -87,7 +87,7 @@ def place_body(
     torso2body: Rotation,
     joints: Mapping[str, FloatArray],
     time: FloatArray,
-) -> Body:
+) -> BodyMotion:
     """Place a person in the laboratory.
 
     Parameters
@@ -103,7 +103,7 @@ def place_body(
 
     Returns
     -------
-    Body
+    BodyMotion
         With one arm the markers are called ``hand_top``, with two ``right_hand_top`` and so on.
     """
     torso2lab = (stance.heading * torso2body).as_matrix()
@@ -132,14 +132,14 @@ def place_body(
         origin = to_lab((person.shoulder + arm.hand) @ flip)
         hands[side] = np.column_stack([origin, rotation_to_quaternion(rotation)])
         limbs |= _arm_limbs(person, parts, side)
-    return Body(markers, hands, dict(joints), parts, _bundle(limbs))
+    return BodyMotion(markers, hands, dict(joints), parts, _bundle(limbs))
 
 
-def join_bodies(bodies: Sequence[Body]) -> Body:
+def join_bodies(bodies: Sequence[BodyMotion]) -> BodyMotion:
     """Join stretches of one person's motion, one after the other."""
     first = bodies[0]
     capsules = [body.capsules for body in bodies]
-    return Body(
+    return BodyMotion(
         markers={k: np.concatenate([body.markers[k] for body in bodies]) for k in first.markers},
         hands={k: np.concatenate([body.hands[k] for body in bodies]) for k in first.hands},
         joints={k: np.concatenate([body.joints[k] for body in bodies]) for k in first.joints},

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.exceptions import ConfigError
+from besman.geometry.gaps import find_runs
 from besman.records import Recording
 from besman.synthetic.capture import GHOST, Capture
 
@@ -222,12 +223,6 @@ def to_unlabelled(capture: Capture, rng: np.random.Generator, room: Room | None 
 def _canonical(recording: Recording) -> list[str]:
     """Canonical names of the markers."""
     return [str(name).lower().replace(" ", "_") for name in recording.names]
-
-
-def find_runs(seen: npt.NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Find the stretches, half-open, in which a marker is seen without a break."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], seen.astype(np.int8), [0]])))
-    return [(int(start), int(stop)) for start, stop in edges.reshape(-1, 2)]
 
 
 def _draw_ghosts(

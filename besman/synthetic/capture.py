@@ -12,11 +12,11 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.exceptions import RecordingError
-from besman.io.qtm_tsv import write_tsv
+from besman.io.recordings.qtm_tsv import write_tsv
 from besman.io.segments_json import ThrowEvent, segments_path, write_segments
-from besman.manual_segments import ACTIONS, stack_layers
 from besman.records import LabelledSegments, Recording
-from besman.synthetic.body import Body
+from besman.records.layers import ACTIONS, stack_layers
+from besman.synthetic.body import BodyMotion
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -80,7 +80,7 @@ class Capture:
         ``left_hand``.
     trajectories : tuple of str
         What each trajectory of an unnamed recording is: a canonical marker name or `GHOST`.
-    body : Body or None
+    body : BodyMotion or None
         True motion; its capsules are what hides markers.
     boxes : tuple of Box
         What else hides markers.
@@ -93,7 +93,7 @@ class Capture:
     throws: tuple[ThrowEvent, ...] = ()
     layers: Mapping[str, LabelledSegments] = field(default_factory=dict)
     trajectories: tuple[str, ...] = ()
-    body: Body | None = None
+    body: BodyMotion | None = None
     boxes: tuple[Box, ...] = ()
     joint_log: JointLog | None = None
 
@@ -161,13 +161,13 @@ def _write_recording(capture: Capture, path: Path) -> None:
     """Write what was recorded in the format that the file's ending tells."""
     log = capture.joint_log
     if log is not None:
-        from besman.io.exoskeleton import write_joint_log
+        from besman.io.recordings.exoskeleton import write_joint_log
 
         angles = np.column_stack(list(log.angles.values()))
         time = capture.recording.time
         write_joint_log(path, time, angles, list(log.angles), log.urdf, log.bodies)
     elif path.suffix == ".mvnx":
-        from besman.io.mvnx import write_mvnx
+        from besman.io.recordings.mvnx import write_mvnx
 
         write_mvnx(capture.recording, path)
     else:

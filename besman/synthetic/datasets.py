@@ -17,15 +17,15 @@ from besman.synthetic.capture import Capture, write_capture
 from besman.synthetic.person import Person, draw_person
 from besman.synthetic.script import Temper, draw_temper
 from besman.synthetic.stance import draw_stance, stream
-from besman.synthetic.stick_throw import STICK, ThrowKind, simulate_throws
-from besman.synthetic.take import Plan, Setting, Things, play
+from besman.synthetic.stick_throw import STICK, ThrowKind, simulate_throw_take
+from besman.synthetic.take import Plan, Setting, Things, play_plan
 
 Planner = Callable[[Person, Temper, Callable[[int], np.random.Generator], range], Plan]
 Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True)
-class Dataset:
+class SyntheticDataset:
     """One dataset.
 
     Attributes
@@ -68,11 +68,13 @@ _STICK_COUNTS = (41, 62, 75, 78, 90, 105, 246)
 _BALL = ThrowKind(draw_ball_style, marked=False, key=(zlib.crc32(b"ball_throw"),))
 
 DATASETS = {
-    "step": Dataset(
+    "step": SyntheticDataset(
         reaching.STEP_CLASSES, (29, 29, 29, 28, 28, 28), 10, planners=(("", reaching.plan_step),)
     ),
-    "lever": Dataset(reaching.LEVER_CLASSES, (32, 36), 8, planners=(("", reaching.plan_lever),)),
-    "pick_and_place": Dataset(
+    "lever": SyntheticDataset(
+        reaching.LEVER_CLASSES, (32, 36), 8, planners=(("", reaching.plan_lever),)
+    ),
+    "pick_and_place": SyntheticDataset(
         reaching.PICK_AND_PLACE_CLASSES,
         (6, 6, 6),
         1,
@@ -80,13 +82,13 @@ DATASETS = {
         planners=(("", reaching.plan_pick_and_place),),
         things=reaching.handle_box,
     ),
-    "ball_throw": Dataset(_THROW_CLASSES, (24,) * 10, 8, kind=_BALL),
-    "stick_throw": Dataset(_THROW_CLASSES, _STICK_COUNTS, 8, kind=STICK),
-    "stick_throw_unmarked": Dataset(
+    "ball_throw": SyntheticDataset(_THROW_CLASSES, (24,) * 10, 8, kind=_BALL),
+    "stick_throw": SyntheticDataset(_THROW_CLASSES, _STICK_COUNTS, 8, kind=STICK),
+    "stick_throw_unmarked": SyntheticDataset(
         _THROW_CLASSES, _STICK_COUNTS, 8, kind=replace(STICK, marked=False)
     ),
-    "stick_throw_marked": Dataset(_THROW_CLASSES, (10, 11, 13), 13, kind=STICK),
-    "gestures": Dataset(
+    "stick_throw_marked": SyntheticDataset(_THROW_CLASSES, (10, 11, 13), 13, kind=STICK),
+    "gestures": SyntheticDataset(
         gestures.GESTURE_CLASSES,
         (10, 10, 11, 11, 11, 42),
         50,
@@ -95,21 +97,21 @@ DATASETS = {
         seen_by="suit",
         diversity=1.8,
     ),
-    "object_rotation": Dataset(
+    "object_rotation": SyntheticDataset(
         two_arms.OBJECT_ROTATION_ACTIONS,
         (10, 10, 13),
         5,
         planners=(("", two_arms.plan_object_rotation),),
         things=two_arms.hold_frame,
     ),
-    "circle_drawing": Dataset(
+    "circle_drawing": SyntheticDataset(
         ("move_to_start", "circle_up", "circle_down", "move_to_rest"),
         (6,),
         6,
         planners=(("", exoskeleton.plan_circle_drawing),),
         seen_by="exoskeleton",
     ),
-    "rotation": Dataset(
+    "rotation": SyntheticDataset(
         ("turn_clockwise", "turn_counterclockwise"),
         (3,),
         6,
@@ -217,7 +219,7 @@ def write_synthetic(
     return [write_capture(capture, out) for capture in made]
 
 
-def _find(name: str) -> Dataset:
+def _find(name: str) -> SyntheticDataset:
     """Return a dataset by its name."""
     if name not in DATASETS:
         raise ConfigError(f"synth: no dataset {name!r}; {nearest(name, DATASETS)}")
@@ -226,7 +228,7 @@ def _find(name: str) -> Dataset:
 
 def _check(
     name: str,
-    dataset: Dataset,
+    dataset: SyntheticDataset,
     n_subjects: int | None,
     n_repetitions: int | None,
     rate_hz: float,
@@ -246,7 +248,9 @@ def _check(
         raise ConfigError(f"{name}: seen by a {dataset.seen_by}, which leaves no marker unnamed")
 
 
-def _takes(dataset: Dataset, subject: int, n_repetitions: int | None) -> list[tuple[str, range]]:
+def _takes(
+    dataset: SyntheticDataset, subject: int, n_repetitions: int | None
+) -> list[tuple[str, range]]:
     """Split what one person does into takes."""
     usual = dataset.repetitions[subject % len(dataset.repetitions)]
     count = usual if n_repetitions is None else n_repetitions
@@ -259,7 +263,7 @@ def _takes(dataset: Dataset, subject: int, n_repetitions: int | None) -> list[tu
 
 def _simulate(
     name: str,
-    dataset: Dataset,
+    dataset: SyntheticDataset,
     subject: int,
     part: str,
     rows: range,
@@ -269,7 +273,7 @@ def _simulate(
 ) -> Capture:
     """Simulate one take."""
     if dataset.kind is not None:
-        return simulate_throws(dataset.kind, subject, rows, rate_hz, seed, source)
+        return simulate_throw_take(dataset.kind, subject, rows, rate_hz, seed, source)
     key = (zlib.crc32(name.encode()), subject)
     rng = stream(seed, *key, 0)
     person, temper, stance = draw_person(rng), draw_temper(rng, dataset.diversity), draw_stance(rng)
@@ -283,7 +287,7 @@ def _simulate(
     # The person's own choices have number 0, the repetitions follow.
     plan = planner(person, temper, lambda index: stream(seed, *key, task, index + 1), rows)
     setting = Setting(rate_hz, source, noise, things=dataset.things, joint_noise=joint_noise)
-    capture = play(person, stance, plan, setting)
+    capture = play_plan(person, stance, plan, setting)
     if dataset.seen_by == "suit":
         return gestures.see_segments(capture, noise)
     if dataset.seen_by == "exoskeleton":

@@ -9,7 +9,7 @@ import numpy.typing as npt
 from scipy.signal import butter, sosfiltfilt
 from scipy.spatial.transform import Rotation
 
-from besman.frames import rotation_to_quaternion
+from besman.geometry.frames import rotation_to_quaternion
 from besman.records import Recording
 from besman.synthetic.body import LEFT, MIRROR, RIGHT
 from besman.synthetic.capture import Capture, JointLog
@@ -113,7 +113,8 @@ def constrain_joints(rng: np.random.Generator) -> JointNoise:
         # Nothing sticks where nothing moves.
         share = speed / (speed + np.deg2rad(12.0))
         jerky = joints + amplitude * share * noise
-        return np.clip(jerky, np.deg2rad(_JOINT_LOW_DEG), np.deg2rad(_JOINT_HIGH_DEG))
+        kept: FloatArray = np.clip(jerky, np.deg2rad(_JOINT_LOW_DEG), np.deg2rad(_JOINT_HIGH_DEG))
+        return kept
 
     return constrain
 
@@ -133,12 +134,12 @@ def log_joints(capture: Capture, person: Person) -> Capture:
         Positions of shoulder, elbow and wrist of both arms in the frame of the exoskeleton's
         root (metres, z up), by forward kinematics from the logged angles, kept within its limits.
     """
-    from besman.io.exoskeleton import link_poses, load_model
-    from besman.resources import find_resource
+    from besman.config.resources import find_resource
+    from besman.io.recordings.exoskeleton import link_poses, load_exoskeleton_model
 
     assert capture.body is not None
     urdf = find_resource("configs/exoskeleton", URDF, ".urdf")
-    model = load_model(urdf, urdf)
+    model = load_exoskeleton_model(urdf, urdf)
     angles = {
         f"{side}_{joint}": values
         for side, joints in capture.body.joints.items()

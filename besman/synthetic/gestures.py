@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import gaussian_filter1d
 
-from besman.frames import rotation_to_quaternion
+from besman.geometry.frames import rotation_to_quaternion
 from besman.records import Recording
-from besman.synthetic.body import LEFT, RIGHT, Body
+from besman.synthetic.body import LEFT, RIGHT, BodyMotion
 from besman.synthetic.capture import Capture
 from besman.synthetic.person import Person
 from besman.synthetic.reaching import Streams, hanging
@@ -193,7 +193,7 @@ def see_segments(capture: Capture, rng: np.random.Generator) -> Capture:
     )
 
 
-def suit_segments(body: Body) -> dict[str, tuple[FloatArray, FloatArray]]:
+def suit_segments(body: BodyMotion) -> dict[str, tuple[FloatArray, FloatArray]]:
     """Segments of the body as a sensor suit calls them: joint (T, 3), metres; axes (T, 3, 3).
 
     Each has the axes of the laboratory (x forward, y left, z up) when the person stands with the

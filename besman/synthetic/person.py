@@ -119,7 +119,8 @@ def see_from_torso(person: Person, hand: FloatArray, torso2body: Rotation) -> Fl
         From the shoulder, metres in the torso's axes.
     """
     shoulder = person.shoulder - person.hips
-    return torso2body.inv().apply(hand + shoulder) - shoulder
+    moved: FloatArray = torso2body.inv().apply(hand + shoulder) - shoulder
+    return moved
 
 
 def solve_arm(

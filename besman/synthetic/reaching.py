@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from besman.frames import quaternion_to_rotation
-from besman.synthetic.body import RIGHT, Body
+from besman.geometry.frames import quaternion_to_rotation
+from besman.synthetic.body import RIGHT, BodyMotion
 from besman.synthetic.capture import Box
 from besman.synthetic.person import Person
 from besman.synthetic.script import Composer, Temper, pose_at
@@ -162,7 +162,7 @@ def plan_pick_and_place(
 
 
 def handle_box(
-    plan: Plan, spans: Mapping[str, list[tuple[float, float]]], body: Body, time: FloatArray
+    plan: Plan, spans: Mapping[str, list[tuple[float, float]]], body: BodyMotion, time: FloatArray
 ) -> tuple[Box, ...]:
     """Add fingers that open and close and a box that goes where the hand takes it.
 
@@ -171,7 +171,7 @@ def handle_box(
     plan : Plan
     spans : mapping of list of (start, end)
         Side to when its phases begin and end, seconds.
-    body : Body
+    body : BodyMotion
         Gets the markers of fingers and box.
     time : array, shape (T,)
         Seconds.

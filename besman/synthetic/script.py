@@ -273,7 +273,7 @@ def pose_at(
     return Pose(where * allowed / distance, np.deg2rad(wrist_deg), np.asarray(pole, np.float64))
 
 
-def follow(
+def play_script(
     script: ArmScript, time: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Add up the strokes of a script.

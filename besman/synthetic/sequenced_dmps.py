@@ -68,7 +68,9 @@ class SequencedDmps:
         return LabelledSegments(bounds, labels, np.zeros(2), self.rate_hz, self.name)
 
 
-def generate(noise_m: float = 0.0, rate_hz: float = 100.0, seed: int = 0) -> list[SequencedDmps]:
+def generate_sequenced_dmps(
+    noise_m: float = 0.0, rate_hz: float = 100.0, seed: int = 0
+) -> list[SequencedDmps]:
     """Generate three demonstrations through each of three subgoals.
 
     A subgoal is passed at a velocity of its own, which a demonstration varies, as it varies the

@@ -10,10 +10,10 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from besman.exceptions import ConfigError
-from besman.frames import quaternion_to_rotation
+from besman.geometry.frames import quaternion_to_rotation
 from besman.io.segments_json import ThrowEvent
 from besman.records import LabelledSegments, Recording
-from besman.synthetic.body import RIGHT, Body, join_bodies, place_body
+from besman.synthetic.body import RIGHT, BodyMotion, join_bodies, place_body
 from besman.synthetic.capture import Capture
 from besman.synthetic.person import (
     BACK_MARKERS,
@@ -80,7 +80,7 @@ class _Throw:
     on_ground_for: float
 
 
-def generate(
+def generate_stick_throws(
     n_subjects: int = 2, n_repetitions: int = 8, rate_hz: float = 100, seed: int = 0
 ) -> list[Capture]:
     """Simulate people who throw a stick.
@@ -118,12 +118,12 @@ def generate(
         if not low <= value <= high:
             raise ConfigError(f"stick_throw: {name}: got {value}, expected {low} to {high}")
     return [
-        simulate_throws(STICK, subject, range(n_repetitions), float(rate_hz), seed)
+        simulate_throw_take(STICK, subject, range(n_repetitions), float(rate_hz), seed)
         for subject in range(n_subjects)
     ]
 
 
-def simulate_throws(
+def simulate_throw_take(
     kind: ThrowKind,
     subject: int,
     repetitions: range,
@@ -157,7 +157,7 @@ def simulate_throws(
     end = throws[-1].strokes[-1].bell.end + style.idle_s
     time = np.arange(round(end * rate_hz) + 1) / rate_hz
     starts = np.searchsorted(time, [throw.start for throw in throws])
-    bodies: list[Body] = []
+    bodies: list[BodyMotion] = []
     events: list[ThrowEvent] = []
     for throw, start, stop in zip(throws, starts, [*starts[1:], len(time)], strict=True):
         bodies.append(_place_body(person, stance, throw, time[start:stop]))
@@ -209,7 +209,7 @@ def _draw_throws(
     return throws
 
 
-def _place_body(person: Person, stance: Stance, throw: _Throw, time: FloatArray) -> Body:
+def _place_body(person: Person, stance: Stance, throw: _Throw, time: FloatArray) -> BodyMotion:
     """Place a person in the laboratory, the stick in the hand."""
     hand, wrist_joints, pole = move_hand(throw.rest, throw.strokes, time)
     torso2body = Rotation.from_euler("ZY", np.column_stack(move_torso(throw.strokes, time)))
@@ -300,7 +300,8 @@ def _borders(throw: _Throw) -> list[float]:
 
     def visible(start: float, end: float) -> FloatArray:
         inside = (time >= start) & (time <= end)
-        return time[inside & (speed > _VISIBLE_SHARE * speed[inside].max())]
+        seen: FloatArray = time[inside & (speed > _VISIBLE_SHARE * speed[inside].max())]
+        return seen
 
     def slowest(start: float, end: float) -> float:
         inside = (time >= start) & (time <= end)
@@ -321,4 +322,5 @@ def _hand_speed(throw: _Throw, time: FloatArray) -> FloatArray:
     ahead, behind = (
         move_hand(throw.rest, throw.strokes, time + shift)[0] for shift in (5e-4, -5e-4)
     )
-    return np.linalg.norm(ahead - behind, axis=1) / 1e-3
+    speed: FloatArray = np.linalg.norm(ahead - behind, axis=1) / 1e-3
+    return speed

@@ -11,14 +11,14 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from besman.records import LabelledSegments, Recording
-from besman.synthetic.body import RIGHT, Body, place_body
+from besman.synthetic.body import RIGHT, BodyMotion, place_body
 from besman.synthetic.capture import Box, Capture
 from besman.synthetic.person import Person, reach_with, see_from_torso
 from besman.synthetic.script import (
     ArmScript,
     Movement,
-    follow,
     keep_within_reach,
+    play_script,
 )
 from besman.synthetic.stance import Stance
 from besman.synthetic.true_borders import time_parts, time_phases
@@ -66,7 +66,7 @@ class Plan:
 
 Bounds = list[tuple[float, float, str]]
 Things = Callable[
-    [Plan, Mapping[str, list[tuple[float, float]]], Body, FloatArray], tuple[Box, ...]
+    [Plan, Mapping[str, list[tuple[float, float]]], BodyMotion, FloatArray], tuple[Box, ...]
 ]
 JointNoise = Callable[[FloatArray, float], FloatArray]
 
@@ -99,7 +99,7 @@ class Setting:
     hidden: frozenset[str] = field(default_factory=frozenset)
 
 
-def play(person: Person, stance: Stance, plan: Plan, setting: Setting) -> Capture:
+def play_plan(person: Person, stance: Stance, plan: Plan, setting: Setting) -> Capture:
     """Let a person do what a plan says, before cameras that see everything.
 
     Parameters
@@ -147,9 +147,9 @@ def play(person: Person, stance: Stance, plan: Plan, setting: Setting) -> Captur
 
 def _move_body(
     person: Person, stance: Stance, plan: Plan, setting: Setting, time: FloatArray
-) -> Body:
+) -> BodyMotion:
     """Solve both arms over the whole take."""
-    paths = {side: follow(script, time) for side, script in plan.arms.items()}
+    paths = {side: play_script(script, time) for side, script in plan.arms.items()}
     # A left arm's script is seen in a mirror, where the torso turns the other way.
     twist = sum(
         (path[3] if side == RIGHT else -path[3] for side, path in paths.items()),

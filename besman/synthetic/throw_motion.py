@@ -266,7 +266,8 @@ def move_hand(
 
 def even_pace(share: FloatArray, chord: FloatArray, bend: FloatArray) -> FloatArray:
     """Find the parameter of a bent path at which the given share of its length is done."""
-    return _parameter_of_length(chord.tobytes(), bend.tobytes())(share)
+    parameter: FloatArray = _parameter_of_length(chord.tobytes(), bend.tobytes())(share)
+    return parameter
 
 
 @lru_cache(maxsize=64)

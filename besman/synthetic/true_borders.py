@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from besman.synthetic.script import ArmScript, Movement, Pause, follow
+from besman.synthetic.script import ArmScript, Movement, Pause, play_script
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -29,7 +29,7 @@ def time_phases(script: ArmScript) -> list[tuple[float, float]]:
         Seconds, one per phase.
     """
     time = np.arange(0.0, script.end + _FINE_STEP_S, _FINE_STEP_S)
-    speed = np.linalg.norm(np.gradient(follow(script, time)[0], _FINE_STEP_S, axis=0), axis=1)
+    speed = np.linalg.norm(np.gradient(play_script(script, time)[0], _FINE_STEP_S, axis=0), axis=1)
     spans: list[tuple[float, float] | None] = [
         _visible(phase, time, speed) if isinstance(phase, Movement) else None
         for phase in script.phases
@@ -55,7 +55,7 @@ def time_parts(script: ArmScript, movement: Movement, span: tuple[float, float])
     inner = []
     for one, two in zip(movement.strokes[:-1], movement.strokes[1:], strict=True):
         time = np.arange(one.bell.peak_time, two.bell.peak_time, _FINE_STEP_S)
-        speed = np.linalg.norm(np.gradient(follow(script, time)[0], axis=0), axis=1)
+        speed = np.linalg.norm(np.gradient(play_script(script, time)[0], axis=0), axis=1)
         inner.append(float(time[np.argmin(speed)]))
     return [span[0], *inner, span[1]]
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from besman.synthetic.body import LEFT, RIGHT, Body
+from besman.synthetic.body import LEFT, RIGHT, BodyMotion
 from besman.synthetic.capture import Box
 from besman.synthetic.person import Person
 from besman.synthetic.reaching import Streams
@@ -167,7 +167,7 @@ def _turn(pair: Pair, label: str, turner: str, radius: float, rng: np.random.Gen
 
 
 def hold_frame(
-    plan: Plan, spans: Mapping[str, list[tuple[float, float]]], body: Body, time: FloatArray
+    plan: Plan, spans: Mapping[str, list[tuple[float, float]]], body: BodyMotion, time: FloatArray
 ) -> tuple[Box, ...]:
     """Put the frame between the hands, which hides what is behind it."""
     right, left = (body.hands[side][:, :3] for side in (RIGHT, LEFT))

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.exceptions import PlanError
-from besman.imitation.movement import sample_plan
-from besman.imitation.retarget import retarget_plan
+from besman.motion.adapt_plan import retarget_plan
+from besman.motion.rollout import sample_plan
 from besman.records import AnyPlan
 from besman.robot.limits import LimitReport, check_limits
 from besman.robot.model import Robot

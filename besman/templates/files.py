@@ -2,73 +2,31 @@
 
 from __future__ import annotations
 
-import json
 import os
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
-from besman.config_file import load_config, parse_config
-from besman.exceptions import ConfigError, RefinementError, RunError
+from besman.config.settings import parse_setting
+from besman.config.stage import Work
+from besman.config.yaml_file import parse_config
+from besman.exceptions import RefinementError, RunError
+from besman.foreign.json_text import parse_json
+from besman.io.atomic_files import write_json
 from besman.io.exports import ros_joint_trajectory, write_joint_csv, write_ros_joint_trajectory
 from besman.io.urscript import UR_JOINTS, write_urscript
-from besman.pipeline import PipelineConfig
-from besman.record_files import digest, load_record, save_record
-from besman.records import RefinedMotion
-from besman.robot.model import Robot, load_robot
-from besman.run import write_json
-from besman.simulation.task import Task
-from besman.simulation.tasks import load_task
-from besman.stage import Work
+from besman.pipeline.finished_run import read_run
+from besman.records.files import digest, load_record, save_record
 from besman.templates.applying import Application
 from besman.templates.learning import TemplateConfig, Tries
 from besman.templates.teaching import Region, prepare_lesson, teach
 from besman.templates.template import Template
-from besman.versions import code_version
+from besman.work.versions import code_version
 
 ENDINGS = (".csv", ".json", ".yaml", ".script")
-
-
-@dataclass(frozen=True, eq=False)
-class FinishedRun:
-    """What templates need of a run.
-
-    Attributes
-    ----------
-    labels : three str
-        Robot, tool and task as in its pipeline.
-    robot : Robot
-    task : Task
-    motions : tuple of RefinedMotion
-    """
-
-    labels: tuple[str, str, str]
-    robot: Robot
-    task: Task
-    motions: tuple[RefinedMotion, ...]
-
-
-def read_run(folder: Path) -> FinishedRun:
-    """Read robot, task and refined motions of a run.
-
-    Raises
-    ------
-    RunError
-        If the folder is not a run, or holds no refined motions.
-    """
-    if not (folder / "pipeline.yaml").is_file():
-        raise RunError(f"{folder}: not a run: pipeline.yaml is missing")
-    config = load_config(folder / "pipeline.yaml", PipelineConfig)
-    places = sorted(folder.glob("[0-9][0-9]_refine/record.npz"))
-    if not places:
-        raise RunError(f"{folder}: no refined motions here: expected a finished run, NN_refine")
-    robot, task = load_robot(config.robot, config.tool), load_task(config.task)
-    labels = (config.robot, config.tool, config.task)
-    return FinishedRun(labels, robot, task, load_record(places[-1]))
 
 
 def parse_settings(given: dict[str, Any], settings: tuple[str, ...] = ()) -> TemplateConfig:
@@ -88,13 +46,8 @@ def parse_settings(given: dict[str, Any], settings: tuple[str, ...] = ()) -> Tem
     """
     content = dict(given)
     for setting in settings:
-        key, equals, text = setting.partition("=")
-        if not equals:
-            raise ConfigError(f"--set: got {setting!r}, expected KEY=VALUE, e.g. population=25")
-        try:
-            content[key] = yaml.safe_load(text)
-        except yaml.YAMLError:
-            raise ConfigError(f"--set {key}: got {text!r}, which is not a YAML value") from None
+        key, value = parse_setting(setting, "population=25")
+        content[key] = value
     return parse_config(content, TemplateConfig, "template")
 
 
@@ -137,13 +90,13 @@ def learn_in_run(
     # The figures name the key and come last: with them the template is whole.
     path.with_suffix(".json").unlink(missing_ok=True)
     _replace(path, template)
-    content = {"key": key, "config": config.model_dump(mode="json"), **figures(template)}
+    content = {"key": key, "config": config.model_dump(mode="json"), **template_figures(template)}
     write_json(path.with_suffix(".json"), content)
     part.unlink(missing_ok=True)
     return template, path
 
 
-def figures(template: Template) -> dict[str, Any]:
+def template_figures(template: Template) -> dict[str, Any]:
     """Return the figures of a template: context, region, and what its last episodes gave."""
     checks = template.checks
     landed = checks.misses[np.isfinite(checks.misses)]
@@ -193,7 +146,8 @@ def load_template(folder: Path, method: str | None = None) -> Template:
             f"{folder}: no template{f' {method}' if method else ''} here (there: {there}); "
             f"expected one from besman template learn {folder}"
         )
-    return load_record(places[method] if method else next(iter(places.values())))
+    template: Template = load_record(places[method] if method else next(iter(places.values())))
+    return template
 
 
 def write_application(applied: Application, paths: list[Path]) -> None:
@@ -231,7 +185,7 @@ def write_application(applied: Application, paths: list[Path]) -> None:
             write_ros_joint_trajectory(path, message)
 
 
-def describe(applied: Application) -> dict[str, Any]:
+def describe_application(applied: Application) -> dict[str, Any]:
     """Return what is known about an application, for JSON."""
     return {
         "name": applied.plan.name,
@@ -246,10 +200,11 @@ def describe(applied: Application) -> dict[str, Any]:
 def _key(path: Path) -> str | None:
     """Return the key of a whole template."""
     try:
-        content = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
+        content = parse_json(path.with_suffix(".json").read_bytes())
     except (OSError, ValueError):
         return None
-    return str(content["key"]) if path.is_file() else None
+    key = content.get("key") if isinstance(content, dict) else None
+    return str(key) if path.is_file() else None
 
 
 def _episodes(part: Path, key: str) -> Tries | None:

@@ -10,12 +10,14 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
-from besman.refinement.contextual_cma_es import ContextualCmaEs, usual_population
-from besman.refinement.contextual_reps import ContextualReps
-from besman.refinement.search import ContextualSearch, Part
-from besman.refinement.stage import UnitsConfig
-from besman.refinement.upper_level import Features, UpperLevelPolicy
-from besman.stage import Config, Work
+from besman.config.stage import Config, Work
+from besman.records import Record, freeze
+from besman.search.contextual import ContextualSearch
+from besman.search.contextual_cma_es import ContextualCmaEs, usual_population
+from besman.search.contextual_reps import ContextualReps
+from besman.search.protocol import Part
+from besman.search.upper_level import Features, UpperLevelPolicy
+from besman.stages.refine.stage import UnitsConfig
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -48,14 +50,15 @@ class TemplateConfig(Config):
         which can widen it, 0.3.
     ridge : float or None
         Weight of the policy as it was against each generation's points, see
-        `besman.refinement.upper_level.UpperLevelPolicy.fitted`; null for 1e-4, of contextual
+        `besman.search.upper_level.UpperLevelPolicy.fitted`; null for 1e-4, of contextual
         CMA-ES, which sees one generation at a time, 1e-2.
     features : "affine" or "quadratic"
         Of the context, for the policy's mean.
     seed : int
         Of contexts and search.
-    search : list of "goal", "duration", "weights"
-        What of the motion plan depends on the context.
+    search : list of "start", "goal", "duration", "weights", or None
+        What of the motion plan depends on the context; null for goal and duration, and start if
+        the task's things stand where the demonstration started.
     n_shapes : int
         How many changes of the weights per joint, the smoothest first.
     units : UnitsConfig
@@ -70,7 +73,7 @@ class TemplateConfig(Config):
     ridge: Annotated[float, Field(gt=0)] | None = None
     features: Features = "quadratic"
     seed: Annotated[int, Field(ge=0)] = 0
-    search: Annotated[tuple[Part, ...], Field(min_length=1)] = ("goal", "duration")
+    search: Annotated[tuple[Part, ...], Field(min_length=1)] | None = None
     n_shapes: Annotated[int, Field(ge=1)] = 2
     units: UnitsConfig = UnitsConfig()
 
@@ -81,7 +84,11 @@ class TemplateConfig(Config):
 
 
 @dataclass(frozen=True, eq=False)
-class Tries:
+class Tries(
+    Record,
+    stored_as="besman.templates.learning:Tries",
+    finite=("contexts", "points"),
+):
     """Episodes: what was tried in which context, and what came of it.
 
     Attributes
@@ -99,6 +106,20 @@ class Tries:
     rewards: FloatArray
     misses: FloatArray
     successes: BoolArray
+
+    def __post_init__(self) -> None:
+        """Copy the arrays, make them read-only and check their shapes."""
+        freeze(
+            self,
+            {
+                "contexts": ("E", "S"),
+                "points": ("E", "D"),
+                "rewards": ("E",),
+                "misses": ("E",),
+                "successes": ("E",),
+            },
+            successes=bool,
+        )
 
     def rows(self, rows: slice) -> Tries:
         """Return some of the episodes."""

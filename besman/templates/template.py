@@ -7,14 +7,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from besman.imitation.dmp import N_NODES
-from besman.imitation.movement import roll_out_plans, stretch_plan
-from besman.records import AnyPlan
-from besman.refinement.plan_space import Space, Units, plan_space
-from besman.refinement.search import Part
-from besman.refinement.upper_level import UpperLevelPolicy
+from besman.motion.dmp import N_NODES
+from besman.motion.rollout import roll_out_plans, stretch_plan
+from besman.records import AnyPlan, Record, freeze
 from besman.robot.dynamics import inverse_dynamics
 from besman.robot.model import Robot
+from besman.search.protocol import Part
+from besman.search.upper_level import UpperLevelPolicy
+from besman.stages.refine.plan_space import Space, Units, plan_space
 from besman.templates.contexts import ContextKind
 from besman.templates.learning import Tries
 
@@ -26,7 +26,7 @@ _RESERVE = 1.002
 
 
 @dataclass(frozen=True, eq=False)
-class PlanFamily:
+class PlanFamily(Record, stored_as="besman.templates.template:PlanFamily"):
     """The motion plans around one from which a context chooses.
 
     Attributes
@@ -38,7 +38,7 @@ class PlanFamily:
     search : tuple of "goal", "duration", "weights"
     n_shapes : int
     units : Units
-        See `besman.refinement.plan_space.PlanSpace`.
+        See `besman.stages.refine.plan_space.PlanSpace`.
     """
 
     base: AnyPlan
@@ -63,7 +63,11 @@ class PlanFamily:
 
 
 @dataclass(frozen=True, eq=False)
-class Template:
+class Template(
+    Record,
+    stored_as="besman.templates.template:Template",
+    finite=("region",),
+):
     """A behaviour template.
 
     Attributes
@@ -90,6 +94,10 @@ class Template:
     policy: UpperLevelPolicy
     tries: Tries
     checks: Tries
+
+    def __post_init__(self) -> None:
+        """Copy the region, make it read-only and check its shape."""
+        freeze(self, {"region": (2, "S")})
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,8 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
+from besman.config.stage import Config
 from besman.exceptions import TransferError
-from besman.stage import Config
 from besman.transfer.archive import Archive, Simulator
 from besman.transfer.front import nsga2
 from besman.transfer.surrogate import GaussianShift, InverseDistance, Surrogate
@@ -239,7 +239,7 @@ class _Search:
 
         Crossing and mutating points takes long to move a landing by a given amount.
         """
-        from besman.refinement.cma_es import CmaEs
+        from besman.search.cma_es import CmaEs
 
         thrown = np.flatnonzero(self.archive.thrown)
         if not len(thrown):

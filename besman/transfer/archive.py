@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from besman.records import Record
-from besman.refinement.plan_space import Space
+from besman.records import Record, freeze
 from besman.robot.model import Robot
 from besman.simulation.task import Task
 from besman.simulation.trial import try_plans
+from besman.stages.refine.plan_space import Space
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -20,7 +20,11 @@ _RELEASE_UNITS = np.array([0.1, 0.1, 0.1, 0.3, 0.3, 0.3])
 
 
 @dataclass(frozen=True, eq=False)
-class Archive(Record):
+class Archive(
+    Record,
+    stored_as="besman.transfer.archive:Archive",
+    finite=("points",),
+):
     """N simulated motion plans.
 
     Attributes
@@ -40,10 +44,18 @@ class Archive(Record):
     releases: FloatArray
     costs: FloatArray
 
+    def __post_init__(self) -> None:
+        """Copy the arrays, make them read-only and check their shapes."""
+        freeze(
+            self,
+            {"points": ("N", "D"), "outcomes": ("N", 2), "releases": ("N", 6), "costs": ("N",)},
+        )
+
     @property
     def behaviours(self) -> FloatArray:
         """What tells throws apart, shape (N, 6), in units in which one matters; NaN if failed."""
-        return self.releases / _RELEASE_UNITS
+        scaled: FloatArray = self.releases / _RELEASE_UNITS
+        return scaled
 
     @property
     def thrown(self) -> npt.NDArray[np.bool_]:

@@ -19,7 +19,8 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.exceptions import TransferError, nearest
-from besman.run import write_text
+from besman.io.atomic_files import write_text
+from besman.io.csv_cells import quote_text, unquote_text
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -30,7 +31,7 @@ _FARTHEST_M = 20.0
 
 
 @dataclass(frozen=True)
-class Measured:
+class MeasuredTry:
     """One row.
 
     Attributes
@@ -65,12 +66,12 @@ def add_row(path: Path, motion: str, number: int) -> None:
     else:
         header = [*COLUMNS, _NOTE]
     buffer = io.StringIO()
-    new = {"motion": motion, "try": str(number)}
+    new = {"motion": quote_text(motion), "try": str(number)}
     csv.writer(buffer, lineterminator="\n").writerow([new.get(name, "") for name in header])
     write_text(path, text + buffer.getvalue())
 
 
-def read_results(path: Path, tries: Mapping[str, int]) -> list[Measured]:
+def read_results(path: Path, tries: Mapping[str, int]) -> list[MeasuredTry]:
     """Read what was measured.
 
     Parameters
@@ -82,7 +83,7 @@ def read_results(path: Path, tries: Mapping[str, int]) -> list[Measured]:
 
     Returns
     -------
-    list of Measured
+    list of MeasuredTry
         Rows that are filled in.
 
     Raises
@@ -91,7 +92,7 @@ def read_results(path: Path, tries: Mapping[str, int]) -> list[Measured]:
         If a column is missing, a motion or try was never suggested, a value is none, or nothing
         is filled in.
     """
-    found: dict[tuple[str, int], Measured] = {}
+    found: dict[tuple[str, int], MeasuredTry] = {}
     for line, row in _read(path)[1]:
         where = f"{path}:{line}"
         number = _try_number(where, row, tries)
@@ -100,7 +101,7 @@ def read_results(path: Path, tries: Mapping[str, int]) -> list[Measured]:
             continue
         if (row["motion"], number) in found:
             raise TransferError(f"{where}: try {number} of {row['motion']} stands there twice")
-        found[row["motion"], number] = Measured(row["motion"], number, outcome)
+        found[row["motion"], number] = MeasuredTry(row["motion"], number, outcome)
     if not found:
         raise TransferError(
             f"{path}: no row is filled in; expected x_m and y_m in metres, or success no"
@@ -124,7 +125,8 @@ def _read(path: Path) -> tuple[list[str], list[tuple[int, dict[str, str]]]]:
             f"expected {', '.join(COLUMNS)}"
         )
     reader.fieldnames = header
-    return header, [(reader.line_num, row) for row in reader]
+    rows = [(reader.line_num, row | {"motion": unquote_text(row["motion"])}) for row in reader]
+    return header, rows
 
 
 def _try_number(where: str, row: dict[str, str], tries: Mapping[str, int]) -> int:

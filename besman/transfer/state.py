@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -11,9 +10,10 @@ from typing import Any
 import numpy as np
 
 from besman.exceptions import TransferError
-from besman.record_files import digest, load_record, save_record
+from besman.foreign.json_text import parse_json
+from besman.io.atomic_files import write_json
 from besman.records import RefinedMotion
-from besman.run import write_json
+from besman.records.files import digest, load_record, save_record
 from besman.transfer.approach import RealTry, TransferConfig
 from besman.transfer.archive import Archive, no_plans
 
@@ -120,7 +120,7 @@ def load_state(folder: Path) -> TransferState:
     """
     path = folder / "state.json"
     try:
-        content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        content: dict[str, Any] = parse_json(path.read_bytes())
         archive = load_record(folder / "archive.npz").first(content["simulated"])
         return TransferState(
             motion=content["motion"],

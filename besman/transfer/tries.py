@@ -9,18 +9,18 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.exceptions import TransferError, nearest
-from besman.imitation.movement import sample_plan
-from besman.motion_exports import write_exports
-from besman.record_files import digest
+from besman.motion.rollout import sample_plan
+from besman.pipeline.finished_run import FinishedRun, read_run
 from besman.records import AnyPlan, RefinedMotion
-from besman.refinement.plan_space import Space, plan_space
-from besman.refinement.search import Part
+from besman.records.files import digest
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.limits import check_limits
 from besman.robot.model import Robot
-from besman.simulation.throwing import ThrowConfig
+from besman.search.protocol import Part
+from besman.simulation.tasks.stick_throw.throw_and_flight import ThrowConfig
 from besman.simulation.trial import try_plans
-from besman.templates.files import FinishedRun, read_run
+from besman.stages.export.motion_exports import write_exports
+from besman.stages.refine.plan_space import Space, plan_space
 from besman.transfer.approach import TransferConfig, suggest
 from besman.transfer.archive import Simulator
 from besman.transfer.results_table import add_row, read_results
@@ -143,7 +143,7 @@ def record_tries(run: Path, table: Path) -> list[tuple[TransferState, FloatArray
     return [(state, motions[name].plan.target[:2]) for name, state in changed.items()]
 
 
-def distances(state: TransferState, target: FloatArray) -> list[float | None]:
+def miss_distances(state: TransferState, target: FloatArray) -> list[float | None]:
     """Return how far from the target every try came down, metres; None if it is not known."""
     return [
         None if one.outcome_m is None else float(np.linalg.norm(np.array(one.outcome_m) - target))

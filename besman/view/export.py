@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from besman.exceptions import RunError
-from besman.run import write_text
+from besman.io.atomic_files import write_text
 from besman.view.assets import read_asset
 from besman.view.run_content import RATE_HZ, RunContent
 

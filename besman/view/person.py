@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from besman.bodies import find_body
 from besman.exceptions import BesmanError
-from besman.frames import back_frame
+from besman.geometry.frames import back_frame
+from besman.person.body import find_body
 from besman.records import FloatArray, LabelledRecording
 from besman.view.packing import Packer
 
@@ -19,7 +19,7 @@ _LOWEST_BACK_M, _BELOW_M = 0.6, 0.03
 
 
 @dataclass(frozen=True, eq=False)
-class Person:
+class PersonMarkers:
     """Markers of a person around one demonstration.
 
     Attributes
@@ -68,7 +68,7 @@ class Person:
 
 def find_person(
     recording: LabelledRecording, bounds: tuple[int, int], thrown: str | None, rate_hz: float
-) -> Person:
+) -> PersonMarkers:
     """Take a person out of a recording.
 
     Parameters
@@ -83,7 +83,7 @@ def find_person(
 
     Returns
     -------
-    Person
+    PersonMarkers
     """
     start, stop = bounds
     stride = max(round(recording.rate_hz / rate_hz), 1)
@@ -95,7 +95,7 @@ def find_person(
     foot = origin * (1.0, 1.0, 0.0)
     names = recording.markers
     limbs, patches = _body(recording)
-    return Person(
+    return PersonMarkers(
         names=names,
         markers=(recording.positions[rows] - foot) @ rotation,
         start_s=float(recording.time[first] - recording.time[start]),

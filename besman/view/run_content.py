@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from besman.config_file import read_yaml
+from besman.config.yaml_file import read_yaml
 from besman.exceptions import MappingError, RunError, nearest
-from besman.mapping.demonstration import tool_poses
 from besman.records import FloatArray, HandTrajectory, JointTrajectory, RefinedMotion
 from besman.report.motions import selected_segments
 from besman.report.run_records import ArmRecords, arm_records, load_records
@@ -18,11 +17,12 @@ from besman.report.terminal import failures
 from besman.report.timing import read_json
 from besman.robot.model import Robot, load_robot
 from besman.simulation.task import Task
-from besman.simulation.tasks import load_task
+from besman.simulation.tasks.kinds import load_task
+from besman.stages.map.demonstration import tool_poses
 from besman.view.packing import Packer
-from besman.view.person import Person, find_person
+from besman.view.person import PersonMarkers, find_person
 from besman.view.shapes import robot_content
-from besman.view.takes import Leads, mapped_take, simulated_takes
+from besman.view.takes import DemonstrationInPlan, mapped_take, simulated_takes
 
 RATE_HZ = 100.0
 
@@ -202,7 +202,7 @@ class RunContent:
             }
         )
 
-    def _person(self, hand: HandTrajectory, rate_hz: float) -> Person:
+    def _person(self, hand: HandTrajectory, rate_hz: float) -> PersonMarkers:
         source, _, segment = hand.name.rpartition(":")
         at = self._sources.index(source)
         recording = self._records["label"][at]
@@ -213,7 +213,7 @@ class RunContent:
         return find_person(recording, (start, stop), thrown, rate_hz)
 
     def _arm(
-        self, name: str, arm: ShownArm, person: Person, packer: Packer, rate_hz: float
+        self, name: str, arm: ShownArm, person: PersonMarkers, packer: Packer, rate_hz: float
     ) -> dict[str, Any]:
         """Describe what one arm did of a demonstration."""
         hand, mapped = arm.demonstrations.get(name), arm.trajectories.get(name)
@@ -225,8 +225,10 @@ class RunContent:
             takes.append(mapped_take(mapped, arm.robot, rate_hz))
         if mapped is not None and motion is not None:
             settings = self._config["imitate"]
-            leads = Leads(settings["lead_in_s"], settings["lead_out_s"], float(mapped.time[-1]))
-            takes += simulated_takes(motion, leads, arm.robot, self._task, rate_hz)
+            within = DemonstrationInPlan(
+                settings["lead_in_s"], settings["lead_out_s"], float(mapped.time[-1])
+            )
+            takes += simulated_takes(motion, within, arm.robot, self._task, rate_hz)
         target = np.full(3, np.nan) if motion is None else self._task.target(motion.plan)
         return {
             "yaw": float(np.arctan2(placement[1, 0], placement[0, 0])),
@@ -285,7 +287,7 @@ def _placement(
         poses = tool_poses(hand, arm.robot)
     except MappingError:
         return common
-    from besman.frames import quaternion_to_rotation
+    from besman.geometry.frames import quaternion_to_rotation
 
     turn = quaternion_to_rotation(mapped.poses[0, 3:]) @ poses[0, :3, :3].T
     yaw = np.arctan2(turn[1, 0] - turn[0, 1], turn[0, 0] + turn[1, 1])

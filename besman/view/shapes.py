@@ -8,11 +8,11 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from besman.frames import rotation_to_quaternion
+from besman.geometry.frames import rotation_to_quaternion
+from besman.pictures.arm_visuals import mount_rod, pedestal_radius, robot_meshes
+from besman.pictures.scene_geoms import scene_geoms
 from besman.records import FloatArray
 from besman.robot.model import Robot
-from besman.simulation.arm_visuals import mount_rod, pedestal_radius, robot_meshes
-from besman.simulation.scene_geoms import scene_geoms
 from besman.view.decimation import Mesh, decimate
 from besman.view.packing import Packer
 
@@ -166,7 +166,8 @@ def _pose_in(data: mujoco.MjData, body: int, geom: int) -> list[float]:
     turn = data.xmat[body].reshape(3, 3)
     place = turn.T @ (data.geom_xpos[geom] - data.xpos[body])
     quaternion = rotation_to_quaternion(turn.T @ data.geom_xmat[geom].reshape(3, 3))
-    return np.round([*place, *quaternion], 6).tolist()
+    rounded: list[float] = np.round([*place, *quaternion], 6).tolist()
+    return rounded
 
 
 def _capsule(ends: FloatArray, radius: float, frame: int, role: str) -> dict[str, Any]:

@@ -9,9 +9,9 @@ import mujoco
 import numpy as np
 
 from besman.exceptions import BesmanError
+from besman.pictures.scene_geoms import farthest_path, scene_geoms
 from besman.records import AnyPlan, FloatArray, JointTrajectory, RefinedMotion
 from besman.robot.model import Robot
-from besman.simulation.scene_geoms import follow, scene_geoms
 from besman.simulation.task import Task
 from besman.simulation.trial import try_plans
 from besman.view.packing import Packer
@@ -19,7 +19,7 @@ from besman.view.shapes import scene_shapes, tool_shapes
 
 
 @dataclass(frozen=True)
-class Leads:
+class DemonstrationInPlan:
     """Where in a motion plan the demonstration is.
 
     Attributes
@@ -48,7 +48,7 @@ class Leads:
 
 
 @dataclass(eq=False)
-class Take:
+class Performance:
     """One performance.
 
     Attributes
@@ -111,14 +111,14 @@ class Take:
         }
 
 
-def mapped_take(trajectory: JointTrajectory, robot: Robot, rate_hz: float) -> Take:
+def mapped_take(trajectory: JointTrajectory, robot: Robot, rate_hz: float) -> Performance:
     """Show the mapped demonstration itself, without a simulation."""
     n = max(round(trajectory.time[-1] * rate_hz), 1) + 1
     time = np.linspace(0.0, trajectory.time[-1], n)
     joints = np.stack(
         [np.interp(time, trajectory.time, column) for column in trajectory.positions.T], axis=1
     )
-    return Take(
+    return Performance(
         title="mapped",
         span=[0.0, float(time[-1])],
         start_s=0.0,
@@ -129,14 +129,14 @@ def mapped_take(trajectory: JointTrajectory, robot: Robot, rate_hz: float) -> Ta
 
 
 def simulated_takes(
-    motion: RefinedMotion, leads: Leads, robot: Robot, task: Task, rate_hz: float
-) -> list[Take]:
+    motion: RefinedMotion, within: DemonstrationInPlan, robot: Robot, task: Task, rate_hz: float
+) -> list[Performance]:
     """Perform the milestones of a search again.
 
     Parameters
     ----------
     motion : RefinedMotion
-    leads : Leads
+    within : DemonstrationInPlan
         Of the motion's imitation.
     robot : Robot
     task : Task
@@ -145,7 +145,7 @@ def simulated_takes(
 
     Returns
     -------
-    list of Take
+    list of Performance
         The imitation first, the best last; of an older record without milestones the best alone.
     """
     shown = motion.milestones or ((len(motion.returns) - 1, motion.plan),)
@@ -155,7 +155,7 @@ def simulated_takes(
         last = index == len(shown) - 1
         best = "refined" if motion.success else "best found"
         take.title = "imitated" if not episode else best if last else "on the way"
-        take.span = leads.span(plan)
+        take.span = within.span(plan)
         take.episode = episode
         take.generation = int(motion.generations[episode])
         take.miss_m = float(motion.miss if last else motion.misses[episode])
@@ -167,7 +167,7 @@ def simulated_takes(
     return takes
 
 
-def _perform(plan: AnyPlan, robot: Robot, task: Task, rate_hz: float) -> Take:
+def _perform(plan: AnyPlan, robot: Robot, task: Task, rate_hz: float) -> Performance:
     """Simulate a plan and keep some of its states."""
     trial = try_plans(robot, task, [plan])[0]
     playback = task.play(robot, plan)
@@ -180,7 +180,7 @@ def _perform(plan: AnyPlan, robot: Robot, task: Task, rate_hz: float) -> Take:
     rows = np.arange((n - 1) % stride, n, stride)
     states = playback.states[rows]
     shapes, bodies = scene_shapes(robot, model)
-    return Take(
+    return Performance(
         title="",
         span=[],
         start_s=float((rows[0] + 1) * step),
@@ -190,7 +190,7 @@ def _perform(plan: AnyPlan, robot: Robot, task: Task, rate_hz: float) -> Take:
         failure=trial.failure,
         bodies=_body_poses(model, states, bodies),
         shapes=shapes,
-        object_path=follow(model, states, scene_geoms(robot, model)),
+        object_path=farthest_path(model, states, scene_geoms(robot, model)),
     )
 
 

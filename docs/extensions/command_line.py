@@ -61,7 +61,7 @@ class CommandLine(SphinxDirective):
         """Write one section for each command."""
         from typer.main import get_command
 
-        from besman.cli import app
+        from besman.cli.main import app
 
         found: list[nodes.Node] = []
         for name, command in commands(get_command(app), "besman"):

@@ -11,13 +11,10 @@ from sphinx.util.docutils import SphinxDirective
 
 
 def modules_of(package: str) -> list[str]:
-    """Return the modules of a package, sorted; of the top package those that are no package."""
+    """Return the modules of a package and of those inside it, sorted."""
     path = import_module(package).__path__
-    return sorted(
-        f"{package}.{info.name}"
-        for info in pkgutil.iter_modules(path)
-        if not info.ispkg and not info.name.startswith("_")
-    )
+    found = pkgutil.walk_packages(path, f"{package}.")
+    return sorted(info.name for info in found if not info.ispkg)
 
 
 class Package(SphinxDirective):

@@ -7,8 +7,8 @@ from besman.annotate.named_file import NamedFile
 from besman.annotate.naming import GHOST, Naming
 from besman.annotate.session import Session
 from besman.exceptions import AnnotationError, ChangedError
-from besman.io.recordings import read_recording, write_recording
-from besman.labelling.marker_set import load_marker_set
+from besman.io.recordings.formats import read_recording, write_recording
+from besman.person.marker_set import load_marker_set
 from besman.records import Recording
 
 

@@ -10,9 +10,9 @@ import time
 
 import pytest
 
-from besman.io.recordings import read_recording
+from besman.io.recordings.formats import read_recording
 from besman.io.segments_json import read_segments
-from besman.training import train_files
+from besman.standalone.train_files import train_files
 
 NASTY = """<img src=x onerror="document.title='pwned'">'"&<b>"""
 # Where rows of the recording are on the screen.
@@ -313,7 +313,7 @@ def test_server_killed_in_the_middle_of_a_save(open_page, recording_path, segmen
     command = [sys.executable, "-m", "besman", "annotate", str(recording_path)]
     command += ["--no-browser", "--labels", "a,b"]
     slow = "import os, time; real = os.fsync; os.fsync = lambda f: (time.sleep(60), real(f))\n"
-    code = f"{slow}import sys; sys.argv = {command[2:]!r}; from besman.cli import main; main()"
+    code = f"{slow}import sys; sys.argv = {command[2:]!r}; from besman.cli.main import main; main()"
     page = open_page("about:blank", expect_errors=True)
     for script, key in ((command, "1"), ([sys.executable, "-c", code], "2")):
         server = subprocess.Popen(script, stdout=subprocess.PIPE, text=True, env=os.environ)

@@ -4,17 +4,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from besman.annotate.naming import View
+from besman.annotate.naming import NamedView
 from besman.annotate.session import Session
 from besman.annotate.sources import load_models
 from besman.annotate.takes import Take
 from besman.exceptions import LabellingError
-from besman.io.recordings import read_recording, write_recording
+from besman.io.recordings.formats import read_recording, write_recording
 from besman.io.segments_json import read_segments
-from besman.recognition.model import name_segments, rank_classes
-from besman.recognition.stage import RecognizeConfig
 from besman.records import Recording
-from besman.training import train_files
+from besman.stages.recognize.model import name_segments, rank_classes
+from besman.stages.recognize.stage import RecognizeConfig
+from besman.standalone.train_files import train_files
 
 
 @pytest.fixture
@@ -81,7 +81,7 @@ def test_names_given_while_the_markers_are_looked_at(recording_path):
             pass
 
         def __exit__(self, *_):
-            take._show(View(take.recording, {}))
+            take._show(NamedView(take.recording, {}))
 
     take._lock = Lock()
     recording, _ = take.labelled()

@@ -7,7 +7,7 @@ import pytest
 
 from besman.annotate.session import Session
 from besman.exceptions import AnnotationError, RecordingError
-from besman.io.recordings import read_recording, write_recording
+from besman.io.recordings.formats import read_recording, write_recording
 from besman.io.segments_json import read_segments
 from besman.records import Recording
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from besman.annotate.signals import CHUNK, FACTOR, Pyramid, Signals
+from besman.annotate.signals import CHUNK, FACTOR, Pyramid, SignalPyramids
 from besman.exceptions import WebError
 
 
@@ -15,7 +15,7 @@ def positions():
 
 @pytest.fixture
 def signals(positions):
-    return Signals(np.arange(len(positions)) / 100, positions, 100.0)
+    return SignalPyramids(np.arange(len(positions)) / 100, positions, 100.0)
 
 
 def test_every_level_holds_least_and_greatest_value(positions):
@@ -51,7 +51,7 @@ def test_sketch_is_every_nth_sample(signals, positions):
 def test_speed_of_a_steady_movement_is_its_speed():
     t = np.arange(300) / 100
     positions = np.stack([np.outer(t, [3.0, 0, 4.0]), np.outer(t, [0, 1.0, 0])], axis=1)
-    signals = Signals(t, positions, 100.0)
+    signals = SignalPyramids(t, positions, 100.0)
     speeds = signals.chunk("speeds", 0, 0, 0)
     np.testing.assert_allclose(speeds[0], 5.0, rtol=1e-4)
     np.testing.assert_allclose(speeds[2], 6.0, rtol=1e-4)
@@ -62,10 +62,10 @@ def test_sum_does_not_fall_where_a_marker_is_hidden():
     t = np.arange(300) / 100
     positions = np.stack([np.outer(t, [1.0, 0, 0])] * 2, axis=1)
     positions[100:200, 1] = np.nan
-    total = Signals(t, positions, 100.0).chunk("speeds", 0, 0, 0)[-1]
+    total = SignalPyramids(t, positions, 100.0).chunk("speeds", 0, 0, 0)[-1]
     np.testing.assert_allclose(total, 2.0, rtol=1e-4)
     positions[100:200] = np.nan
-    total = Signals(t, positions, 100.0).chunk("speeds", 0, 0, 0)[-1]
+    total = SignalPyramids(t, positions, 100.0).chunk("speeds", 0, 0, 0)[-1]
     assert np.isnan(total[110:190]).all()
 
 

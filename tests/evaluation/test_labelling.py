@@ -7,20 +7,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from places import TOP
 
-from besman import cli
+from besman.cli import main as cli
 from besman.evaluation.degradation import GHOST, DegradeRecipe, degrade_recording
 from besman.evaluation.frame_tracker import track_frames
 from besman.evaluation.labelling import LEVELS, count_samples, evaluate_labelling, labelling_table
 from besman.evaluation.takes import make_protocols
 from besman.exceptions import LabellingError, RecordingError
-from besman.io.recordings import read_recording
-from besman.labelling.fragments import split_fragments
-from besman.labelling.learning import learn_marker_model
-from besman.labelling.naming import label_fragments
+from besman.io.recordings.formats import read_recording
+from besman.stages.label.fragments import split_fragments
+from besman.stages.label.learning import learn_marker_model
+from besman.stages.label.naming import label_fragments
 
-ROOT = Path(__file__).parents[2]
-REAL = Path(os.environ.get("BESMAN_REAL_DATA", ROOT.parent / "shared" / "data"))
+REAL = Path(os.environ.get("BESMAN_REAL_DATA", TOP.parent / "shared" / "data"))
 needs_real = pytest.mark.skipif(
     not REAL.is_dir(), reason="the real recordings are not on this machine"
 )
@@ -111,7 +111,7 @@ def test_unknown_experiment_and_folders(tmp_path, monkeypatch, capsys):
 
 
 def test_a_single_recording_teaches_with_its_first_fifth(tmp_path):
-    shutil.copy(ROOT / "data" / "stick_throw" / "subject1.tsv", tmp_path / "a.tsv")
+    shutil.copy(TOP / "data" / "stick_throw" / "subject1.tsv", tmp_path / "a.tsv")
     (protocol,) = make_protocols(tmp_path)
     assert protocol.learnt_from == "same recording"
     (take,) = protocol.takes

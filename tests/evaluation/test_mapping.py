@@ -11,23 +11,29 @@ import pytest
 from rich.console import Console
 from scipy.spatial.distance import cdist
 
-from besman import cli
+from besman.cli import main as cli
 from besman.evaluation import mapping as study
-from besman.evaluation.mapping import Measured, average_dtw, evaluate_mapping, figures, measure
+from besman.evaluation.mapping import (
+    TransferMeasures,
+    average_dtw,
+    evaluate_mapping,
+    measure,
+    transfer_figures,
+)
 from besman.evaluation.mapping_data import (
     DemonstrationSet,
     choose_sets,
     load_demonstrations,
-    simulate_throws,
+    simulate_throw_set,
     subject_of,
 )
-from besman.evaluation.mapping_figures import write_figures
-from besman.evaluation.mapping_tables import failure_lines, mapping_tables
+from besman.evaluation.mapping_figures import write_mapping_figures
+from besman.evaluation.mapping_tables import mapping_tables, reason_lines
 from besman.exceptions import ConfigError, MappingError
-from besman.mapping.stage import MapConfig
 from besman.records import Failure, HandTrajectory, JointTrajectory
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.model import load_robot
+from besman.stages.map.stage import MapConfig
 from besman.synthetic.datasets import write_synthetic
 
 UR5 = load_robot("ur5", "stick_holder")
@@ -90,8 +96,13 @@ def test_figures_of_trajectories_with_known_errors():
         trajectory(stretch=1.5),
         trajectory(stretch=3.0),
     ]
-    measured = [Measured(1, 0, 0.01), Measured(2, 5, 0.02), Measured(0, 0, 0.03), Measured(0, 1, 0)]
-    found = figures(own, measured)
+    measured = [
+        TransferMeasures(1, 0, 0.01),
+        TransferMeasures(2, 5, 0.02),
+        TransferMeasures(0, 0, 0.03),
+        TransferMeasures(0, 1, 0),
+    ]
+    found = transfer_figures(own, measured)
     errors = [0.01, 0.02, 0.03, 0.0, 0.0, 0.06] + 6 * [0.0]
     assert found["position_error_m"] == pytest.approx(
         {"mean": 0.01, "p95": np.percentile(errors, 95), "max": 0.06}
@@ -103,7 +114,7 @@ def test_figures_of_trajectories_with_known_errors():
     assert found["time_stretch"]["max"] == 3.0
     assert (found["limit_violations"], found["self_collisions"]) == (3, 6)
     assert found["dtw_m"] == pytest.approx({"mean": 0.015, "p95": 0.0285, "max": 0.03})
-    none = figures([], [])
+    none = transfer_figures([], [])
     assert none["position_error_m"] is none["unscaled_share"] is none["dtw_m"] is None
     assert none["limit_violations"] == none["self_collisions"] == 0
 
@@ -169,7 +180,7 @@ def test_bad_demonstrations_are_rows_with_their_reasons():
     assert row["n_demonstrations"] == 8
     assert row["n_transferred"] == len(mapped[0].trajectories) == 8 - len(reasons)
     assert row["transferred_to_all"] == row["n_transferred"] / 8
-    lines = failure_lines(result["rows"])
+    lines = reason_lines(result["rows"])
     assert f"ur5, throw: s1_a.tsv:4: {reasons['4']}" in lines
 
 
@@ -184,7 +195,7 @@ def test_where_nothing_can_be_transferred_there_is_a_row_and_a_table(tmp_path):
     assert json.loads(json.dumps(result))["rows"][1]["position_error_m"] is None
     text = render(result["rows"])
     assert "0/1" in text
-    assert write_figures(mapped, tmp_path) == []
+    assert write_mapping_figures(mapped, tmp_path) == []
 
 
 def test_shares_count_what_every_robot_can_do(monkeypatch):
@@ -231,7 +242,7 @@ def test_without_tslearn_the_distance_is_null_and_the_table_says_so(monkeypatch)
 
 
 def test_the_number_of_jobs_changes_no_figure():
-    own = simulate_throws(2, 1)
+    own = simulate_throw_set(2, 1)
     rows = []
     for jobs in (1, 2):
         (row,) = evaluate_mapping([own], ["ur5"], config=QUICK, work=study.Work(jobs))[0]["rows"]
@@ -240,7 +251,7 @@ def test_the_number_of_jobs_changes_no_figure():
 
 
 def test_simulated_throws_have_subjects_and_targets():
-    own = simulate_throws(2, 3)
+    own = simulate_throw_set(2, 3)
     assert (own.n, own.tool, own.free_spin) == (6, "stick_holder", True)
     assert [subject_of(one.name) for one in own.demonstrations] == 3 * ["subject1"] + 3 * [
         "subject2"

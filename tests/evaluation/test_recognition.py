@@ -6,10 +6,10 @@ import pytest
 from besman.evaluation.draws import draw_balanced, draw_subjects
 from besman.evaluation.recognition import check_methods, recognition_table, run_recognition
 from besman.evaluation.recognition_data import LabelledSet, load_sets, name_parts, simulate_sets
-from besman.evaluation.recognition_figures import write_figures
+from besman.evaluation.recognition_figures import write_recognition_figures
 from besman.exceptions import ConfigError, RecognitionError
-from besman.recognition.model import Recipe
 from besman.records import Recording
+from besman.stages.recognize.model import Recipe
 
 RECIPE = Recipe(("positions", "log_object_speed"), ("hand_top",), ("box_back",), 5)
 
@@ -62,7 +62,7 @@ def test_experiments_give_rows_and_figures(toy, tmp_path):
     assert all(r["novel_found_share"] > 0.9 for r in unknown if not r["object_features"])
     assert shares == [0.5, 1.0]
     assert recognition_table(result).row_count == len(result["rows"])
-    paths = write_figures(result, [toy], tmp_path / "figures")
+    paths = write_recognition_figures(result, [toy], tmp_path / "figures")
     assert [path.name for path in paths] == [
         "toy_examples.svg",
         "toy_subjects.svg",
@@ -82,7 +82,7 @@ def test_other_methods_are_measured_too(toy, method):
 
 
 def test_the_embedded_sample_is_synthetic():
-    from besman.resources import resource_folder
+    from besman.config.resources import resource_folder
 
     (one,) = load_sets(resource_folder("data") / "stick_throw")
     assert (one.name, one.source) == ("stick_throw", "synthetic")
@@ -113,7 +113,7 @@ def test_a_dataset_that_is_not_there_is_refused():
 def test_data_and_dataset_exclude_each_other(tmp_path):
     from typer.testing import CliRunner
 
-    from besman.cli import app
+    from besman.cli.main import app
 
     options = ["evaluate", "recognition", "--data", str(tmp_path), "--dataset", "gestures"]
     outcome = CliRunner().invoke(app, options)
@@ -121,7 +121,7 @@ def test_data_and_dataset_exclude_each_other(tmp_path):
 
 
 def test_a_folder_without_labels_is_refused(tmp_path):
-    from besman.resources import resource_folder
+    from besman.config.resources import resource_folder
 
     source = resource_folder("data") / "stick_throw" / "subject1.tsv"
     (tmp_path / "a.tsv").write_bytes(source.read_bytes())

@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from besman.cli import app
-from besman.evaluation.refinement import best_so_far, evaluate_refinement, summary
+from besman.cli.main import app
+from besman.evaluation.refinement import best_rewards, evaluate_refinement, summary
 from besman.evaluation.refinement_functions import ContextualProblem, FunctionProblem, sphere
 from besman.evaluation.refinement_problems import TaskProblem, load_problem
 from besman.evaluation.refinement_tables import refinement_tables, write_curves
 from besman.exceptions import ConfigError
-from besman.refinement.stage import RefineConfig
-from besman.simulation.tasks import load_task
-from besman.work import Work
-from besman.workers import Workers
+from besman.simulation.tasks.kinds import load_task
+from besman.stages.refine.stage import CmaEsConfig
+from besman.work.work import Work
+from besman.work.workers import Workers
 
 SMALL = FunctionProblem("small", sphere, 3, 1.0, 1.0, -1e-3, 600, (100,), {"cma_es": -2e-5})
 
@@ -67,16 +67,16 @@ def test_imitations_are_refined_as_in_the_stage(robot, make_plan):
     from dataclasses import replace
 
     plan = replace(plan, target=trial.outcome + np.array([-0.1, 0.1, 0]))
-    problem = TaskProblem("throw", (plan,), robot, task, RefineConfig(episodes=60))
+    problem = TaskProblem("throw", (plan,), robot, task, CmaEsConfig(episodes=60))
     (row,) = evaluate_refinement([problem], ["cma_es"], [0])["rows"]
-    (motion,) = RefineConfig(episodes=60).run((plan,), robot, task)
+    (motion,) = CmaEsConfig(episodes=60).run((plan,), robot, task)
     assert row["source"] == "simulation"
     assert row["final_reward"]["median"] == motion.returns.max()
     assert problem.attempt("cma_es", 0).rewards.tolist() == motion.returns.tolist()
 
 
 def test_best_so_far_stays_and_knows_no_nan():
-    np.testing.assert_array_equal(best_so_far([-3, np.nan, -1, -2], 6), [-3, -3, -1, -1, -1, -1])
+    np.testing.assert_array_equal(best_rewards([-3, np.nan, -1, -2], 6), [-3, -3, -1, -1, -1, -1])
 
 
 def test_summary():

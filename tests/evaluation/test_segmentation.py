@@ -1,13 +1,12 @@
 import functools
 import json
-import os
-from pathlib import Path
 
 import numpy as np
 import pytest
+from places import REAL_DATA, SAMPLE
 from typer.testing import CliRunner
 
-from besman.cli import app
+from besman.cli.main import app
 from besman.evaluation.dmp_settings import SETTINGS, score_settings
 from besman.evaluation.segmentation import (
     bootstrap_mean,
@@ -21,11 +20,8 @@ from besman.evaluation.segmentation_figures import draw_recording
 from besman.evaluation.segmentation_tables import segmentation_tables
 from besman.exceptions import ConfigError, RecordingError
 from besman.records import LabelledSegments
-from besman.segmentation.methods import CONFIGS
+from besman.stages.segment.methods import CONFIGS
 from besman.synthetic import sequenced_dmps
-
-REAL_DATA = Path(os.environ.get("BESMAN_REAL_DATA", Path(__file__).parents[3] / "shared" / "data"))
-SAMPLE = Path(__file__).parents[2] / "data" / "stick_throw"
 
 
 def labelled(bounds, labels, source="a.tsv"):
@@ -66,7 +62,7 @@ def test_there_are_48_settings():
 
 
 def test_settings_are_scored():
-    movements = sequenced_dmps.generate()[:2]
+    movements = sequenced_dmps.generate_sequenced_dmps()[:2]
     shares = []
     figures = score_settings(movements, "vmci", make_method("vmci", {}), 0.2, shares.append)
     assert figures["n_settings"] == 48
@@ -114,7 +110,7 @@ def test_the_command_prints_a_table_and_writes_its_rows(tmp_path):
 
 
 def test_a_figure_has_a_panel_for_each_method_and_one_for_the_posterior():
-    movement = sequenced_dmps.generate()[0]
+    movement = sequenced_dmps.generate_sequenced_dmps()[0]
     recordings = (movement.recording(),)
     segments = {
         name: make_method(name, {}).run(recordings)[0] for name in ("valley_vmci", "locmin")

@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from besman.following.candidates import CandidateStream
 from besman.following.frames import FrameBuffer
 from besman.following.steadiness import SteadyBorders
-from besman.hierarchy.borders import candidate_borders, measure_brisk
-from besman.labelling.holding import HeldSample
 from besman.records import LabelledRecording
+from besman.stages.compose.borders import candidate_borders, measure_brisk
+from besman.stages.label.hold_last_sighting import HeldSample
 
 
 @settings(deadline=None, max_examples=100)

@@ -6,16 +6,16 @@ import sys
 import numpy as np
 import pytest
 
-from besman import cli
+from besman.cli import main as cli
+from besman.config.resources import resource_folder
 from besman.exceptions import BesmanError, ConfigError, LabellingError, RunError
 from besman.following.files import Replay
 from besman.following.plans import make_plan
-from besman.io.recordings import read_recording, write_recording
+from besman.io.recordings.formats import read_recording, write_recording
 from besman.io.segments_json import find_segments
-from besman.record_files import load_record
-from besman.resources import resource_folder
+from besman.records.files import load_record
+from besman.standalone.train_files import train_files
 from besman.synthetic.datasets import write_synthetic
-from besman.training import train_files
 
 SAMPLE = resource_folder("data") / "stick_throw" / "subject1.tsv"
 

@@ -7,18 +7,18 @@ import numpy as np
 import pytest
 
 from besman.exceptions import LabellingError, RecognitionError, RecordingError, SegmentationError
-from besman.following.arms import Arm
+from besman.following.arms import FollowedArm
 from besman.following.follower import Follower
 from besman.following.plans import FollowPlan, label_stream, make_follower
-from besman.hierarchy.actions import compose_levels, train_level
-from besman.hierarchy.borders import candidate_borders, measure_brisk, merge_borders
-from besman.labelling.stage import LabelConfig
-from besman.recognition.model import name_segments
-from besman.recognition.stage import RecognizeConfig
 from besman.records import LabelledRecording, LabelledSegments
-from besman.segmentation.sampling import sample_paths
-from besman.segmentation.signals import measure_scaling
-from besman.segmentation.stage import SegmentConfig, VmciOnlineConfig
+from besman.stages.compose.actions import compose_levels, train_level
+from besman.stages.compose.borders import candidate_borders, measure_brisk, merge_borders
+from besman.stages.label.stage import LabelConfig
+from besman.stages.recognize.model import name_segments
+from besman.stages.recognize.stage import RecognizeConfig
+from besman.stages.segment.sampling import sample_paths
+from besman.stages.segment.signals import measure_scaling
+from besman.stages.segment.stage import SegmentConfig, VmciOnlineConfig
 from besman.synthetic.datasets import captures
 
 RATE_HZ, METHOD_HZ, BORDER = 60.0, 20.0, 0.05
@@ -111,7 +111,7 @@ def scaling_of(recording, hand):
 def make_arms(recording, models, names=("right", "left")):
     hands = {"right": "hand_top", "left": "left_hand_top"}
     return [
-        Arm(name, (hands[name],), model, scaling_of(recording, hands[name]))
+        FollowedArm(name, (hands[name],), model, scaling_of(recording, hands[name]))
         for name, model in zip(names, models, strict=False)
     ]
 
@@ -317,7 +317,7 @@ def test_a_sensor_suit_is_followed_with_its_orientations():
     model = RecognizeConfig().train((recording,), (capture.segments,))
     assert "hand_orientation" in model.recipe.features
     hand = model.recipe.markers[0]
-    arm = Arm("right", (hand,), model, scaling_of(recording, hand))
+    arm = FollowedArm("right", (hand,), model, scaling_of(recording, hand))
     follower = Follower(
         recording.markers, recording.rate_hz, [arm], (), SEGMENT, oriented=True
     )  # fmt: skip
@@ -374,7 +374,7 @@ def test_bad_streams(lesson, walk):
 
 
 def test_nothing_to_measure_the_scaling_on(lesson, walk):
-    arm = Arm("right", ("hand_top",), lesson[0][0])
+    arm = FollowedArm("right", ("hand_top",), lesson[0][0])
     still = np.broadcast_to(walk.positions[:1], walk.positions.shape)
     with pytest.raises(SegmentationError, match="hand_top did not move in the first 10 s"):
         follow(Follower(walk.markers, RATE_HZ, [arm], (), SEGMENT), still)

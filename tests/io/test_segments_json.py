@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from besman.exceptions import RecordingError
-from besman.io.recordings import find_recordings, read_recording
+from besman.io.recordings.formats import find_recordings, read_recording
 from besman.io.segments_json import (
     ThrowEvent,
     find_segments,
@@ -17,8 +17,8 @@ from besman.io.segments_json import (
     segments_path,
     write_segments,
 )
-from besman.manual_segments import LAYERS, stack_layers
 from besman.records import LabelledSegments, Recording
+from besman.records.layers import LAYERS, stack_layers
 
 REAL = Path(
     os.environ.get("BESMAN_REAL_DATA", Path(__file__).parents[2].parent / "shared" / "data")

@@ -7,7 +7,7 @@ from html.parser import HTMLParser
 import pytest
 
 from besman.exceptions import RunError
-from besman.record_files import load_record
+from besman.records.files import load_record
 from besman.report.page import write_page
 from besman.report.terminal import outcome_lines
 

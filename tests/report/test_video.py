@@ -3,13 +3,13 @@ import sys
 import numpy as np
 import pytest
 
-from besman import cli
+from besman.cli import main as cli
 from besman.exceptions import RenderingError, RunError
-from besman.record_files import load_record
+from besman.records.files import load_record
 from besman.report import video
 from besman.report.panels import BAND, join_panels, text_band
 from besman.robot.model import load_robot
-from besman.simulation.tasks import load_task
+from besman.simulation.tasks.kinds import load_task
 
 imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg")
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from besman.robot.dynamics import inverse_dynamics
-from besman.robot.limits import check_limits, resample, time_stretch
+from besman.robot.limits import check_limits, resample_trajectory, time_stretch
 from besman.robot.model import load_robot
 
 ROBOT = load_robot("ur5", "none")
@@ -21,7 +21,7 @@ def movement(n_samples=21, duration=0.5):
 
 def test_resampling_is_exact_for_quintic_movements():
     time, *coarse = movement()
-    fine_time, *fine = resample(time, *coarse, rate_hz=1000)
+    fine_time, *fine = resample_trajectory(time, *coarse, rate_hz=1000)
     assert fine_time[-1] == time[-1]
     assert len(fine_time) == 501
     _, *expected = movement(501)
@@ -31,7 +31,7 @@ def test_resampling_is_exact_for_quintic_movements():
 
 def test_resampling_reaches_the_end_of_an_odd_duration():
     time, *coarse = movement(duration=0.50037)
-    fine_time, *_ = resample(time, *coarse)
+    fine_time, *_ = resample_trajectory(time, *coarse)
     assert fine_time[-1] == time[-1]
     assert np.all(np.diff(fine_time) > 0)
 

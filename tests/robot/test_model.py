@@ -6,9 +6,9 @@ import pinocchio
 import pytest
 import yaml
 
-from besman.config_file import load_config
+from besman.config.resources import resource_folder
+from besman.config.yaml_file import load_config
 from besman.exceptions import ConfigError, RobotError
-from besman.resources import resource_folder
 from besman.robot.capsules import fit_capsules
 from besman.robot.config import RobotConfig
 from besman.robot.link_shapes import link_meshes

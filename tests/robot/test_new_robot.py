@@ -5,7 +5,7 @@ import pytest
 import yaml
 from scipy.spatial import ConvexHull
 
-from besman import cli
+from besman.cli import main as cli
 from besman.exceptions import RobotError
 from besman.robot.doubts import check_robot
 from besman.robot.kinematics import forward_kinematics

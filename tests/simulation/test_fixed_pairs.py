@@ -5,11 +5,12 @@ import numpy as np
 import pytest
 
 from besman.robot.model import load_robot
-from besman.simulation import ball_throw, throw
-from besman.simulation.tasks import load_task
+from besman.simulation.tasks.ball_throw import ball_throw
+from besman.simulation.tasks.kinds import load_task
+from besman.simulation.tasks.stick_throw import stick_throw
 
 SCENES = [
-    ("stick_throw", "ur5", "stick_holder", throw, "throw_model"),
+    ("stick_throw", "ur5", "stick_holder", stick_throw, "stick_throw_model"),
     ("ball_throw", "compi", "scoop", ball_throw, "ball_model"),
 ]
 

@@ -9,14 +9,14 @@ from besman.robot.dynamics import body_inertias
 from besman.simulation.perturbation import (
     Spreads,
     draw_perturbation,
+    follow_with_play,
     no_perturbation,
     perturb_controls,
     perturb_model,
-    play,
 )
 from besman.simulation.perturbed_trials import finer_task, quarter_step_shift, try_perturbed
-from besman.simulation.tasks import load_task
-from besman.simulation.throw import throw_model
+from besman.simulation.tasks.kinds import load_task
+from besman.simulation.tasks.stick_throw.stick_throw import stick_throw_model
 from besman.simulation.trial import try_plans
 
 TASK = load_task("stick_throw")
@@ -40,7 +40,7 @@ def draw(robot, seed=0, **spreads):
 
 
 def changed_arrays(robot, perturbation):
-    model = throw_model(robot, TASK)
+    model = stick_throw_model(robot, TASK)
     other = perturb_model(model, perturbation)
     return {
         name for name in ARRAYS if not np.array_equal(getattr(model, name), getattr(other, name))
@@ -77,7 +77,7 @@ def test_spreads_know_every_field():
 
 
 def test_masses_are_those_of_links_and_stick(robot):
-    model = throw_model(robot, TASK)
+    model = stick_throw_model(robot, TASK)
     stick = model.body("stick").id
     lighter = perturb_model(model, draw(robot, object_mass_share=0.3))
     assert lighter.body_mass[stick] != model.body_mass[stick]
@@ -92,7 +92,7 @@ def test_masses_are_those_of_links_and_stick(robot):
 
 
 def test_constants_follow_the_masses(robot):
-    model = throw_model(robot, TASK)
+    model = stick_throw_model(robot, TASK)
     other = perturb_model(model, draw(robot, link_mass_share=0.3))
     total = other.body_subtreemass[other.jnt_bodyid[0]]
     arm = model.body_rootid == model.body_rootid[model.jnt_bodyid[0]]
@@ -144,7 +144,7 @@ def test_lag_is_that_of_a_first_order_system(robot):
 )
 def test_play_follows_within_its_width_and_only_when_driven(driving, width):
     driving = np.array(driving)
-    driven = play(driving, width)
+    driven = follow_with_play(driving, width)
     assert (np.abs(driven - driving) <= width / 2 + 1e-12).all()
     moved = np.diff(driven) != 0
     touching = np.isclose(np.abs(driven - driving)[1:], width / 2)

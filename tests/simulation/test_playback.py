@@ -4,13 +4,13 @@ import mujoco
 import numpy as np
 import pytest
 
-from besman.refinement.stage import RefineConfig
+from besman.pictures.camera import frame_points
+from besman.pictures.scene_geoms import farthest_path, scene_geoms
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.model import load_robot
-from besman.simulation.camera import frame_points
-from besman.simulation.scene_geoms import follow, scene_geoms
-from besman.simulation.tasks import load_task
+from besman.simulation.tasks.kinds import load_task
 from besman.simulation.trial import try_plans
+from besman.stages.refine.stage import CmaEsConfig
 
 THROW, REACH = load_task("stick_throw"), load_task("reach")
 
@@ -20,7 +20,7 @@ def test_a_throw_is_seen_to_land_where_it_landed(robot, make_plan):
     (trial,) = try_plans(robot, THROW, [plan], paths=True)
     played = THROW.play(robot, plan)
     assert played.model.nq == robot.n + 7
-    way = follow(played.model, played.states, scene_geoms(robot, played.model))
+    way = farthest_path(played.model, played.states, scene_geoms(robot, played.model))
     np.testing.assert_allclose(way[-1], trial.outcome, atol=1e-9)
     # The flight comes down every time step, without a jump.
     assert np.linalg.norm(np.diff(way, axis=0), axis=1).max() < 0.01
@@ -38,7 +38,7 @@ def test_what_is_not_thrown_stays_in_its_holder(robot, make_plan):
     assert trial.failure == "stick not released"
     played = THROW.play(robot, plan)
     assert np.isfinite(played.states).all()
-    way = follow(played.model, played.states, scene_geoms(robot, played.model))
+    way = farthest_path(played.model, played.states, scene_geoms(robot, played.model))
     assert way[:, 2].min() > 0.5
 
 
@@ -49,7 +49,10 @@ def test_a_reach_is_seen_to_end_where_it_ended(make_plan):
     played = REACH.play(robot, plan)
     reached = forward_kinematics(robot.chain, played.states[-1])[:3, 3]
     np.testing.assert_allclose(reached, trial.outcome, atol=1e-6)
-    assert follow(played.model, played.states, scene_geoms(robot, played.model)).shape == (0, 3)
+    assert farthest_path(played.model, played.states, scene_geoms(robot, played.model)).shape == (
+        0,
+        3,
+    )
 
 
 def test_the_scene_beside_the_arm_is_holder_and_stick(robot, make_plan):
@@ -65,7 +68,7 @@ def test_milestones_do_again_what_the_search_says_of_them(robot, make_plan):
     plan = make_plan()
     (trial,) = try_plans(robot, THROW, [plan])
     plan = replace(plan, target=trial.outcome + np.array([-0.15, 0.1, 0.0]))
-    (motion,) = RefineConfig(episodes=60).run((plan,), robot, THROW)
+    (motion,) = CmaEsConfig(episodes=60).run((plan,), robot, THROW)
     episodes = [episode for episode, _ in motion.milestones]
     assert episodes[0] == 0
     assert episodes == sorted(set(episodes))

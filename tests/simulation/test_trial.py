@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from besman.simulation.tasks import load_task
+from besman.simulation.tasks.kinds import load_task
 from besman.simulation.trial import move, try_plans
 
 TASK = load_task("stick_throw")

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from besman.exceptions import ConfigError
-from besman.synthetic.cameras import Room, find_runs, place_cameras, see_markers, to_unlabelled
+from besman.geometry.gaps import find_runs
+from besman.synthetic.cameras import Room, place_cameras, see_markers, to_unlabelled
 from besman.synthetic.capture import GHOST
 from besman.synthetic.datasets import captures
 from besman.synthetic.occlusion import count_views
@@ -129,12 +130,6 @@ def test_more_can_be_missing():
     assert shares[0] < 0.01
     assert shares[0] < shares[1] < shares[2]
     assert shares[2] == pytest.approx(0.15, abs=0.05)
-
-
-def test_runs():
-    seen = np.array([True, True, False, True, False, False, True])
-    assert find_runs(seen) == [(0, 2), (3, 4), (6, 7)]
-    assert find_runs(~np.ones(3, bool)) == []
 
 
 @pytest.mark.parametrize(

@@ -1,23 +1,21 @@
 import hashlib
 import json
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
+from places import DATA
 
-from besman import cli
+from besman.cli import recordings as cli
 from besman.exceptions import ConfigError, RecordingError
-from besman.io.recordings import find_recordings, read_recording
+from besman.io.recordings.formats import find_recordings, read_recording
 from besman.io.segments_json import find_segments, read_segments, read_throws
-from besman.manual_segments import LAYERS
+from besman.records.layers import LAYERS
 from besman.synthetic.cameras import Room
 from besman.synthetic.capture import truth_path
 from besman.synthetic.datasets import DATASETS, captures, write_synthetic
-from besman.synthetic.stick_throw import generate
+from besman.synthetic.stick_throw import generate_stick_throws
 from besman.synthetic.two_arms import OBJECT_ROTATION_BLOCKS
-
-DATA = Path(__file__).parents[2] / "data"
 
 
 @pytest.mark.parametrize("folder", ["stick_throw", "stick_throw_unlabelled"])
@@ -75,7 +73,7 @@ def test_checksums_of_the_embedded_sample():
 def test_files_say_what_was_simulated(tmp_path):
     paths = write_synthetic("stick_throw", tmp_path / "new", 2, 1, 200, 7)
     assert find_recordings([tmp_path / "new"]) == paths
-    for path, capture in zip(paths, generate(2, 1, 200, 7), strict=True):
+    for path, capture in zip(paths, generate_stick_throws(2, 1, 200, 7), strict=True):
         recording = read_recording(path)
         np.testing.assert_allclose(
             recording.positions, capture.recording.positions, atol=0.6e-6, rtol=0

@@ -2,7 +2,12 @@ import numpy as np
 import pytest
 
 from besman.exceptions import ConfigError
-from besman.synthetic.sequenced_dmps import GOAL_M, SUBGOALS_M, follow_moving_goal, generate
+from besman.synthetic.sequenced_dmps import (
+    GOAL_M,
+    SUBGOALS_M,
+    follow_moving_goal,
+    generate_sequenced_dmps,
+)
 
 START = (np.array([0.1, -0.2]), np.array([0.3, 0.0]))
 END = (np.array([0.8, 0.5]), np.array([0.4, -0.6]))
@@ -26,7 +31,7 @@ def test_the_forcing_fades():
 
 
 def test_nine_movements_pass_their_subgoals_at_speed():
-    movements = generate()
+    movements = generate_sequenced_dmps()
     assert len(movements) == 9
     for movement in movements:
         path = movement.positions
@@ -42,17 +47,21 @@ def test_nine_movements_pass_their_subgoals_at_speed():
 
 
 def test_noise_and_seed():
-    clean, noisy, other = generate()[4], generate(0.01)[4], generate(seed=1)[4]
+    clean, noisy, other = (
+        generate_sequenced_dmps()[4],
+        generate_sequenced_dmps(0.01)[4],
+        generate_sequenced_dmps(seed=1)[4],
+    )
     rest = noisy.positions - clean.positions
     assert rest.std() == pytest.approx(0.01, rel=0.15)
     assert other.positions.shape != clean.positions.shape or not np.allclose(
         other.positions, clean.positions
     )
-    np.testing.assert_array_equal(clean.positions, generate()[4].positions)
+    np.testing.assert_array_equal(clean.positions, generate_sequenced_dmps()[4].positions)
 
 
 def test_numbers_out_of_range_are_refused():
     with pytest.raises(ConfigError, match=r"noise_m: got -1\.0, expected 0\.0 to 1\.0"):
-        generate(-1.0)
+        generate_sequenced_dmps(-1.0)
     with pytest.raises(ConfigError, match="rate_hz: got 5, expected 20"):
-        generate(rate_hz=5)
+        generate_sequenced_dmps(rate_hz=5)

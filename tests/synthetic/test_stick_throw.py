@@ -2,14 +2,14 @@ import numpy as np
 import pytest
 
 from besman.exceptions import ConfigError
-from besman.frames import back_frame, hand_frame
-from besman.synthetic.stick_throw import GRAVITY_MPS2, MARKERS, generate
+from besman.geometry.frames import back_frame, hand_frame
+from besman.synthetic.stick_throw import GRAVITY_MPS2, MARKERS, generate_stick_throws
 from besman.synthetic.throw_motion import STICK_AXIS_IN_HAND
 
 
 @pytest.fixture(scope="module")
 def captures():
-    return generate(n_subjects=6, n_repetitions=3, rate_hz=100, seed=5)
+    return generate_stick_throws(n_subjects=6, n_repetitions=3, rate_hz=100, seed=5)
 
 
 def marker(capture, name):
@@ -127,13 +127,13 @@ def test_subjects_differ_and_stand_elsewhere(captures):
 
 
 def test_subject_does_not_depend_on_the_number_of_subjects():
-    one, three = generate(1, 2, 100, 3), generate(3, 2, 100, 3)
+    one, three = generate_stick_throws(1, 2, 100, 3), generate_stick_throws(3, 2, 100, 3)
     np.testing.assert_array_equal(one[0].recording.positions, three[0].recording.positions)
     assert one[0].throws == three[0].throws
 
 
 def test_throws_do_not_depend_on_their_number_or_the_rate():
-    (short,), (long,) = generate(1, 2, 100), generate(1, 4, 250)
+    (short,), (long,) = generate_stick_throws(1, 2, 100), generate_stick_throws(1, 4, 250)
     for first, second in zip(short.throws, long.throws[:2], strict=True):
         assert first.touchdown_m == second.touchdown_m
         assert first.release_time_s == second.release_time_s
@@ -142,7 +142,7 @@ def test_throws_do_not_depend_on_their_number_or_the_rate():
 
 
 def test_seed():
-    first, second = generate(1, 1, 100, 0), generate(1, 1, 100, 1)
+    first, second = generate_stick_throws(1, 1, 100, 0), generate_stick_throws(1, 1, 100, 1)
     assert first[0].throws != second[0].throws
 
 
@@ -158,4 +158,4 @@ def test_seed():
 )
 def test_numbers_out_of_range(arguments, message):
     with pytest.raises(ConfigError, match=message):
-        generate(**arguments)
+        generate_stick_throws(**arguments)

@@ -6,7 +6,7 @@ import pytest
 from besman.exceptions import ConfigError
 from besman.templates.files import parse_settings
 from besman.templates.learning import TemplateConfig, Tries, learn_policy
-from besman.work import Work
+from besman.work.work import Work
 
 REGION = np.array([[0.8, -0.5], [1.8, 0.5]])
 GRAVITY = 9.81

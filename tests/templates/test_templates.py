@@ -6,27 +6,28 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from besman import cli
+from besman.cli import main as cli
+from besman.config.stage import Work
 from besman.exceptions import PlanError, RefinementError, RunError
-from besman.frames import rotation_to_quaternion
-from besman.imitation.movement import sample_plan
+from besman.geometry.frames import rotation_to_quaternion
 from besman.io.exports import read_joint_csv, read_ros_joint_trajectory
 from besman.io.urscript import read_urscript
-from besman.pipeline import PipelineConfig, pipeline_yaml
-from besman.record_files import save_record
-from besman.refinement.stage import RefineConfig
-from besman.refinement.upper_level import UpperLevelPolicy
+from besman.motion.rollout import sample_plan
+from besman.pipeline.config import PipelineConfig, pipeline_yaml
+from besman.pipeline.finished_run import read_run
+from besman.records.files import save_record
 from besman.robot.dynamics import inverse_dynamics
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.limits import check_limits
 from besman.robot.model import load_robot
-from besman.simulation.tasks import load_task
+from besman.search.upper_level import UpperLevelPolicy
+from besman.simulation.tasks.kinds import load_task
 from besman.simulation.trial import try_plans
-from besman.stage import Work
+from besman.stages.refine.stage import CmaEsConfig
 from besman.templates import files
 from besman.templates.applying import apply_template
 from besman.templates.contexts import context_kind
-from besman.templates.files import learn_in_run, load_template, read_run, write_application
+from besman.templates.files import learn_in_run, load_template, write_application
 from besman.templates.learning import TemplateConfig, Tries
 from besman.templates.teaching import prepare_lesson, teach
 from besman.templates.template import Template, forecast, slow_to_torque
@@ -44,7 +45,7 @@ def motions(robot, make_plan):
         replace(plan, target=trial.outcome),
         replace(plan, target=trial.outcome + np.array([3.0, 0, 0]), name="session.tsv:2"),
     )
-    return RefineConfig(episodes=1).run(plans, robot, THROW)
+    return CmaEsConfig(episodes=1).run(plans, robot, THROW)
 
 
 @pytest.fixture(scope="module")
@@ -337,7 +338,7 @@ def test_an_object_is_reached_wherever_it_stands(make_plan):
     pose = forward_kinematics(gripper.chain, plan.goal)
     end = np.concatenate([pose[:3, 3], rotation_to_quaternion(pose[:3, :3])])
     plan = replace(plan, goal_pose=end, target=np.full(3, np.nan))
-    motions = RefineConfig(episodes=1).run((plan,), gripper, reach)
+    motions = CmaEsConfig(episodes=1).run((plan,), gripper, reach)
     config = TemplateConfig(method="creps", episodes=800, checks=20, search=("goal",), sigma=0.5)
     lesson = prepare_lesson(motions, gripper, reach, ("x", "y"), {}, config)
     np.testing.assert_allclose(np.ptp(lesson.region, axis=0), 0.1)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from besman.exceptions import TransferError
-from besman.simulation.throwing import ballistic_touchdown
+from besman.simulation.tasks.stick_throw.throw_and_flight import ballistic_touchdown
 from besman.transfer.approach import RealTry, TransferConfig, suggest
 from besman.transfer.archive import Archive, no_plans
 

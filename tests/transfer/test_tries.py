@@ -10,11 +10,11 @@ from command_line import besman
 
 from besman.exceptions import RunError, TransferError
 from besman.io.exports import read_joint_csv
-from besman.record_files import save_record
-from besman.refinement.stage import RefineConfig
+from besman.records.files import save_record
 from besman.robot.limits import check_limits
-from besman.simulation.tasks import load_task
+from besman.simulation.tasks.kinds import load_task
 from besman.simulation.trial import try_plans
+from besman.stages.refine.stage import CmaEsConfig
 from besman.transfer.approach import TransferConfig
 from besman.transfer.state import load_state
 from besman.transfer.tries import record_tries, suggest_try
@@ -39,7 +39,7 @@ def motions(robot, make_plan):
     plans = [make_plan(0.54, name=NAMES[0]), make_plan(0.6, name=NAMES[1])]
     trials = try_plans(robot, THROW, plans)
     plans = [replace(plan, target=trial.outcome) for plan, trial in zip(plans, trials, strict=True)]
-    return RefineConfig(episodes=1, robustness=None).run(tuple(plans), robot, THROW)
+    return CmaEsConfig(episodes=1, robustness=None).run(tuple(plans), robot, THROW)
 
 
 @pytest.fixture
@@ -97,8 +97,8 @@ def test_a_suggestion_is_recorded_and_the_next_one_answers_it(run, robot, motion
 def test_what_is_written_is_what_was_simulated(run, robot, motions):
     found = suggest_try(run, config=SMALL)
     _, positions, _, _ = read_joint_csv(found.folder / "person_1_try01.csv")
-    from besman.imitation.movement import sample_plan
-    from besman.refinement.plan_space import plan_space
+    from besman.motion.rollout import sample_plan
+    from besman.stages.refine.plan_space import plan_space
 
     space = plan_space(motions[0].plan, robot, ("goal", "duration", "weights"), 1)
     plan = space.plan_at(found.state.archive.points[found.state.tries[0].row])

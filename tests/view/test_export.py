@@ -12,7 +12,7 @@ import pytest
 from command_line import besman
 
 from besman.exceptions import RunError, WebError
-from besman.record_files import load_record, save_record
+from besman.records.files import load_record, save_record
 from besman.view import export
 from besman.view.live import open_view
 from besman.view.run_content import RunContent

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from besman.exceptions import RunError
-from besman.frames import back_frame
-from besman.record_files import load_record, save_record
+from besman.geometry.frames import back_frame
+from besman.records.files import load_record, save_record
 from besman.robot.kinematics import forward_kinematics
 from besman.view.decimation import Mesh, decimate
 from besman.view.packing import Packer

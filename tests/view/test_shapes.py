@@ -4,11 +4,11 @@ import mujoco
 import numpy as np
 import pytest
 
-from besman.frames import quaternion_to_rotation
+from besman.geometry.frames import quaternion_to_rotation
+from besman.pictures.scene_geoms import scene_geoms
 from besman.robot.model import load_robot
-from besman.simulation.grasp_scene import grasp_model
-from besman.simulation.scene_geoms import scene_geoms
-from besman.simulation.tasks import load_task
+from besman.simulation.tasks.grasp_box.grasp_scene import grasp_model
+from besman.simulation.tasks.kinds import load_task
 from besman.view.packing import Packer
 from besman.view.shapes import robot_content, scene_shapes
 from besman.view.takes import _body_poses

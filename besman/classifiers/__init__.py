@@ -1,0 +1,1 @@
+"""Classifiers of sequences: neighbours, hidden Markov models, warping, networks."""

@@ -1,0 +1,163 @@
+"""Commands about recordings, without a pipeline: train, segment, follow, label-markers, synth."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from besman.cli.options import Json, Recordings
+from besman.cli.terminal import say
+from besman.exceptions import one_of
+from besman.io.recordings.formats import WRITTEN_SUFFIXES
+
+# Datasets are heavy to import for a help text; a test compares.
+_DATASETS = (
+    "step, lever, pick_and_place, ball_throw, stick_throw, stick_throw_unmarked (no stick seen), "
+    "stick_throw_marked (small), gestures, object_rotation, circle_drawing, rotation"
+)
+
+
+def train(
+    segments: Annotated[
+        list[Path],
+        typer.Argument(help="Recordings with segments files beside them, or those, or folders."),
+    ],
+    out: Annotated[Path, typer.Option(help="Model to write: NAME.npz and NAME.json.")],
+    markers: Annotated[str, typer.Option(help="Marker set.")] = "right_arm",
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="KEY=VALUE of recognize, e.g. method=hmm."),
+    ] = None,
+) -> None:
+    """Learn to name segments; a pipeline uses the model with recognize: {model: PATH}."""
+    from besman.cli.terminal import open_terminal
+    from besman.pipeline.check import list_counts
+    from besman.stages.recognize.model_files import load_model
+    from besman.standalone.train_files import train_files
+
+    written = train_files(segments, out, markers, tuple(settings or ()))
+    counts = list_counts(Counter(load_model(written[0]).labels))
+    lines = [f"learnt {counts}", *(f"wrote {path}" for path in written)]
+    open_terminal().print("\n".join(lines), soft_wrap=True)
+
+
+def segment(
+    recordings: Recordings,
+    method: Annotated[str, typer.Option(help="Segmentation method.")] = "valley_vmci",
+    markers: Annotated[str, typer.Option(help="Marker set.")] = "right_arm",
+    rate_hz: Annotated[
+        float | None, typer.Option(help="Sampling rate of a method that has one.")
+    ] = None,
+    json_file: Json = None,
+) -> None:
+    """Find the borders of the building blocks in recordings."""
+    from besman.cli.terminal import open_terminal
+    from besman.io.atomic_files import write_json
+    from besman.standalone.segment_files import segment_files, segment_table
+
+    found = segment_files(recordings, method, markers, rate_hz)
+    if json_file is not None:
+        write_json(json_file, found)
+    open_terminal().print(segment_table(found))
+
+
+def follow(
+    recording: Annotated[Path, typer.Argument(help="A recording, replayed as a stream.")],
+    run: Annotated[Path | None, typer.Option(help="A run, whose trained models are used.")] = None,
+    models: Annotated[
+        list[Path] | None,
+        typer.Option("--model", help="A model of besman train; one for each arm."),
+    ] = None,
+    markers: Annotated[
+        str | None, typer.Option(help="Marker set; default the run's, or right_arm.")
+    ] = None,
+    speed: Annotated[
+        float | None, typer.Option(help="1 for real time; default as fast as can be.")
+    ] = None,
+    horizon: Annotated[
+        int, typer.Option(min=0, help="Blocks after which an action is final; 0: at the end.")
+    ] = 20,
+    steady: Annotated[
+        float, typer.Option(min=0, help="Seconds that a border must hold to be shown.")
+    ] = 0.2,
+    calibration: Annotated[
+        float | None,
+        typer.Option(help="Scale by the first seconds; default by the run's recordings, or 10."),
+    ] = None,
+    json_file: Json = None,
+) -> None:
+    """Keep blocks and actions current sample by sample; print what changes."""
+    from besman.following.files import Replay, describe_change
+    from besman.following.plans import make_plan
+    from besman.io.atomic_files import write_json
+
+    plan = make_plan(run, models or [], markers, calibration)
+    replay = Replay(recording, plan, speed, horizon or None, steady)
+    for at, change in replay.run():
+        say(describe_change(at, change, replay.recording.rate_hz))
+    if json_file is not None:
+        write_json(json_file, replay.content())
+    say(replay.summary())
+
+
+def label_markers(
+    recording: Annotated[Path, typer.Argument(help="A recording without names.")],
+    out: Annotated[Path, typer.Option(help=f"File to write, {one_of(WRITTEN_SUFFIXES)}.")],
+    markers: Annotated[str, typer.Option(help="Marker set.")] = "right_arm",
+    learn_from: Annotated[
+        Path | None, typer.Option(help="A recording with names, to learn distances from.")
+    ] = None,
+    fill: Annotated[bool, typer.Option("--fill", help="Fill short gaps.")] = False,
+    figure: Annotated[Path | None, typer.Option(help="Draw a time line, .png or .svg.")] = None,
+    json_file: Json = None,
+) -> None:
+    """Name the unnamed trajectories of a recording; what is not sure stays unnamed."""
+    from besman.cli.terminal import open_terminal
+    from besman.io.atomic_files import write_json
+    from besman.standalone.label_file import draw_names, label_file, summarise, summary_tables
+
+    read, named = label_file(recording, markers, out, learn_from, fill)
+    summary = summarise(read, named)
+    if json_file is not None:
+        write_json(json_file, summary)
+    if figure is not None:
+        draw_names(named, figure)
+    console = open_terminal()
+    for table in summary_tables(summary):
+        console.print(table)
+    console.print(f"wrote {out}", soft_wrap=True)
+
+
+def synth(
+    dataset: Annotated[str, typer.Argument(help=f"One of {_DATASETS}.")],
+    out: Annotated[Path, typer.Option(help="Folder to write to; no file in it is overwritten.")],
+    subjects: Annotated[
+        int | None, typer.Option(min=1, help="How many; as in the thesis by default.")
+    ] = None,
+    repetitions: Annotated[
+        int | None, typer.Option(min=1, help="Of each subject; as in the thesis by default.")
+    ] = None,
+    rate_hz: Annotated[
+        float | None, typer.Option(min=60, max=500, help="Frames per second; the dataset's if not.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of people and their movements.")] = 0,
+    unlabelled: Annotated[
+        bool, typer.Option("--unlabelled", help="Unnamed trajectories with gaps and ghosts.")
+    ] = False,
+) -> None:
+    """Write synthetic captures with their truth: simulated people before simulated cameras."""
+    from besman.cli.progress_bars import stage_display
+    from besman.cli.terminal import open_terminal
+    from besman.synthetic.cameras import Room
+    from besman.synthetic.datasets import write_synthetic
+
+    room = Room() if unlabelled else None
+    with stage_display() as display:
+        progress, end = display(f"synth {dataset}")
+        paths = write_synthetic(dataset, out, subjects, repetitions, rate_hz, seed, room, progress)
+        end(True)
+    for path in paths:
+        open_terminal().print(f"wrote {path} (synthetic)", soft_wrap=True)

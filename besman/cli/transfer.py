@@ -1,0 +1,95 @@
+"""The commands of ``besman transfer``. Everything heavy is imported by its command."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from besman.transfer.state import TransferState
+    from besman.transfer.tries import FloatArray
+
+app = typer.Typer(help="From simulation to the real arm, in few tries.", no_args_is_help=True)
+
+RunFolder = Annotated[Path, typer.Argument(help="A finished run of a throw.")]
+
+
+@app.command("suggest")
+def suggest(
+    run: RunFolder,
+    motion: Annotated[str | None, typer.Option(help="A refined motion; default the first.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder to write to; default RUN/transfer.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of the search; of a motion's first try.")] = 0,
+    surrogate: Annotated[
+        str, typer.Option(help="gaussian_process or inverse_distance.")
+    ] = "gaussian_process",
+    jobs: Annotated[
+        int, typer.Option(min=1, help="Threads; never changes a result.")
+    ] = os.cpu_count() or 1,
+) -> None:
+    """Write the next trajectory to try on the real arm, and a row to fill in."""
+    from besman.exceptions import TransferError, nearest
+    from besman.transfer.approach import TransferConfig
+    from besman.transfer.tries import suggest_try
+
+    kinds = ("gaussian_process", "inverse_distance")
+    if surrogate not in kinds:
+        raise TransferError(f"--surrogate: got {surrogate!r}; {nearest(surrogate, kinds)}")
+    config = TransferConfig.model_validate({"seed": seed, "surrogate": surrogate})
+    found = suggest_try(run, motion, out, config, jobs)
+    state, (x, y) = found.state, found.state.tries[-1].expected_m
+    _print(
+        f"try {len(state.tries)} of {state.motion}: target {found.target[0]:.2f} m ahead, "
+        f"{found.target[1]:.2f} m left; expected {x:.2f} m ahead, {y:.2f} m left"
+    )
+    for path in sorted(found.folder.iterdir()):
+        _print(f"wrote {path}")
+    _print(f"then fill in x_m, y_m and success in {found.table}")
+    _print(f"and: besman transfer record {run} {found.table}")
+
+
+@app.command("record")
+def record(
+    run: RunFolder,
+    results: Annotated[Path, typer.Argument(help="The table that was filled in.")],
+) -> None:
+    """Take measured touchdowns, and say how far from the target they are."""
+    from besman.pipeline.finished_run import read_run
+    from besman.transfer.tries import record_tries
+
+    found = record_tries(run, results)
+    radius = read_run(run).task.success_radius_m
+    for state, target in found:
+        for line in _tries(state, target, radius):
+            _print(line)
+
+
+def _tries(state: TransferState, target: FloatArray, radius: float) -> list[str]:
+    """Say of every try how far it was from the target."""
+    from besman.transfer.tries import miss_distances
+
+    lines = [f"{state.motion}:"]
+    far = miss_distances(state, target)
+    for number, (one, metres) in enumerate(zip(state.tries, far, strict=True), 1):
+        said = "failed" if one.failed else "not recorded yet"
+        if metres is not None:
+            said = f"{100 * metres:.1f} cm from the target"
+        lines.append(f"  try {number}: {said}")
+    known = [metres for metres in far if metres is not None]
+    if known and min(known) <= radius:
+        lines.append(f"  within {100 * radius:.0f} cm: done")
+    elif all(one.recorded for one in state.tries):
+        lines.append("  next: besman transfer suggest")
+    return lines
+
+
+def _print(line: str) -> None:
+    """Print a line as it is."""
+    from besman.cli.terminal import open_terminal
+
+    open_terminal().print(line, soft_wrap=True)

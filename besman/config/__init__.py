@@ -1,0 +1,1 @@
+"""YAML files to checked configs, settings from the command line, embedded resources."""

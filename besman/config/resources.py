@@ -1,0 +1,58 @@
+"""Where robots, pipelines, configs and the sample are: in the checkout or inside the wheel."""
+
+from pathlib import Path
+
+from besman.exceptions import ConfigError, nearest
+
+_PACKAGE = Path(__file__).resolve().parents[1]
+
+
+def resource_folder(kind: str) -> Path:
+    """Return the folder of one kind of resource.
+
+    Parameters
+    ----------
+    kind : str
+        ``robots``, ``pipelines``, ``configs`` or ``data``.
+
+    Returns
+    -------
+    Path
+        The folder inside an installed wheel, else the one at the top of the checkout.
+    """
+    installed = _PACKAGE / "resources" / kind
+    return installed if installed.is_dir() else _PACKAGE.parent / kind
+
+
+def find_resource(kind: str, name: str, suffix: str = ".yaml") -> Path:
+    """Return a user's own file if `name` is a path to one, else the resource of that name.
+
+    Parameters
+    ----------
+    kind : str
+        Folder below which to look, e.g. ``configs/markers``.
+    name : str
+        A path to a file, or a bare name such as ``right_arm``.
+    suffix : str
+        Ending of resource files.
+
+    Returns
+    -------
+    Path
+        An existing file.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such file; the message lists what there is.
+    """
+    path = Path(name)
+    if path.suffix == suffix and path.is_file():
+        return path
+    first, *rest = kind.split("/")
+    folder = resource_folder(first).joinpath(*rest)
+    found = folder / f"{name}{suffix}"
+    if "/" not in name and "\\" not in name and found.is_file():
+        return found
+    names = [entry.stem for entry in folder.glob(f"*{suffix}")]
+    raise ConfigError(f"{kind}: no file and no resource named {name!r}; {nearest(name, names)}")

@@ -1,0 +1,40 @@
+"""Names from files: what a terminal, a table or a second line would obey is none."""
+
+from __future__ import annotations
+
+import unicodedata
+
+LONGEST = 200
+"""Characters of a name."""
+
+# Control characters, halves of a character, line and paragraph ends.
+_REFUSED = {"Cc", "Cs", "Zl", "Zp"}
+_TURNS_TEXT = {*"\u200e\u200f\u061c", *map(chr, (*range(0x202A, 0x202F), *range(0x2066, 0x206A)))}
+
+
+def fault_of_name(name: str) -> str | None:
+    """Say what is wrong with a name from a file.
+
+    Parameters
+    ----------
+    name : str
+        Of a marker, joint, segment, class.
+
+    Returns
+    -------
+    str or None
+        For example ``has the control character U+001B``; None if nothing is.
+    """
+    if len(name) > LONGEST:
+        return f"has {len(name)} characters, more than {LONGEST}"
+    return fault_of_characters(name)
+
+
+def fault_of_characters(text: str) -> str | None:
+    """Say which control character a text has, None if none; it may be of any length."""
+    if text.isprintable():
+        return None
+    for one in text:
+        if unicodedata.category(one) in _REFUSED or one in _TURNS_TEXT:
+            return f"has the control character U+{ord(one):04X}"
+    return None

@@ -1,0 +1,1 @@
+"""Frames, quaternions, gaps and rigid clusters: arrays in, arrays out."""

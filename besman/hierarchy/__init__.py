@@ -1,1 +1,0 @@
-"""Actions made of building blocks."""

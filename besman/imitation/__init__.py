@@ -1,1 +1,0 @@
-"""Imitation: a joint trajectory as a dynamical movement primitive."""

@@ -1,0 +1,1 @@
+"""Recordings of every system: one file a format, `formats` is the table of them."""

@@ -1,0 +1,352 @@
+"""Joint logs of an exoskeleton: CSV of joint angles and a URDF, to positions of the arm."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from besman.config.resources import find_resource
+from besman.exceptions import ConfigError, RecordingError, nearest
+from besman.geometry.frames import rotation_to_quaternion
+from besman.records import FloatArray, Recording
+
+_TIME = "time_s"
+_UNITS = {"_rad": 1.0, "_deg": np.pi / 180.0}
+_BODY = re.compile(r"(?:(?:left|right)_)?(?:shoulder|elbow|wrist)")
+_EXAMPLE = "'# frames: shoulder=LINK elbow=LINK wrist=LINK'"
+# A step may deviate this much from the usual one; beyond it samples were lost.
+_STEP_TOLERANCE = 0.5
+
+
+def read_joint_log(path: Path) -> Recording:
+    """Read a joint log and compute where shoulder, elbow and wrist were.
+
+    Two comments head the file: ``# urdf: NAME``, a file beside it or the name of one of
+    ``configs/exoskeleton``, and ``# frames: shoulder=LINK elbow=LINK wrist=LINK``, for two arms
+    with ``right_`` and ``left_``. The columns are ``time_s`` and one a joint: its name, in
+    radians, or with ``_deg`` in degrees (with ``_rad`` in radians). A sliding joint is in metres.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Returns
+    -------
+    Recording
+        One trajectory a link in the order of ``# frames``, with orientations, in the frame of the
+        URDF's root (metres, z up); time as logged.
+
+    Raises
+    ------
+    RecordingError
+        If the file is missing or cut, its times do not rise evenly, or a joint or link is not
+        in the URDF or not in the log.
+    """
+    lines = _read_lines(path)
+    comments, columns, data_line = _read_head(lines, path)
+    bodies = _read_bodies(comments, path)
+    model = load_exoskeleton_model(_find_urdf(comments, path), path)
+    values = _read_table(lines[data_line:], columns, data_line, path)
+    rate_hz = _read_rate(values[:, 0], data_line, path)
+    angles = _assign_joints(columns[1:], values[:, 1:], model, bodies, path)
+    rotations, origins = link_poses(model, angles, tuple(bodies.values()))
+    return Recording(
+        time=values[:, 0],
+        positions=origins,
+        names=tuple(bodies),
+        rate_hz=rate_hz,
+        source=path.name,
+        orientations=rotation_to_quaternion(rotations),
+    )
+
+
+def find_log_files(path: Path) -> tuple[Path, ...]:
+    """Return the files that a joint log is read with: its URDF.
+
+    Raises
+    ------
+    RecordingError
+        If the log cannot be read, or names no URDF that is there.
+    """
+    return (_find_urdf(_read_head(_read_lines(path), path)[0], path),)
+
+
+def write_joint_log(
+    path: Path,
+    time: FloatArray,
+    angles: FloatArray,
+    joint_names: Sequence[str],
+    urdf: str,
+    bodies: Mapping[str, str],
+) -> None:
+    """Write a joint log; the same values give the same bytes.
+
+    Parameters
+    ----------
+    path : Path
+        The file; replaced if it exists.
+    time : array, shape (T,)
+        Seconds, rising evenly.
+    angles : array, shape (T, n)
+        Joint angles, rad; rounded to 1e-6.
+    joint_names : sequence of str, length n
+        Names of the joints in the URDF.
+    urdf : str
+        What ``# urdf`` names: a file in the folder of `path` or one of ``configs/exoskeleton``.
+    bodies : mapping of str to str
+        Link of each of shoulder, elbow, wrist, with ``right_`` or ``left_`` for two arms.
+    """
+    frames = " ".join(f"{body}={link}" for body, link in bodies.items())
+    table = np.round(np.column_stack([time, angles]), 6) + 0.0
+    with path.open("w", encoding="utf-8", newline="\n") as file:
+        file.write(f"# urdf: {urdf}\n# frames: {frames}\n")
+        file.write(",".join([_TIME, *joint_names]) + "\n")
+        np.savetxt(file, table, fmt="%.6f", delimiter=",")
+
+
+def load_exoskeleton_model(urdf: Path, path: Path) -> Any:
+    """Read the kinematics of a URDF into a Pinocchio model.
+
+    Raises
+    ------
+    RecordingError
+        If it is no URDF; the message names the log `path` too.
+    """
+    import pinocchio
+
+    try:
+        text = urdf.read_text(encoding="utf-8")
+        if "<!DOCTYPE" in text or "<!ENTITY" in text:
+            raise ValueError("it declares a document type or entities")
+        return pinocchio.buildModelFromXML(text)
+    except (OSError, UnicodeDecodeError, ValueError, RuntimeError) as error:
+        reason = " ".join(str(error).split())
+        raise RecordingError(f"{path}: {urdf.name} is not a usable URDF: {reason}") from None
+
+
+def link_poses(
+    model: Any, angles: Mapping[str, FloatArray], links: Sequence[str]
+) -> tuple[FloatArray, FloatArray]:
+    """Compute the poses of links for many samples at once.
+
+    Parameters
+    ----------
+    model : pinocchio.Model
+        The kinematics.
+    angles : mapping of str to array, shape (T,)
+        Angle (rad) or offset (m) of every joint that moves one of the links.
+    links : sequence of str, length M
+
+    Returns
+    -------
+    rotations : array, shape (T, M, 3, 3)
+        link2root.
+    origins : array, shape (T, M, 3)
+        Metres in the frame of the root.
+    """
+    n_samples = len(next(iter(angles.values())))
+    poses = {0: (np.broadcast_to(np.eye(3), (n_samples, 3, 3)), np.zeros((n_samples, 3)))}
+
+    def pose(joint: int) -> tuple[FloatArray, FloatArray]:
+        if joint not in poses:
+            placement = model.jointPlacements[joint]
+            rotation, origin = _follow(pose(int(model.parents[joint])), placement)
+            moved, turned = _move(model.joints[joint], angles[model.names[joint]])
+            origin = origin + np.einsum("tij,tj->ti", rotation, moved)
+            poses[joint] = (rotation @ turned, origin)
+        return poses[joint]
+
+    found = []
+    for link in links:
+        frame = model.frames[_frame_id(model, link)]
+        found.append(_follow(pose(int(frame.parentJoint)), frame.placement))
+    return (
+        np.stack([rotation for rotation, _ in found], axis=1),
+        np.stack([origin for _, origin in found], axis=1),
+    )
+
+
+def _follow(parent: tuple[FloatArray, FloatArray], placement: Any) -> tuple[FloatArray, FloatArray]:
+    """Go on from a moving frame by a fixed placement."""
+    rotation, origin = parent
+    return rotation @ placement.rotation, origin + rotation @ placement.translation
+
+
+def _move(joint: Any, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the shift, shape (T, 3), and rotation, shape (T, 3, 3), of a joint of one axis."""
+    from scipy.spatial.transform import Rotation
+
+    linear, angular = _axis(joint)
+    return values[:, None] * linear, Rotation.from_rotvec(values[:, None] * angular).as_matrix()
+
+
+def _axis(joint: Any) -> tuple[FloatArray, FloatArray]:
+    """Return the directions in which a joint shifts and turns."""
+    data = joint.createData()
+    # An endless joint is stored as cosine and sine.
+    neutral = np.eye(joint.nq)[0] if joint.nq == 2 else np.zeros(joint.nq)
+    joint.calc(data, neutral, np.zeros(joint.nv))
+    axis = np.asarray(data.S, dtype=np.float64).reshape(6)
+    return axis[:3], axis[3:]
+
+
+def _frame_id(model: Any, link: str) -> int:
+    """Return the index of a link among the frames."""
+    import pinocchio
+
+    return int(model.getFrameId(link, pinocchio.FrameType.BODY))
+
+
+def _read_lines(path: Path) -> list[str]:
+    """Read a text file into lines."""
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise RecordingError(f"{path}: no such file") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise RecordingError(f"{path}: cannot be read as text: {error}") from None
+    return text.rstrip().split("\n") if text.strip() else []
+
+
+def _read_head(lines: list[str], path: Path) -> tuple[dict[str, str], list[str], int]:
+    """Return the comments by key, the columns, and the index of the first row of numbers."""
+    comments: dict[str, str] = {}
+    for number, line in enumerate(lines):
+        if not line.startswith("#"):
+            columns = [cell.strip() for cell in next(csv.reader(io.StringIO(line)), [])]
+            twice = sorted({name for name in columns if columns.count(name) > 1})
+            if columns[:1] != [_TIME] or len(columns) < 2 or twice:
+                raise RecordingError(
+                    f"{path}:{number + 1}: columns {', '.join(columns)!r:.80}; expected {_TIME} "
+                    "and one column a joint, each once"
+                )
+            return comments, columns, number + 1
+        key, _, value = line[1:].partition(":")
+        comments[key.strip().lower()] = value.strip()
+    raise RecordingError(f"{path}:{len(lines)}: no line of columns; is the file cut?")
+
+
+def _read_bodies(comments: dict[str, str], path: Path) -> dict[str, str]:
+    """Return the link of each body part."""
+    bodies: dict[str, str] = {}
+    for entry in comments.get("frames", "").replace(",", " ").split():
+        body, _, link = entry.partition("=")
+        if not (_BODY.fullmatch(body) and link) or body in bodies:
+            raise RecordingError(
+                f"{path}: # frames: got {entry!r}; expected {_EXAMPLE}, each once, with right_ or "
+                "left_ for two arms"
+            )
+        bodies[body] = link
+    if not bodies:
+        raise RecordingError(f"{path}: no comment '# frames'; expected {_EXAMPLE}")
+    return bodies
+
+
+def _find_urdf(comments: dict[str, str], path: Path) -> Path:
+    """Return the URDF that the log names; a file must lie in the folder of the log."""
+    name = comments.get("urdf", "")
+    if not name:
+        raise RecordingError(f"{path}: no comment '# urdf'; expected '# urdf: NAME.urdf'")
+    if not name.endswith(".urdf"):
+        try:
+            return find_resource("configs/exoskeleton", name, ".urdf")
+        except ConfigError as error:
+            raise RecordingError(f"{path}: # urdf: {error}") from None
+    folder = path.parent.resolve()
+    urdf = (folder / name).resolve()
+    if not urdf.is_relative_to(folder):
+        raise RecordingError(f"{path}: # urdf: {name!r} lies outside the folder of the log")
+    if not urdf.is_file():
+        raise RecordingError(f"{path}: # urdf: no file {name!r} in the folder of the log")
+    return urdf
+
+
+def _read_table(rows: list[str], columns: list[str], data_line: int, path: Path) -> FloatArray:
+    """Parse the numbers, shape (T, columns)."""
+    if not rows:
+        raise RecordingError(f"{path}:{data_line}: no rows after the columns; is the file cut?")
+    table = np.empty((len(rows), len(columns)))
+    for row, line in enumerate(rows):
+        cells = line.split(",")
+        try:
+            table[row] = np.array(cells, dtype=np.float64)
+            usable = bool(np.isfinite(table[row]).all())
+        except ValueError:
+            usable = False
+        if not usable:
+            raise RecordingError(
+                f"{path}:{data_line + row + 1}: got {line.strip()!r:.80}; expected "
+                f"{len(columns)} numbers; is the file cut?"
+            )
+    return table
+
+
+def _read_rate(time: FloatArray, data_line: int, path: Path) -> float:
+    """Return samples per second of times that rise evenly."""
+    if len(time) < 2:
+        raise RecordingError(f"{path}: one row; expected at least two, to tell the rate from")
+    steps = np.diff(time)
+    usual = float(np.median(steps))
+    wrong = np.flatnonzero(steps <= 0)
+    if wrong.size == 0:
+        wrong = np.flatnonzero(np.abs(steps - usual) > _STEP_TOLERANCE * usual)
+    if wrong.size:
+        row = int(wrong[0]) + 1
+        raise RecordingError(
+            f"{path}:{data_line + row + 1}: time is {time[row]:g} s after {time[row - 1]:g} s; "
+            "expected times that rise evenly"
+        )
+    return float(np.round((len(time) - 1) / (time[-1] - time[0]), 3))
+
+
+def _assign_joints(
+    columns: list[str], values: FloatArray, model: Any, bodies: dict[str, str], path: Path
+) -> dict[str, FloatArray]:
+    """Return the values of every joint by its name, in rad or m."""
+    joints = list(model.names)[1:]
+    angles: dict[str, FloatArray] = {}
+    for column, series in zip(columns, values.T, strict=True):
+        factor = 1.0
+        name = column
+        if column not in joints and column[-4:] in _UNITS:
+            name, factor = column[:-4], _UNITS[column[-4:]]
+        if name not in joints:
+            raise RecordingError(
+                f"{path}: column {column!r}: no such joint in the URDF; {nearest(name, joints)}"
+            )
+        if name in angles:
+            raise RecordingError(f"{path}: two columns for joint {name!r}; expected one")
+        angles[name] = series * factor
+    _check_links(model, bodies, angles, path)
+    return angles
+
+
+def _check_links(
+    model: Any, bodies: dict[str, str], angles: dict[str, FloatArray], path: Path
+) -> None:
+    """Refuse a link that is not there, or that moves by a joint which was not logged."""
+    import pinocchio
+
+    links = [frame.name for frame in model.frames if frame.type == pinocchio.FrameType.BODY]
+    for body, link in bodies.items():
+        if link not in links:
+            raise RecordingError(
+                f"{path}: # frames: {body}={link}: no such link in the URDF; {nearest(link, links)}"
+            )
+        for joint in model.supports[model.frames[_frame_id(model, link)].parentJoint]:
+            if joint == 0:
+                continue
+            name = model.names[joint]
+            if model.joints[joint].nv != 1:
+                raise RecordingError(f"{path}: joint {name!r} of the URDF has more than one axis")
+            if name not in angles:
+                raise RecordingError(
+                    f"{path}: no column for joint {name!r}, which moves {body} ({link})"
+                )

@@ -1,0 +1,116 @@
+"""What a format of recordings is: how its files are told from others, read and written.
+
+Nothing here or in the table of formats imports a reader: that is done when a file is read.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from pkgutil import resolve_name
+from typing import TYPE_CHECKING, Any, Literal
+
+if TYPE_CHECKING:
+    from besman.records import Recording
+
+Units = Literal["m", "mm"]
+
+# Endings that many other files have too: in a folder their content alone counts.
+_SHARED_SUFFIXES = frozenset({".csv", ".json", ".txt"})
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format of recordings: one entry of `besman.io.recordings.formats.FORMATS`.
+
+    Functions are named ``module:function``, the module being one of ``besman.io.recordings``.
+
+    Attributes
+    ----------
+    name : str
+        As in messages and tables.
+    suffixes : tuple of str
+        Usual endings of its files, with the dot, in small letters.
+    sniff : callable
+        Tells of the first bytes of a file whether it is one; no two formats want the same file.
+    reader : str
+        Takes a path, and units (``"m"``, ``"mm"`` or None) if `takes_units`; returns a
+        `Recording`.
+    about : str
+        Where such files come from, which variants are known, and what a file needs.
+    writer : str, optional
+        Takes a recording and a path. Only of formats that can hold any recording: trajectories
+        without a name, and gaps.
+    companions : str, optional
+        Takes a path and returns the further files that a recording is read with.
+    takes_units : bool
+        Whether a file may leave open what its coordinates are in.
+    """
+
+    name: str
+    suffixes: tuple[str, ...]
+    sniff: Callable[[bytes], bool]
+    reader: str
+    about: str
+    writer: str | None = None
+    companions: str | None = None
+    takes_units: bool = False
+
+    @property
+    def own_suffixes(self) -> tuple[str, ...]:
+        """Endings by which a file of a folder is meant to be one, whatever it holds."""
+        return tuple(suffix for suffix in self.suffixes if suffix not in _SHARED_SUFFIXES)
+
+    @property
+    def endings(self) -> str:
+        """The endings for a table, and whether such files are written too."""
+        return ", ".join(self.suffixes) + (" (written too)" if self.writer else "")
+
+    def read(self, path: Path, units: Units | None = None) -> Recording:
+        """Read a file; `units` is what its coordinates are in, if it does not say so itself."""
+        arguments = (path, units) if self.takes_units else (path,)
+        recording: Recording = _function(self.reader)(*arguments)
+        return recording
+
+    def write(self, recording: Recording, path: Path) -> None:
+        """Write a file; only of formats that have a `writer`."""
+        assert self.writer is not None
+        _function(self.writer)(recording, path)
+
+    def find_companions(self, path: Path) -> tuple[Path, ...]:
+        """Return the further files that a recording is read with."""
+        found = () if self.companions is None else _function(self.companions)(path)
+        return tuple(found)
+
+
+def _function(name: str) -> Any:
+    """Import a function of this folder by its name, ``module:function``."""
+    return resolve_name(f"{__package__}.{name}")
+
+
+def text_begins(pattern: bytes) -> Callable[[bytes], bool]:
+    """Return a test whether a text begins like this, blank lines and marks of encoding aside.
+
+    Parameters
+    ----------
+    pattern : bytes
+        A regular expression. ``.`` stands for line ends too, ``^`` for the start of any line;
+        capital and small letters are different.
+    """
+    expression = re.compile(pattern, re.DOTALL | re.MULTILINE)
+    return lambda head: expression.match(_text(head)) is not None
+
+
+def text_has(pattern: bytes) -> Callable[[bytes], bool]:
+    """Return a test whether a text has this anywhere; patterns are those of `text_begins`."""
+    expression = re.compile(pattern, re.DOTALL | re.MULTILINE)
+    return lambda head: expression.search(_text(head)) is not None
+
+
+def _text(head: bytes) -> bytes:
+    """Return the first bytes of a text without marks of its encoding and blank lines before it."""
+    if head[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return head[2:].replace(b"\0", b"")
+    return head.removeprefix(b"\xef\xbb\xbf").lstrip()

@@ -1,0 +1,246 @@
+"""Recording files, whatever their format; and the table of formats.
+
+A new format is a module of this folder with its reader, and an entry of `FORMATS`. Messages, help
+texts, the page *My recording* and the tests go through the table; nothing else names a format.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from besman.exceptions import RecordingError, one_of
+from besman.io.recordings.format import Format, Units, text_begins, text_has
+
+if TYPE_CHECKING:
+    from besman.records import LabelledRecording, Recording
+
+_HEAD_BYTES = 16_384
+
+
+def _is_c3d(head: bytes) -> bool:
+    """Tell C3D: the number of the first block of parameters, then P."""
+    # Text may start with a tab or line end and P, but has no zero bytes.
+    return head[1:2] == b"P" and 2 <= head[0] < 32 and (head[0] not in b"\t\n\r" or b"\0" in head)
+
+
+FORMATS = (
+    Format(
+        "Qualisys TSV",
+        (".tsv",),
+        text_has(rb"^(FILE_VERSION|NO_OF_[A-Z]+|FREQUENCY|DATA_INCLUDED|MARKER_NAMES)(\t|\r?$)"),
+        "qtm_tsv:read_tsv",
+        "Qualisys Track Manager, old and new header",
+        writer="qtm_tsv:write_tsv",
+    ),
+    Format(
+        "C3D",
+        (".c3d",),
+        _is_c3d,
+        "c3d:read_c3d",
+        "any camera system; units in mm or m, gaps by their residual",
+        writer="c3d:write_c3d",
+        takes_units=True,
+    ),
+    Format(
+        "Xsens MVNX",
+        (".mvnx",),
+        text_begins(rb"<.*mvnx"),
+        "mvnx:read_mvnx",
+        "Xsens MVN: a suit with segments",
+    ),
+    Format(
+        "joint log (CSV with '# urdf' and '# frames')",
+        (".csv",),
+        text_begins(rb"(?i)(#[^\n]*\n)*(# *(urdf|frames) *:|time_s *,)"),
+        "exoskeleton:read_joint_log",
+        "an exoskeleton; its URDF beside it, or the name of one of configs/exoskeleton",
+        companions="exoskeleton:find_log_files",
+    ),
+)
+"""All formats there are."""
+
+
+KNOWN_FORMATS = one_of(entry.name for entry in FORMATS)
+"""What can be read, for messages and help texts."""
+
+WRITTEN_SUFFIXES = tuple(entry.suffixes[0] for entry in FORMATS if entry.writer)
+"""Endings of the files that can be written."""
+
+
+def read_recording(path: Path, units: Units | None = None) -> Recording:
+    """Read one recording; its content tells the format, whatever the file's ending.
+
+    Parameters
+    ----------
+    path : Path
+        Of one of `FORMATS`.
+    units : "m" or "mm", optional
+        What the coordinates are in, if the file does not say so itself, as a C3D file may.
+
+    Returns
+    -------
+    Recording
+        At least two frames, with times that rise.
+
+    Raises
+    ------
+    RecordingError
+        If the file cannot be used; the message names file and line or frame.
+
+    Warns
+    -----
+    RecordingWarning
+        If samples that no body makes became gaps, and for what else was concluded: see
+        `besman.io.recordings.sense.check_recording` and the format's reader.
+    """
+    from besman.io.recordings.sense import check_recording
+
+    head = _read_head(path)
+    found = recognise(head)
+    if found is None:
+        if not head.strip():
+            raise RecordingError(f"{path}: the file is empty; expected {KNOWN_FORMATS}")
+        raise RecordingError(f"{path}: a format that is not known; expected {KNOWN_FORMATS}")
+    return check_recording(found.read(path, units), path)
+
+
+def find_companions(path: Path) -> tuple[Path, ...]:
+    """Return the files that a recording is read with besides its own.
+
+    Parameters
+    ----------
+    path : Path
+        A recording.
+
+    Returns
+    -------
+    tuple of Path
+        Of a joint log its URDF; nothing of another format.
+
+    Raises
+    ------
+    RecordingError
+        If the file cannot be read, or what it names is not there.
+    """
+    found = recognise(_read_head(path))
+    return () if found is None else found.find_companions(path)
+
+
+def write_recording(recording: Recording | LabelledRecording, path: Path) -> None:
+    """Write a recording; the path's ending chooses the format.
+
+    Parameters
+    ----------
+    recording : Recording or LabelledRecording
+        What to write. Gaps are written the way the format defines them.
+    path : Path
+        It ends in one of `WRITTEN_SUFFIXES`; replaced if it exists.
+
+    Raises
+    ------
+    RecordingError
+        If the ending is another one, the folder does not exist or the format cannot hold it.
+    """
+    from besman.records import LabelledRecording, Recording
+
+    if isinstance(recording, LabelledRecording):
+        recording = Recording(
+            time=recording.time,
+            positions=recording.positions,
+            names=recording.markers,
+            rate_hz=recording.rate_hz,
+            source=recording.source,
+            first_frame=recording.first_frame,
+        )
+    ending = path.suffix.lower()
+    found = next((one for one in FORMATS if one.writer and one.suffixes[0] == ending), None)
+    if found is None:
+        raise RecordingError(
+            f"{path}: cannot be written: the ending must be {one_of(WRITTEN_SUFFIXES)}"
+        )
+    try:
+        found.write(recording, path)
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be written: {error.strerror}") from None
+
+
+def find_recordings(paths: Iterable[Path]) -> list[Path]:
+    """Find recordings in files and folders.
+
+    Parameters
+    ----------
+    paths : iterable of Path
+        Files are taken as they are; in a folder, all files that end like recordings or whose
+        content is one.
+
+    Returns
+    -------
+    list of Path
+        In the order given; in a folder in natural order, so that run 2 comes before run 10.
+        A file that is met twice is returned once.
+
+    Raises
+    ------
+    RecordingError
+        If a path does not exist or a folder holds no recording.
+    """
+    found: list[Path] = []
+    for path in paths:
+        if path.is_dir():
+            inside = [file for file in path.iterdir() if _is_recording(file)]
+            if not inside:
+                raise RecordingError(
+                    f"{path}: no recording in this folder; expected files that are "
+                    f"{KNOWN_FORMATS}, or end in {', '.join(_own_suffixes())}"
+                )
+            found += sorted(inside, key=_natural_order)
+        elif path.is_file():
+            found.append(path)
+        else:
+            raise RecordingError(f"{path}: no such file or folder")
+    if not found:
+        raise RecordingError("no recordings given; expected at least one file or folder")
+    return list(dict.fromkeys(found))
+
+
+def _is_recording(file: Path) -> bool:
+    """Tell whether a file of a folder is meant: a damaged recording must not go unnoticed."""
+    if not file.is_file() or file.name.startswith("."):
+        return False
+    return file.suffix.lower() in _own_suffixes() or recognise(_read_head(file)) is not None
+
+
+def _own_suffixes() -> tuple[str, ...]:
+    """Return the endings that only recordings have."""
+    return tuple(suffix for entry in FORMATS for suffix in entry.own_suffixes)
+
+
+def _read_head(path: Path) -> bytes:
+    """Read the start of a file."""
+    try:
+        with path.open("rb") as file:
+            return file.read(_HEAD_BYTES)
+    except FileNotFoundError:
+        raise RecordingError(f"{path}: no such file") from None
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be read: {error.strerror}") from None
+
+
+def recognise(head: bytes) -> Format | None:
+    """Tell the format of a file from its first bytes; None if none is like it.
+
+    Parameters
+    ----------
+    head : bytes
+        The first 16 kB, or all there is.
+    """
+    return next((entry for entry in FORMATS if entry.sniff(head)), None)
+
+
+def _natural_order(path: Path) -> tuple[list[tuple[int, str]], str]:
+    """Sort key that compares numbers inside a name by value."""
+    parts = re.split(r"(\d+)", path.name.lower())
+    return [(int(part), "") if part.isdigit() else (-1, part) for part in parts], path.name

@@ -1,1 +1,0 @@
-"""From trajectories to named markers without gaps."""

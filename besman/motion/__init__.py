@@ -1,0 +1,1 @@
+"""Motion plans: dynamical movement primitives, their rollout, and other starts and goals."""

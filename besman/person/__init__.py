@@ -1,0 +1,1 @@
+"""The person: marker sets, and which markers are back, hand and elbow."""

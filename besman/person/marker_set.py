@@ -1,0 +1,160 @@
+"""Which markers a person wears and how files call them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field, field_validator, model_validator
+
+from besman.config.resources import find_resource
+from besman.config.stage import Config
+from besman.config.yaml_file import load_config
+from besman.exceptions import LabellingError, nearest
+
+
+class MarkerSet(Config):
+    """Markers by canonical name.
+
+    Attributes
+    ----------
+    name : str
+    markers : dict of str to tuple of str
+        Canonical names, each with its aliases.
+    required : tuple of str
+        Markers that every recording must have; all others are optional.
+    clusters : dict of str to tuple of str
+        Markers that move as one rigid body.
+    roles : dict of str to str
+        Which marker stands for ``hand``, ``elbow`` and ``shoulder``, of the right arm where there
+        are two, and for ``left_hand``, ``left_elbow`` and ``left_shoulder``. Stages look at these
+        unless their section names markers itself.
+    objects : dict of str to tuple of str
+        Markers on objects.
+    pose_m : dict of str to (x, y, z)
+        Where the markers are in the initial pose, metres, in any frame with z up. From it
+        trajectories can be named where there is no recording to learn from.
+    distances_m : dict of str to (dict of str to float)
+        Distances that hardly change, such as lengths of limbs, metres.
+    """
+
+    name: str
+    markers: dict[str, tuple[str, ...]]
+    required: tuple[str, ...]
+    clusters: dict[str, tuple[str, ...]] = Field(default_factory=dict)
+    roles: dict[str, str] = Field(default_factory=dict)
+    objects: dict[str, tuple[str, ...]] = Field(default_factory=dict)
+    pose_m: dict[str, tuple[float, float, float]] = Field(default_factory=dict)
+    distances_m: dict[str, dict[str, Annotated[float, Field(gt=0.0)]]] = Field(default_factory=dict)
+
+    @field_validator("markers")
+    @classmethod
+    def _check_names(cls, markers: dict[str, tuple[str, ...]]) -> dict[str, tuple[str, ...]]:
+        """Refuse a spelling that could mean two markers."""
+        owners: dict[str, str] = {}
+        for marker, aliases in markers.items():
+            for spelling in (marker, *aliases):
+                owner = owners.setdefault(normalise_name(spelling), marker)
+                if owner != marker:
+                    raise ValueError(f"{spelling!r} names both {owner!r} and {marker!r}")
+        return markers
+
+    @model_validator(mode="after")
+    def _check_references(self) -> MarkerSet:
+        """Refuse a group that names a marker which is not there."""
+        groups = [
+            ("required", self.required),
+            *((f"clusters.{name}", group) for name, group in self.clusters.items()),
+            ("roles", tuple(self.roles.values())),
+            *((f"objects.{name}", group) for name, group in self.objects.items()),
+            ("pose_m", tuple(self.pose_m)),
+            ("distances_m", tuple(self.distances_m)),
+            *((f"distances_m.{name}", tuple(group)) for name, group in self.distances_m.items()),
+        ]
+        for place, group in groups:
+            for marker in group:
+                if marker not in self.markers:
+                    raise ValueError(
+                        f"{place}: no marker {marker!r}; {nearest(marker, self.markers)}"
+                    )
+        return self
+
+    @property
+    def hand(self) -> tuple[str, ...]:
+        """Marker of the hand whose movement is segmented, none if no role says so."""
+        return tuple(self.roles[role] for role in ("hand",) if role in self.roles)
+
+    @property
+    def hands(self) -> tuple[str, ...]:
+        """Markers of all hands."""
+        return tuple(self.roles[role] for role in ("hand", "left_hand") if role in self.roles)
+
+    @property
+    def arms(self) -> tuple[str, ...]:
+        """Markers of hand, elbow and shoulder of all arms."""
+        roles = [
+            f"{side}{part}" for side in ("", "left_") for part in ("hand", "elbow", "shoulder")
+        ]
+        return tuple(self.roles[role] for role in roles if role in self.roles)
+
+    def match(self, names: Sequence[str | None], source: str) -> dict[str, int]:
+        """Find the markers among the trajectories of a recording.
+
+        Parameters
+        ----------
+        names : sequence of str or None
+            Names of the trajectories as written in the file.
+        source : str
+            Named in errors.
+
+        Returns
+        -------
+        dict of str to int
+            Index of the trajectory of every marker that is there, in the order of the set.
+
+        Raises
+        ------
+        LabellingError
+            If a required marker is not there, or two trajectories stand for one marker.
+        """
+        owners = {
+            normalise_name(spelling): marker
+            for marker, aliases in self.markers.items()
+            for spelling in (marker, *aliases)
+        }
+        found: dict[str, int] = {}
+        for index, name in enumerate(names):
+            marker = owners.get(normalise_name(name or ""))
+            if marker is None:
+                continue
+            if marker in found:
+                raise LabellingError(
+                    f"{source}: trajectories {names[found[marker]]!r} and {name!r} both stand for "
+                    f"marker {marker!r} of {self.name}; expected one"
+                )
+            found[marker] = index
+        missing = [marker for marker in self.required if marker not in found]
+        if missing:
+            there = ", ".join(sorted(name for name in names if name)) or "no named trajectory"
+            raise LabellingError(
+                f"{source}: marker {missing[0]!r} of {self.name} is not there; got: {there}"
+            )
+        return {marker: found[marker] for marker in self.markers if marker in found}
+
+
+def normalise_name(name: str) -> str:
+    """Reduce a name to what counts when names are compared: letters and digits in lower case."""
+    return re.sub(r"[\s_-]+", "", name).lower()
+
+
+def load_marker_set(name: str) -> MarkerSet:
+    """Load a marker set of ``configs/markers`` by name, or a user's own by the path of its file.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such file, or it has a mistake; the message names file and line.
+    """
+    return load_config(Path(find_resource("configs/markers", name)), MarkerSet)

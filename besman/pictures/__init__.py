@@ -1,0 +1,1 @@
+"""Pictures of an arm and its scene: shapes, camera, rendering."""

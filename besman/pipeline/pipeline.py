@@ -1,0 +1,232 @@
+"""The way of the data: every stage once, top to bottom."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+from besman.config.stage import Truth
+from besman.exceptions import BesmanError, RecognitionError, RunError, nearest
+from besman.person.marker_set import load_marker_set
+from besman.pipeline.config import (
+    PipelineConfig,
+    learn_from,
+    needs_no_examples,
+    pipeline_yaml,
+)
+from besman.pipeline.finished_run import trained_model
+from besman.pipeline.run_folder import Run
+from besman.records import JointTrajectory, LabelledRecording, LabelledSegments
+from besman.records.files import save_record
+from besman.records.layers import side_of
+from besman.robot.model import Robot, find_robot, load_robot
+from besman.simulation.tasks.kinds import load_task
+from besman.stages.compose.actions import LevelModel
+from besman.stages.compose.stage import leave_out_actions, pick_level
+from besman.stages.export.motion_exports import write_exports
+from besman.stages.map.stage import MapBothArms
+from besman.stages.read.read_inputs import Inputs, read_inputs
+from besman.stages.recognize.model import RecognitionModel
+from besman.stages.recognize.model_files import load_model
+from besman.work.display import Display
+from besman.work.workers import Workers
+
+
+def run_pipeline(
+    config: PipelineConfig,
+    folder: Path,
+    *,
+    jobs: int = 1,
+    cluster: str | None = None,
+    fresh: str | None = None,
+    display: Display | None = None,
+    trained_in: Path | None = None,
+) -> Path:
+    """Run every stage that is not cached, and write results and exports.
+
+    Parameters
+    ----------
+    config : PipelineConfig
+        The recipe.
+    folder : Path
+        The run folder; made if need be.
+    jobs : int
+        Threads or processes to use; never changes a result.
+    cluster : str, optional
+        Address of a Dask scheduler, ``tcp://HOST:PORT``; its workers map and refine.
+    fresh : str, optional
+        Stage to compute anew.
+    display : callable, optional
+        Shows progress.
+    trained_in : Path, optional
+        A finished run whose trained model is used in place of labelled examples.
+
+    Returns
+    -------
+    Path
+        The run folder.
+
+    Raises
+    ------
+    BesmanError
+        As the stages say. The run's status is then ``failed``.
+    """
+    from threadpoolctl import threadpool_limits
+
+    if fresh is not None and fresh not in STAGES:
+        raise RunError(f"--fresh: no stage {fresh!r}; {nearest(fresh, STAGES)}")
+    with Workers(jobs, cluster) as workers:
+        wall, cpu = time.perf_counter(), time.process_time()
+        inputs = read_inputs(config.recordings, learn_from(config))
+        run = Run(folder, config.name, jobs=jobs, fresh=fresh, display=display, workers=workers)
+        run.start(pipeline_yaml(config), inputs.checksums)
+        run.record_time("read", wall, cpu, items=len(inputs.recordings), unit="recordings")
+        try:
+            # A name that leads nowhere is said before the first stage.
+            find_robot(config.robot)
+            if config.recognize.model is not None:
+                load_model(Path(config.recognize.model))
+            # Many small matrices: threads inside BLAS cost more than they bring.
+            with threadpool_limits(limits=1, user_api="blas"):
+                _run_stages(config, run, inputs, trained_in)
+        except BesmanError as error:
+            run.finish("failed", str(error))
+            raise
+        except BaseException as error:
+            run.finish("failed", f"{type(error).__name__}: {error}")
+            raise
+        run.finish()
+    return folder
+
+
+STAGES = (
+    "label",
+    "segment",
+    "train",
+    "recognize",
+    "train_actions",
+    "compose",
+    "select",
+    "map",
+    "imitate",
+    "refine",
+    "robustness",
+)
+
+
+def _run_stages(config: PipelineConfig, run: Run, inputs: Inputs, trained_in: Path | None) -> None:
+    """Run the stages in their order."""
+    run.truth = _known_truth(config, inputs)
+    save_record(run.truth.blocks, run.folder / "truth.npz")
+
+    markers = load_marker_set(config.label.markers)
+    labelled = run.step("label", config.label, inputs.recordings, markers, inputs.teacher)
+    segments = run.step("segment", config.segment, labelled)
+    examples = _find_examples(config, run, inputs, labelled, trained_in)
+    model = _learn_blocks(config, run, examples, trained_in)
+    found = run.step("recognize", config.recognize, labelled, segments, model)
+    if config.compose is not None:
+        levels = _learn_actions(config, run, examples, trained_in)
+        actions = run.step("compose", config.compose, labelled, found, levels)
+        if config.select.action is not None:
+            found = pick_level(actions, config.compose, config.select.action)
+    hands = run.step("select", config.select, labelled, found)
+    robot = load_robot(config.robot, config.tool)
+    if config.second_arm is None:
+        mapping = run.step("map", config.map, hands, robot)
+        _learn_motions(config, run, mapping.trajectories, robot)
+        return
+
+    others = run.prepare("select_second", config.select.other_arm, labelled, found)
+    second = load_robot(config.second_arm.robot, config.second_arm.tool)
+    both = run.step("map", MapBothArms(config.map), hands, others, robot, second)
+    for mapping, arm, name in zip(both, (robot, second), ("", "_second"), strict=True):
+        _learn_motions(config, run, mapping.trajectories, arm, name)
+
+
+def _learn_motions(
+    config: PipelineConfig,
+    run: Run,
+    trajectories: tuple[JointTrajectory, ...],
+    robot: Robot,
+    arm: str = "",
+) -> None:
+    """Imitate what was mapped to an arm, refine it, and export it."""
+    task, refine = load_task(config.task), config.refine
+    plans = run.step(f"imitate{arm}", config.imitate, trajectories, robot)
+    motions = run.step(f"refine{arm}", refine.without_robustness, plans, robot, task)
+    if refine.robustness is not None:
+        run.step(f"robustness{arm}", refine.robustness, motions, robot, task)
+        run.results[f"refine{arm}"]["robustness"] = run.results.pop(f"robustness{arm}")
+    folder = run.folder / f"exports{arm}"
+    if not _exports_are_current(run, folder, f"refine{arm}"):
+        run.work(f"export{arm}", write_exports, motions, robot, folder)
+
+
+def _exports_are_current(run: Run, folder: Path, stage: str) -> bool:
+    """Tell whether whole exports were written after the motions were stored, also past a crash."""
+    limits = folder / "limits.json"
+    stored = next(run.folder.glob(f"[0-9][0-9]_{stage}/stage.json"))
+    return limits.is_file() and limits.stat().st_mtime_ns >= stored.stat().st_mtime_ns
+
+
+def _known_truth(config: PipelineConfig, inputs: Inputs) -> Truth:
+    """Return what is known of the recordings beforehand."""
+    side = side_of(config.segment.markers)
+    blocks = leave_out_actions(inputs.truth, config.compose, side)
+    return Truth(blocks, inputs.names, config.margin_s)
+
+
+Examples = tuple[tuple[LabelledRecording, ...], tuple[LabelledSegments, ...]]
+"""Recordings, and the manual segments of those that have some."""
+
+
+def _find_examples(
+    config: PipelineConfig,
+    run: Run,
+    inputs: Inputs,
+    labelled: tuple[LabelledRecording, ...],
+    trained_in: Path | None,
+) -> Examples:
+    """Return what can be learnt from; nothing where all that is to be learnt is known."""
+    if trained_in is not None or needs_no_examples(config):
+        return (), ()
+    if config.training:
+        inputs = read_inputs(config.training, learn_from(config))
+        markers = load_marker_set(config.label.markers)
+        known = (inputs.recordings, markers, inputs.teacher)
+        labelled = run.prepare("label_training", config.label, *known)
+    manual = tuple(segments for segments in inputs.truth if segments is not None)
+    if not manual:
+        raise RecognitionError(
+            f"recognize: no labelled examples: none of {len(inputs.truth)} recordings has a "
+            "segments file beside it (STEM_manually_segmented.json); name recordings that have "
+            "with training:"
+        )
+    return labelled, manual
+
+
+def _learn_blocks(
+    config: PipelineConfig, run: Run, examples: Examples, trained_in: Path | None
+) -> RecognitionModel:
+    """Return the trained model: a file's, another run's, or one of the labelled examples."""
+    if config.recognize.model is not None:
+        return load_model(Path(config.recognize.model))
+    if trained_in is not None:
+        model: RecognitionModel = trained_model(trained_in)
+        return model
+    labelled, manual = examples
+    blocks = leave_out_actions(manual, config.compose, side_of(config.segment.markers))
+    known = tuple(one for one in blocks if one is not None)
+    return run.prepare("train", config.recognize.training, labelled, known)
+
+
+def _learn_actions(
+    config: PipelineConfig, run: Run, examples: Examples, trained_in: Path | None
+) -> tuple[LevelModel, ...]:
+    """Return the actions of every level: another run's, or those of the labelled examples."""
+    if trained_in is not None:
+        levels: tuple[LevelModel, ...] = trained_model(trained_in, "train_actions")
+        return levels
+    assert config.compose is not None
+    return run.prepare("train_actions", config.compose.training, *examples)

@@ -1,0 +1,31 @@
+"""The frozen records that flow between the stages. SI units; NaN means not seen.
+
+Arrays are copied, made read-only and checked once, at construction.
+"""
+
+from besman.records.failure import Failure
+from besman.records.frozen import FloatArray, Record, ShapeError, freeze
+from besman.records.plans import AnyPlan, CartesianPlan, MotionPlan
+from besman.records.recordings import LabelledRecording, Recording
+from besman.records.refined_motion import RefinedMotion
+from besman.records.segments import Actions, LabelledSegments, Segments
+from besman.records.trajectories import HandTrajectory, JointTrajectory
+
+__all__ = [
+    "Actions",
+    "AnyPlan",
+    "CartesianPlan",
+    "Failure",
+    "FloatArray",
+    "HandTrajectory",
+    "JointTrajectory",
+    "LabelledRecording",
+    "LabelledSegments",
+    "MotionPlan",
+    "Record",
+    "Recording",
+    "RefinedMotion",
+    "Segments",
+    "ShapeError",
+    "freeze",
+]

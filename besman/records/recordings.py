@@ -1,0 +1,148 @@
+"""The frozen records that flow between the stages. SI units; NaN means not seen.
+
+Arrays are copied, made read-only and checked once, at construction.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from besman.records.frozen import FloatArray, Record, ShapeError, freeze
+
+FARTHEST_M = 1000.0
+"""Greatest absolute coordinate: no camera sees farther."""
+
+RATES_HZ = (1.0, 10_000.0)
+"""Least and greatest frames per second."""
+
+GREATEST_FRAME = 10**9
+"""Greatest number of a frame, and of seconds on a clock: no recording counts farther."""
+
+
+@dataclass(frozen=True, eq=False)
+class Recording(
+    Record,
+    stored_as="besman.records:Recording",
+    finite=("time",),
+):
+    """What the cameras delivered.
+
+    Attributes
+    ----------
+    time : array, shape (T,)
+        Seconds, strictly rising.
+    positions : array, shape (T, M, 3)
+        Metres in the laboratory frame (z up); NaN where a trajectory was not seen.
+    names : tuple of str or None, length M
+        Names as written in the file; None for an unnamed trajectory.
+    rate_hz : float
+        Frames per second.
+    source : str
+        File name without folder.
+    first_frame : int
+        Frame number of row 0 (segments files count in frames).
+    orientations : array, shape (T, M, 4), or None
+        Unit quaternions (w, x, y, z), body2lab, of what was recorded as bodies (segments of a
+        sensor suit, links of an exoskeleton); None for markers, which have none.
+    """
+
+    time: FloatArray
+    positions: FloatArray
+    names: tuple[str | None, ...]
+    rate_hz: float
+    source: str
+    first_frame: int = 1
+    orientations: FloatArray | None = None
+
+    def __post_init__(self) -> None:
+        shapes: dict[str, tuple[int | str, ...]] = {"time": ("T",), "positions": ("T", "M", 3)}
+        if self.orientations is not None:
+            shapes["orientations"] = ("T", "M", 4)
+        freeze(self, shapes)
+        if len(self.names) != self.positions.shape[1]:
+            raise ShapeError(
+                f"Recording.names must name {self.positions.shape[1]} trajectories, "
+                f"got {len(self.names)}"
+            )
+
+    def check(self) -> None:
+        """Refuse what no camera delivers, as `besman.records.frozen.Record.check` says."""
+        super().check()
+        _check_sense(self)
+
+
+@dataclass(frozen=True, eq=False)
+class LabelledRecording(
+    Record,
+    stored_as="besman.records:LabelledRecording",
+    finite=("time",),
+):
+    """A recording whose trajectories carry the names of a marker set.
+
+    Attributes
+    ----------
+    time : array, shape (T,)
+        Seconds.
+    positions : array, shape (T, M, 3)
+        Metres in the laboratory frame (z up). No gaps in the required markers of the set; optional
+        ones (fingers, objects) stay NaN where they were unseen for long.
+    markers : tuple of str, length M
+        Canonical names of the marker set, e.g. ``hand_top``.
+    filled : bool array, shape (T, M)
+        True where a gap was filled.
+    rate_hz, source, first_frame, orientations
+        As in `Recording`.
+    """
+
+    time: FloatArray
+    positions: FloatArray
+    markers: tuple[str, ...]
+    filled: npt.NDArray[np.bool_]
+    rate_hz: float
+    source: str
+    first_frame: int = 1
+    orientations: FloatArray | None = None
+
+    def __post_init__(self) -> None:
+        shapes: dict[str, tuple[int | str, ...]] = {
+            "time": ("T",),
+            "positions": ("T", "M", 3),
+            "filled": ("T", "M"),
+        }
+        if self.orientations is not None:
+            shapes["orientations"] = ("T", "M", 4)
+        freeze(self, shapes, filled=bool)
+        if len(self.markers) != self.positions.shape[1]:
+            raise ShapeError(
+                f"LabelledRecording.markers must name {self.positions.shape[1]} markers, "
+                f"got {len(self.markers)}"
+            )
+
+    def check(self) -> None:
+        """Refuse what no camera delivers, as `besman.records.frozen.Record.check` says."""
+        super().check()
+        _check_sense(self)
+
+    def marker(self, name: str) -> FloatArray:
+        """Return the positions of one marker, shape (T, 3), metres."""
+        if name not in self.markers:
+            from besman.exceptions import LabellingError, nearest
+
+            raise LabellingError(
+                f"{self.source}: no marker {name!r}; {nearest(name, self.markers)}"
+            )
+        return self.positions[:, self.markers.index(name)]
+
+
+def _check_sense(recording: Recording | LabelledRecording) -> None:
+    """Refuse a rate or coordinates that no camera has."""
+    kind, (slowest, fastest) = type(recording).__name__, RATES_HZ
+    if not slowest <= recording.rate_hz <= fastest:
+        raise ShapeError(
+            f"{kind}.rate_hz must be {slowest:g} to {fastest:g}, got {recording.rate_hz:g}"
+        )
+    if np.any(np.abs(recording.positions) > FARTHEST_M):
+        raise ShapeError(f"{kind}.positions must be within {FARTHEST_M:g} m")

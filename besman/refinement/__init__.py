@@ -1,1 +1,0 @@
-"""Refinement: motion plans are changed by search until the simulated task succeeds."""

@@ -1,0 +1,1 @@
+"""Black-box searches, with and without a context."""

@@ -1,1 +1,0 @@
-"""Segmentation of movements into building blocks."""

@@ -1,0 +1,1 @@
+"""The kinds of tasks: one folder a kind, `kinds` is the table of them."""

@@ -1,0 +1,1 @@
+"""Throw a ball from a scoop."""

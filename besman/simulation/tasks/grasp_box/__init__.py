@@ -1,0 +1,1 @@
+"""Grasp a box with three fingers and lift it."""

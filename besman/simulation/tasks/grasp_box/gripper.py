@@ -1,0 +1,91 @@
+"""A gripper of three fingers that close on rails: two of them against a thumb."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+
+from besman.robot.mujoco_model import ARM_BIT
+from besman.simulation.tasks.grasp_box.sections import GripperConfig
+
+FloatArray = npt.NDArray[np.float64]
+
+FINGERS = ("finger_1", "finger_2", "thumb")
+# Which side of TCP x each is on; the two fingers share the thumb's force.
+_SIDES, _SHARES = (-1.0, -1.0, 1.0), (0.5, 0.5, 1.0)
+# A finger reaches its force limit at this deviation.
+_SATURATION_M = 0.01
+# The rotor of its motor, seen through the gears.
+_ROTOR_KG = 0.5
+
+
+def add_gripper(
+    spec: mujoco.MjSpec, body: Any, gripper: GripperConfig, touch: dict[str, list[float]]
+) -> None:
+    """Add palm, fingers and their position servos.
+
+    Parameters
+    ----------
+    spec : mujoco.MjSpec
+    body : mujoco.MjsBody
+        In the frame of the tool centre point.
+    gripper : GripperConfig
+    touch : dict
+        Contact parameters of the fingers.
+    """
+    back, tip = gripper.reach_m
+    half = gripper.opening_m / 2
+    radius = gripper.finger_radius_m
+    shape = {"mass": 0.0, "contype": ARM_BIT, "conaffinity": 0, **touch}
+    body.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        pos=[0.0, 0.0, -back - 0.015],
+        size=[half + radius, gripper.spacing_m / 2 + radius, 0.015],
+        **shape,
+    )
+    for name, side, share in zip(FINGERS, _SIDES, _SHARES, strict=True):
+        finger = body.add_body(name=name, gravcomp=1.0)
+        joint = finger.add_joint(
+            name=name,
+            type=mujoco.mjtJoint.mjJNT_SLIDE,
+            axis=[-side, 0.0, 0.0],
+            range=[-0.002, half + 0.01],
+        )
+        joint.limited = mujoco.mjtLimited.mjLIMITED_TRUE
+        joint.armature, joint.frictionloss = _ROTOR_KG, share * gripper.drag_n
+        y = 0.0 if side > 0 else gripper.spacing_m * (0.5 if name == FINGERS[0] else -0.5)
+        x = side * (half + radius)
+        finger.add_geom(
+            name=name,
+            type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+            fromto=[x, y, -back, x, y, tip - radius],
+            size=[radius, 0.0, 0.0],
+            **{**shape, "mass": gripper.finger_mass_kg},
+        )
+        force = share * gripper.force_n
+        kp = force / _SATURATION_M
+        servo = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        servo.set_to_position(kp=kp, kv=2.0 * np.sqrt(kp * (_ROTOR_KG + gripper.finger_mass_kg)))
+        servo.forcelimited = True
+        servo.forcerange = [-force, force]
+
+
+def finger_controls(gripper: GripperConfig, since: FloatArray) -> FloatArray:
+    """Compute the set-points of fingers that begin to close at a time.
+
+    Parameters
+    ----------
+    gripper : GripperConfig
+    since : array, shape (..., T)
+        Seconds since they begin; negative before.
+
+    Returns
+    -------
+    array, shape (..., T, 3)
+        Metres from the open position. Past what they touch, up to the middle, they press.
+    """
+    closed = np.clip(gripper.speed_m_s * since, 0.0, gripper.opening_m / 2)
+    return np.repeat(closed[..., None], len(FINGERS), axis=-1)

@@ -1,0 +1,1 @@
+"""Pull a lever with a hook."""

@@ -1,0 +1,151 @@
+"""A hinged lever with friction is pulled by a hook on the arm's tool.
+
+The lever stands where the demonstration pulled one: its handle begins where the demonstrated
+movement begins, and its hinge is where the handle's arc also passes through the movement's end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from besman.records import AnyPlan
+from besman.robot.model import Robot
+from besman.robot.mujoco_model import servo_controls
+from besman.simulation.episodes import Episodes, Movements, Playback, arm_failure, tracking_errors
+from besman.simulation.physics import SimulatedStates, run_physics
+from besman.simulation.task import PlacedBy
+from besman.simulation.tasks.pull_lever.sections import (
+    PullLeverFields,
+)
+
+if TYPE_CHECKING:
+    import mujoco
+
+    from besman.simulation.tasks.pull_lever.lever_scene import Hinge
+
+FloatArray = npt.NDArray[np.float64]
+
+# Columns of a sensor, see `besman.simulation.tasks.pull_lever.lever_scene.lever_model`.
+_HANDLE = slice(7, 10)
+
+
+class PullLeverConfig(PullLeverFields):
+    """A lever is pulled beyond an angle; see `PullLeverFields` for its sections."""
+
+    needs: ClassVar[str] = "demonstrated start and end pose"
+    placed_by: ClassVar[tuple[PlacedBy, ...]] = ("start_pose", "goal_pose")
+    worst: ClassVar[dict[str, float]] = {"slip_m": 1.0}
+
+    @property
+    def rest_s(self) -> float:
+        """How long the simulation goes on after the movement, seconds."""
+        return self.simulation.settling_s
+
+    def wanted(self, plan: AnyPlan) -> FloatArray:
+        """Return the handle's place after the pull, shape (3,), which both poses make."""
+        return plan.target
+
+    def place(self, plan: AnyPlan, robot: Robot) -> AnyPlan:
+        """Return the plan with the handle's place after the pull as its target."""
+        if not np.isfinite([plan.start_pose, plan.goal_pose]).all():
+            return replace(plan, target=np.full(3, np.nan))
+        angle = np.radians(self.lever.pull_deg)
+        return replace(plan, target=self._hinge(plan).handle(angle, self.lever.length_m))
+
+    def scene(self, plan: AnyPlan, robot: Robot) -> Hashable:
+        """Return where the lever's hinge is."""
+        return self._hinge(plan).key
+
+    def miss(self, plan: AnyPlan, outcome: FloatArray) -> float:
+        """Return the arc that the handle's way is short, metres."""
+        short = np.radians(self.lever.pull_deg) - self._hinge(plan).angle(outcome)
+        return float(self.lever.length_m * np.maximum(short, 0.0))
+
+    def _hinge(self, plan: AnyPlan) -> Hinge:
+        """Find the hinge that belongs to a demonstration."""
+        from besman.simulation.tasks.pull_lever.lever_scene import find_hinge
+
+        return find_hinge(
+            plan.start_pose, plan.goal_pose, self.lever.length_m, self.lever.offset_m, plan.name
+        )
+
+    def simulate(
+        self, robot: Robot, plans: Sequence[AnyPlan], movements: Movements, paths: bool
+    ) -> Episodes:
+        """Pull; the paths are those of the handle."""
+        from besman.simulation.tasks.pull_lever.lever_scene import lever_model
+
+        model = lever_model(robot, self, self._hinge(plans[0]).key)
+        return simulate_pulling(robot, self, model, movements, paths)
+
+
+def simulate_pulling(
+    robot: Robot,
+    task: PullLeverConfig,
+    model: mujoco.MjModel,
+    movements: Movements,
+    paths: bool = False,
+) -> Episodes:
+    """Pull.
+
+    Parameters
+    ----------
+    robot : Robot
+        With the task's tool.
+    task : PullLeverConfig
+        Criteria.
+    model : mujoco.MjModel
+        See `besman.simulation.tasks.pull_lever.lever_scene.lever_model`.
+    movements : Movements
+        Sampled at the task's time step, for at least `settling_s` after they end.
+    paths : bool
+        Whether to give the handle's path and the playbacks.
+
+    Returns
+    -------
+    Episodes
+        Outcomes are the handle's places at the end.
+    """
+    controls = servo_controls(
+        robot, movements.positions, movements.velocities, movements.accelerations
+    )
+    ends = movements.durations + task.simulation.settling_s
+    last = np.ceil(ends / task.simulation.time_step_s).astype(np.int64) - 1
+    initial = np.pad(movements.positions[:, 0], ((0, 0), (0, 1)))
+
+    def finished(_: SimulatedStates, span: slice) -> npt.NDArray[np.bool_]:
+        return np.asarray(last < span.stop)
+
+    run = run_physics(model, initial, controls, finished, movements.perturbations)
+    rows = np.arange(len(last))
+    tracking = tracking_errors(run.qpos[:, :, :-1], movements, last)
+    poses, handle = run.sensors[rows, last, :7], run.sensors[rows, last, _HANDLE]
+    slips = np.linalg.norm(handle - poses[:, :3], axis=1)
+    share = run.qpos[rows, last, -1] / np.radians(task.lever.pull_deg)
+    failures = tuple(_failure(tracking[i], slips[i], share[i], task) for i in rows)
+    shortfalls = np.clip(np.nan_to_num(1.0 - share, nan=1.0), 0.0, 1.0)
+    return Episodes(
+        outcomes=np.where(np.isfinite(tracking)[:, None], handle, np.nan),
+        end_poses=poses,
+        tracking_errors=tracking,
+        shortfalls=shortfalls * [bool(failure) for failure in failures],
+        failures=failures,
+        object_paths=tuple(run.sensors[i, : last[i] + 1, _HANDLE] for i in rows) if paths else (),
+        measures={"slip_m": slips},
+        playbacks=tuple(Playback(model, run.qpos[i, : last[i] + 1]) for i in rows) if paths else (),
+    )
+
+
+def _failure(tracking: float, slip: float, share: float, task: PullLeverConfig) -> str:
+    """Name what went wrong in one episode."""
+    failure = arm_failure(tracking, task.failure.greatest_tracking_error_rad)
+    if failure or share >= 1.0:
+        return failure
+    hook = task.hook
+    room = task.lever.handle_radius_m + hook.clearance_m + hook.rod_radius_m + hook.tip_m
+    return "hook slipped off the lever" if slip > room else ""

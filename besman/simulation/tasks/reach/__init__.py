@@ -1,0 +1,1 @@
+"""Reach where the hand reached."""

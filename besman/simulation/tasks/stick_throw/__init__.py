@@ -1,0 +1,1 @@
+"""Throw a stick with a ball at its end."""

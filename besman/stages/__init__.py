@@ -1,0 +1,1 @@
+"""The stages of a pipeline: folders bear the names of its keys."""

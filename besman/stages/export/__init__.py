@@ -1,0 +1,1 @@
+"""Motions as files that robots and other programs read."""

@@ -1,0 +1,1 @@
+"""Motion plans of joint trajectories."""

@@ -1,0 +1,1 @@
+"""Names for the trajectories of a recording."""

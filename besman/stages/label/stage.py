@@ -1,0 +1,251 @@
+"""Stages: from a recording's trajectories to the markers of a set, and their figures."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from besman.config.stage import Items, Stage, Truth, Work
+from besman.exceptions import LabellingError
+from besman.geometry.gaps import find_runs
+from besman.person.marker_set import MarkerSet
+from besman.records import FloatArray, LabelledRecording, Recording
+from besman.stages.label.model import MarkerModel
+from besman.stages.label.model_from_pose import model_from_pose
+from besman.stages.label.named_recording import NamedRecording
+from besman.stages.label.results import label_results
+from besman.stages.label.trajectories import fill_markers, learn_from_recording, name_trajectories
+
+
+class _LabelStage(Stage):
+    """What both methods count and tell."""
+
+    def items(self, recordings: tuple[Recording, ...], *others: Any) -> Items:
+        """Count the recordings."""
+        return Items(len(recordings), "recordings")
+
+    def figures(
+        self,
+        labelled: tuple[LabelledRecording, ...],
+        truth: Truth,
+        recordings: tuple[Recording, ...],
+        marker_set: MarkerSet,
+        *others: Any,
+    ) -> dict[str, Any]:
+        """Return what was named, and how much of it right; see `label_results`."""
+        return label_results(recordings, labelled, marker_set, truth.names)
+
+
+class LabelConfig(_LabelStage):
+    """Take named trajectories for markers and fill short gaps.
+
+    Attributes
+    ----------
+    method : "named"
+        Trajectories carry names.
+    markers : str
+        A marker set of ``configs/markers`` or the path of one.
+    longest_gap_s : float
+        Gaps up to this length are filled by a spline. A longer one is an error in a required
+        marker, and stays a gap in an optional one.
+    longest_rigid_gap_s : float
+        Gaps up to this length are filled from the other markers of a rigid cluster.
+    """
+
+    method: Literal["named"] = "named"
+    markers: str = "right_arm"
+    longest_gap_s: float = Field(default=0.25, ge=0.0)
+    longest_rigid_gap_s: float = Field(default=1.0, ge=0.0)
+
+    def run(
+        self,
+        recordings: tuple[Recording, ...],
+        marker_set: MarkerSet,
+        teacher: Recording | None = None,
+        work: Work = Work(),
+    ) -> tuple[LabelledRecording, ...]:
+        """Label recordings.
+
+        Parameters
+        ----------
+        recordings : tuple of Recording
+        marker_set : MarkerSet
+            What `markers` names.
+        teacher : Recording, optional
+            Not looked at: names need not be learnt.
+        work : Work
+
+        Returns
+        -------
+        tuple of LabelledRecording
+            Markers in the order of the set; trajectories that are no marker are left out.
+
+        Raises
+        ------
+        LabellingError
+            If a required marker is not there or has a gap that is too long.
+        """
+        labelled = []
+        for number, recording in enumerate(recordings, start=1):
+            labelled.append(self._label(recording, marker_set))
+            work.progress(number / len(recordings))
+        return tuple(labelled)
+
+    def _label(self, recording: Recording, marker_set: MarkerSet) -> LabelledRecording:
+        """Label one recording."""
+        columns = marker_set.match(recording.names, recording.source)
+        # A length in seconds that is a whole number of samples must not lose one to rounding.
+        longest, longest_rigid = (
+            int(np.floor(length_s * recording.rate_hz + 1e-6))
+            for length_s in (self.longest_gap_s, self.longest_rigid_gap_s)
+        )
+        positions, filled = fill_markers(
+            recording.positions[:, list(columns.values())],
+            tuple(columns),
+            marker_set,
+            longest,
+            longest_rigid,
+        )
+        for index, marker in enumerate(columns):
+            if marker in marker_set.required:
+                _refuse_gap(positions[:, index], marker, recording, self.longest_gap_s)
+        return LabelledRecording(
+            time=recording.time,
+            positions=positions,
+            markers=tuple(columns),
+            filled=filled,
+            rate_hz=recording.rate_hz,
+            source=recording.source,
+            first_frame=recording.first_frame,
+            orientations=_keep_orientations(recording, tuple(columns.values())),
+        )
+
+
+def _keep_orientations(recording: Recording, columns: tuple[int, ...]) -> FloatArray | None:
+    """Return the orientations of the trajectories that are kept, shape (T, M, 4), if there are."""
+    if recording.orientations is None:
+        return None
+    kept: FloatArray = recording.orientations[:, columns]
+    return kept
+
+
+def _refuse_gap(
+    positions: FloatArray, marker: str, recording: Recording, longest_gap_s: float
+) -> None:
+    """Raise an error if a required marker still has a gap."""
+    runs = find_runs(np.isnan(positions[:, 0]))
+    if len(runs) == 0:
+        return
+    start, end = runs[np.argmax(runs[:, 1] - runs[:, 0])]
+    first, last = recording.first_frame + start, recording.first_frame + end - 1
+    raise LabellingError(
+        f"{recording.source}: marker {marker!r} is not seen in frames {first} to {last} "
+        f"({(end - start) / recording.rate_hz:.3g} s); gaps up to longest_gap_s = "
+        f"{longest_gap_s:g} s are filled, those of back and hand up to longest_rigid_gap_s from "
+        "their other two markers"
+    )
+
+
+class LabelTrajectoriesConfig(_LabelStage):
+    """Name unnamed, broken trajectories, and fill gaps.
+
+    Attributes
+    ----------
+    method : "trajectories"
+        Trajectories carry no names, or none that are trusted.
+    markers : str
+        A marker set of ``configs/markers`` or the path of one.
+    learn_from : str, optional
+        A recording with names, from which the distances of the markers are learnt; relative to
+        the pipeline's file. Without it the marker set's own pose is used.
+    threshold : float
+        A name less sure than this is not given, and is listed for review.
+    longest_gap_s : float
+        Gaps up to this length are filled by a spline.
+    longest_rigid_gap_s : float
+        Gaps up to this length are filled from the other markers of a rigid cluster.
+    """
+
+    method: Literal["trajectories"] = "trajectories"
+    markers: str = "right_arm"
+    learn_from: str | None = None
+    threshold: float = Field(default=0.8, gt=0.5, lt=1.0)
+    longest_gap_s: float = Field(default=0.25, ge=0.0)
+    longest_rigid_gap_s: float = Field(default=1.0, ge=0.0)
+
+    def run(
+        self,
+        recordings: tuple[Recording, ...],
+        marker_set: MarkerSet,
+        teacher: Recording | None = None,
+        work: Work = Work(),
+    ) -> tuple[NamedRecording, ...]:
+        """Label recordings.
+
+        Parameters
+        ----------
+        recordings : tuple of Recording
+        marker_set : MarkerSet
+            What `markers` names.
+        teacher : Recording, optional
+            What `learn_from` names.
+        work : Work
+
+        Returns
+        -------
+        tuple of NamedRecording
+            Markers in the order of the set.
+
+        Raises
+        ------
+        LabellingError
+            If the marker set does not fit, or a required marker is not found or has a gap that
+            is too long.
+        """
+        model = self.learn(marker_set, teacher)
+        labelled = []
+        for number, recording in enumerate(recordings, start=1):
+            named = name_trajectories(recording, marker_set, model, self.threshold)
+            filled = self.fill(named, marker_set)
+            self._check(filled, recording, marker_set)
+            labelled.append(filled)
+            work.progress(number / len(recordings))
+        return tuple(labelled)
+
+    def learn(self, marker_set: MarkerSet, teacher: Recording | None = None) -> MarkerModel:
+        """Return the model of the markers: from the teacher, or from the set's own pose."""
+        if teacher is not None:
+            return learn_from_recording(teacher, marker_set)
+        return model_from_pose(marker_set)
+
+    def fill(self, named: NamedRecording, marker_set: MarkerSet) -> NamedRecording:
+        """Fill the gaps that are not too long."""
+        longest, longest_rigid = (
+            int(np.floor(length_s * named.rate_hz + 1e-6))
+            for length_s in (self.longest_gap_s, self.longest_rigid_gap_s)
+        )
+        positions, filled = fill_markers(
+            named.positions, named.markers, marker_set, longest, longest_rigid
+        )
+        return replace(named, positions=positions, filled=filled)
+
+    def _check(self, named: NamedRecording, recording: Recording, marker_set: MarkerSet) -> None:
+        """Raise an error if a required marker is not there or still has a gap."""
+        for marker in marker_set.required:
+            if marker not in named.markers:
+                raise LabellingError(
+                    f"{recording.source}: marker {marker!r} of {marker_set.name} was not found "
+                    f"with confidence {self.threshold:g}; found: {', '.join(named.markers)}"
+                )
+            _refuse_gap(
+                named.marker(marker),
+                marker,
+                recording,
+                self.longest_gap_s,
+            )
+
+
+LabelStage = Annotated[LabelConfig | LabelTrajectoriesConfig, Field(discriminator="method")]

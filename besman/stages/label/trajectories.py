@@ -1,0 +1,177 @@
+"""From unnamed, broken trajectories to markers: naming, then filling of gaps."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from besman.exceptions import LabellingError
+from besman.geometry.gaps import BoolArray, fill_gaps
+from besman.geometry.rigid_bodies import fill_cluster
+from besman.person.marker_set import MarkerSet
+from besman.records import Recording
+from besman.stages.label.fragments import split_fragments
+from besman.stages.label.learning import learn_marker_model
+from besman.stages.label.model import MarkerModel
+from besman.stages.label.named_recording import NameDecision, NamedRecording
+from besman.stages.label.naming import label_fragments
+from besman.stages.label.scores import GHOST
+
+FloatArray = npt.NDArray[np.float64]
+
+_LEAST_TO_LEARN_S = 0.4
+_LEAST_FOUND = 0.5
+
+
+def learn_from_recording(teacher: Recording, marker_set: MarkerSet) -> MarkerModel:
+    """Learn what a marker set looks like from a recording with names.
+
+    Parameters
+    ----------
+    teacher : Recording
+        Its trajectories carry the names of the set.
+    marker_set : MarkerSet
+
+    Returns
+    -------
+    MarkerModel
+        Of the markers that the recording has.
+
+    Raises
+    ------
+    LabellingError
+        If a required marker is not there or never seen, a name is there twice, or the recording
+        is too short to show how the markers move.
+    """
+    columns = marker_set.match(teacher.names, teacher.source)
+    duration = len(teacher.time) / teacher.rate_hz
+    if duration < _LEAST_TO_LEARN_S:
+        raise LabellingError(
+            f"{teacher.source}: {len(teacher.time)} frames ({duration:.3g} s) are too few to learn "
+            f"markers from, expected at least {_LEAST_TO_LEARN_S:g} s"
+        )
+    positions = teacher.positions[:, list(columns.values())]
+    seen: BoolArray = np.any(np.isfinite(positions).all(axis=2), axis=0)
+    for marker, there in zip(columns, seen, strict=True):
+        if marker in marker_set.required and not there:
+            raise LabellingError(
+                f"{teacher.source}: marker {marker!r} of {marker_set.name} is never seen, so "
+                "nothing can be learnt of it"
+            )
+    markers = tuple(marker for marker, there in zip(columns, seen, strict=True) if there)
+    bodies = (*marker_set.clusters.values(), *marker_set.objects.values())
+    return learn_marker_model(positions[:, seen], teacher.rate_hz, markers, bodies=bodies)
+
+
+def name_trajectories(
+    recording: Recording, marker_set: MarkerSet, model: MarkerModel, threshold: float
+) -> NamedRecording:
+    """Name the trajectories of a recording; names that it has are not looked at.
+
+    Parameters
+    ----------
+    recording : Recording
+        Unnamed, broken trajectories.
+    marker_set : MarkerSet
+    model : MarkerModel
+        Statistics of its markers.
+    threshold : float
+        Least confidence of a name that is given.
+
+    Returns
+    -------
+    NamedRecording
+        The markers found, in the order of the set, with all gaps.
+
+    Raises
+    ------
+    LabellingError
+        If nothing is seen, or the marker set does not fit the recording.
+    """
+    fragments = split_fragments(recording.positions, recording.rate_hz)
+    if not fragments.n_fragments:
+        raise LabellingError(
+            f"{recording.source}: nothing to name: no marker is seen in any of "
+            f"{fragments.n_frames} frames"
+        )
+    answer = label_fragments(fragments, model, threshold=threshold)
+    found = np.unique(answer.labels[answer.labels != GHOST])
+    names = tuple(model.markers[k] for k in found)
+    _refuse_misfit(recording, marker_set, names)
+    positions = np.full((len(recording.time), len(found), 3), np.nan)
+    decisions = []
+    for k, label in enumerate(answer.labels):
+        start, stop = int(fragments.start[k]), int(fragments.stop[k])
+        column = int(fragments.column[k])
+        if label != GHOST:
+            place = int(np.searchsorted(found, label))
+            positions[start:stop, place] = recording.positions[start:stop, column]
+        best = "" if answer.best[k] == GHOST else model.markers[answer.best[k]]
+        confidence = round(float(answer.confidence[k]), 4)
+        decisions.append(NameDecision(column, start, stop, best, confidence, bool(label != GHOST)))
+    order = [names.index(marker) for marker in marker_set.markers if marker in names]
+    return NamedRecording(
+        time=recording.time,
+        positions=positions[:, order],
+        markers=tuple(names[k] for k in order),
+        filled=np.zeros((len(recording.time), len(order)), dtype=np.bool_),
+        rate_hz=recording.rate_hz,
+        source=recording.source,
+        first_frame=recording.first_frame,
+        decisions=tuple(decisions),
+        threshold=threshold,
+    )
+
+
+def _refuse_misfit(recording: Recording, marker_set: MarkerSet, names: tuple[str, ...]) -> None:
+    """Raise an error if so few required markers were found that the set cannot be the right one."""
+    found = [marker for marker in marker_set.required if marker in names]
+    if len(found) < _LEAST_FOUND * len(marker_set.required):
+        raise LabellingError(
+            f"{recording.source}: marker set {marker_set.name} does not fit: "
+            f"{len(found)} of {len(marker_set.required)} required markers found among "
+            f"{len(recording.names)} trajectories ({', '.join(found) or 'none'}); expected those "
+            "of this person's markers, see --markers and learn_from"
+        )
+
+
+def fill_markers(
+    positions: FloatArray,
+    markers: tuple[str, ...],
+    marker_set: MarkerSet,
+    longest: int,
+    longest_rigid: int,
+) -> tuple[FloatArray, BoolArray]:
+    """Fill gaps: rigid clusters from their own markers, then all others by a spline.
+
+    Parameters
+    ----------
+    positions : array, shape (T, M, 3)
+        Metres; NaN where not seen.
+    markers : tuple of str, length M
+    marker_set : MarkerSet
+        Its clusters are the rigid bodies.
+    longest, longest_rigid : int
+        Greatest number of samples to fill at a stretch by a spline, and from a cluster.
+
+    Returns
+    -------
+    positions : array, shape (T, M, 3)
+    filled : bool array, shape (T, M)
+    """
+    result = positions.copy()
+    filled = np.zeros(positions.shape[:2], dtype=np.bool_)
+
+    def fill_clusters() -> None:
+        for cluster in marker_set.clusters.values():
+            member = [markers.index(marker) for marker in cluster if marker in markers]
+            result[:, member], repaired = fill_cluster(result[:, member], longest_rigid)
+            filled[:, member] |= repaired
+
+    fill_clusters()
+    for k in range(len(markers)):
+        result[:, k], splined = fill_gaps(result[:, k], longest)
+        filled[:, k] |= splined
+    # A mate's own short gap no longer stands in the way.
+    fill_clusters()
+    return result, filled

@@ -1,0 +1,1 @@
+"""Hand trajectories in the workspace of an arm, within its limits."""

@@ -1,0 +1,133 @@
+"""What a placement costs: the terms of all demonstrations, each on the arm's best branch."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from besman.robot.inverse_kinematics import IkWeights, draw_starts, find_branches, follow_all
+from besman.robot.kinematics import forward_kinematics
+from besman.robot.model import Robot
+from besman.stages.map.terms import HEIGHT_SCALE_M, SCALE_SCALE, TermWeights, path_terms
+
+FloatArray = npt.NDArray[np.float64]
+
+_POSES = 12
+_GREATEST_BRANCHES = 8
+_SEARCHED_BRANCHES = 3
+_SAMPLE = 4
+
+
+def pose_of(parameters: FloatArray, centre: FloatArray) -> FloatArray:
+    """Return the placement that brings `centre` to (x, y, z) and turns about it by yaw, (4, 4)."""
+    x, y, z, yaw = parameters[:4]
+    pose = np.eye(4)
+    pose[:2, :2] = [[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]]
+    pose[:3, 3] = np.array([x, y, z]) - pose[:3, :3] @ centre
+    return pose
+
+
+def scale_about(poses: FloatArray, centre: FloatArray, scale: float) -> FloatArray:
+    """Make a movement (..., 4, 4) smaller or larger about a point (3,); nothing is turned."""
+    if scale == 1.0:
+        return poses
+    scaled: FloatArray = poses.copy()
+    scaled[..., :3, 3] = centre + scale * (poses[..., :3, 3] - centre)
+    return scaled
+
+
+def thin_out(
+    demonstrations: Sequence[tuple[FloatArray, FloatArray]],
+) -> tuple[FloatArray, FloatArray]:
+    """Keep twelve poses of every demonstration: (D, P, 4, 4) and seconds between them (D,)."""
+    paths, steps_s = [], []
+    for time, poses in demonstrations:
+        rows = np.rint(np.linspace(0, len(time) - 1, _POSES)).astype(int)
+        paths.append(poses[rows])
+        steps_s.append(float(time[-1] - time[0]) / (_POSES - 1))
+    return np.array(paths), np.array(steps_s)
+
+
+@dataclass(frozen=True, eq=False)
+class Cost:
+    """The weighted sum of terms over all arms as a function of x, y, z, yaw and scale."""
+
+    arms: tuple[ArmCost, ...]
+
+    def terms(self, parameters: FloatArray) -> FloatArray:
+        """Return the mean of every term over arms and demonstrations, shape (8,)."""
+        found: FloatArray = np.mean(
+            [arm.terms(parameters)[0].mean(axis=0) for arm in self.arms], axis=0
+        )
+        return found
+
+    def __call__(self, parameters: FloatArray) -> float:
+        """Return the mean cost over arms and demonstrations."""
+        return float(np.mean([arm(parameters) for arm in self.arms]))
+
+
+@dataclass(frozen=True, eq=False)
+class ArmCost:
+    """The same for one arm."""
+
+    robot: Robot
+    paths: FloatArray
+    steps_s: FloatArray
+    centre: FloatArray
+    weights: TermWeights
+    ik_weights: IkWeights
+    free_spin: bool
+    starts: FloatArray
+    back_height: float | None
+
+    def sample(self) -> ArmCost:
+        """Return the cost of some of the demonstrations, evenly spaced in their order."""
+        number = min(_SAMPLE, len(self.paths))
+        chosen = np.rint(np.linspace(0, len(self.paths) - 1, number)).astype(int)
+        return replace(self, paths=self.paths[chosen], steps_s=self.steps_s[chosen])
+
+    def keep_branches(self, places: list[FloatArray]) -> ArmCost:
+        """Return the cost over the branches that are best most often at some places."""
+        sample = self.sample()
+        used = np.concatenate([sample.terms(place)[1] for place in places])
+        branches, counts = np.unique(used, return_counts=True)
+        most = np.argsort(-counts, kind="stable")[:_SEARCHED_BRANCHES]
+        return replace(self, starts=self.starts[np.sort(branches[most])])
+
+    def terms(self, parameters: FloatArray) -> tuple[FloatArray, npt.NDArray[np.int64]]:
+        """Return terms (D, 8) and cheapest branch (D,) of every demonstration."""
+        placement = pose_of(parameters, self.centre)
+        targets = placement @ scale_about(self.paths, self.centre, float(parameters[4]))
+        positions, errors = follow_all(
+            self.robot, targets, self.starts, _POSES // 2, self.ik_weights, self.free_spin,
+            rounds=25, tolerance=1e-5,
+        )  # fmt: skip
+        terms = path_terms(
+            self.robot, positions, errors, targets[:, None], self.steps_s[:, None, None, None]
+        )
+        height = placement[2, 3] if self.back_height is None else self.back_height
+        off = np.full((*terms.shape[:-1], 1), abs(placement[2, 3] - height) / HEIGHT_SCALE_M)
+        shrunk = np.full_like(off, abs(np.log(parameters[4])) / SCALE_SCALE)
+        terms = np.concatenate([terms, off, shrunk], axis=-1)
+        branches = np.argmin(terms @ self.weights.as_array(), axis=1)
+        return terms[np.arange(len(branches)), branches], branches
+
+    def __call__(self, parameters: FloatArray) -> float:
+        """Return the mean cost over the demonstrations."""
+        return float(np.mean(self.terms(parameters)[0] @ self.weights.as_array()))
+
+
+def find_starts(
+    robot: Robot, paths: FloatArray, ik: IkWeights, free_spin: bool, seed: int
+) -> FloatArray:
+    """Find the branches to try: those of the typical pose, put where home has its tool."""
+    middle = paths[:, _POSES // 2].mean(axis=0)
+    left, _, right = np.linalg.svd(middle[:3, :3])
+    pose = np.eye(4)
+    pose[:3, :3] = left @ right
+    pose[:3, 3] = forward_kinematics(robot.chain, robot.home)[:3, 3]
+    starts = draw_starts(robot, seed)
+    return find_branches(robot, pose, starts, ik, free_spin)[:_GREATEST_BRANCHES]

@@ -1,0 +1,1 @@
+"""Recordings and their manual segments, from files."""

@@ -1,0 +1,1 @@
+"""Search in simulation until the task succeeds."""

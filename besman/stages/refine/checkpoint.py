@@ -1,0 +1,91 @@
+"""What a search has tried so far, on disk: a killed one goes on where it was.
+
+A search is repeatable: a new one that is told the same returns asks for the same points. So the
+generations tried are all there is to keep, whatever the search keeps in its memory.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from besman.exceptions import RunError
+from besman.records import Record, freeze
+from besman.records.files import load_record, save_record
+from besman.simulation.trial import Trial
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Generation(
+    Record,
+    stored_as="besman.refinement.checkpoint:Generation",
+    finite=("points",),
+):
+    """One generation of a search.
+
+    Attributes
+    ----------
+    points : array, shape (P, D)
+        What was asked for.
+    trials : tuple of Trial
+        What came of them; fewer than P where the budget ended.
+    """
+
+    points: FloatArray
+    trials: tuple[Trial, ...]
+
+    def __post_init__(self) -> None:
+        """Copy the points, make them read-only and check their shape."""
+        freeze(self, {"points": ("P", "D")})
+
+
+class Checkpoint:
+    """The generations of one search, a file for each.
+
+    Parameters
+    ----------
+    folder : Path or None
+        Of the searches of a stage; None, or a folder that cannot be seen from here (of a worker of
+        a cluster without a common file system): nothing is kept.
+    name : str
+        Of the search: no two of a folder have the same.
+    """
+
+    def __init__(self, folder: Path | None, name: str) -> None:
+        self._folder = folder / name if folder is not None and folder.is_dir() else None
+
+    def load(self) -> list[Generation]:
+        """Return the generations kept so far; the first that is damaged ends them."""
+        generations: list[Generation] = []
+        while self._folder is not None:
+            path = self._path(len(generations))
+            if not path.is_file():
+                break
+            try:
+                found = load_record(path)
+            except RunError:
+                break
+            if not isinstance(found, Generation):
+                break
+            generations.append(found)
+        return generations
+
+    def save(self, index: int, generation: Generation) -> None:
+        """Keep a generation; a reader sees all of it or nothing."""
+        if self._folder is None:
+            return
+        self._folder.mkdir(exist_ok=True)
+        path = self._path(index)
+        temporary = path.with_name(f".{path.name}.tmp{os.getpid()}")
+        save_record(generation, temporary)
+        temporary.replace(path)
+
+    def _path(self, index: int) -> Path:
+        assert self._folder is not None
+        return self._folder / f"{index:06d}.npz"

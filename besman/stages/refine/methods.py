@@ -1,0 +1,132 @@
+"""All searches under one key: ``refine: {method: ...}``."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, get_args
+
+import numpy as np
+from pydantic import BeforeValidator, Field
+
+from besman.search.protocol import Search
+from besman.stages.refine.stage import CmaEsConfig, RefinementConfig
+
+
+class RepsConfig(RefinementConfig):
+    """Refine every motion plan by relative entropy policy search.
+
+    Attributes
+    ----------
+    method : "reps"
+    population, memory : int
+        Episodes per generation, and of how many generations it learns.
+    epsilon : float
+        Greatest relative entropy of one generation's distribution to the one before.
+    """
+
+    method: Literal["reps"]
+    population: Annotated[int, Field(ge=2)] = 10
+    memory: Annotated[int, Field(ge=1)] = 4
+    epsilon: Annotated[float, Field(gt=0)] = 2.0
+
+    def make_search(self, dimension: int, seed: tuple[int, ...]) -> Search:
+        """Set up REPS."""
+        from besman.search.reps import Reps
+
+        start = np.zeros(dimension)
+        return Reps(
+            start, self.sigma, self.population, seed, self.bounds, self.epsilon, self.memory
+        )
+
+
+class Pi2Config(RefinementConfig):
+    """Refine every motion plan by policy improvement with path integrals.
+
+    Attributes
+    ----------
+    method : "pi2"
+    population : int
+        Episodes per generation.
+    sharpness : float
+        How much more the best of a generation counts than the worst: exp(sharpness).
+    decay : float
+        Of the exploration's standard deviation, from one generation to the next.
+    """
+
+    method: Literal["pi2"]
+    population: Annotated[int, Field(ge=2)] = 10
+    sharpness: Annotated[float, Field(gt=0)] = 10.0
+    decay: Annotated[float, Field(gt=0, le=1)] = 0.98
+
+    def make_search(self, dimension: int, seed: tuple[int, ...]) -> Search:
+        """Set up PI2."""
+        from besman.search.pi2 import Pi2
+
+        start = np.zeros(dimension)
+        return Pi2(
+            start, self.sigma, self.population, seed, self.bounds, self.sharpness, self.decay
+        )
+
+
+class Pi2CmaConfig(RefinementConfig):
+    """Refine every motion plan by PI2 that adapts the covariance of its exploration.
+
+    Attributes
+    ----------
+    method : "pi2_cma"
+    population, sharpness
+        As in `Pi2Config`.
+    """
+
+    method: Literal["pi2_cma"]
+    population: Annotated[int, Field(ge=2)] = 10
+    sharpness: Annotated[float, Field(gt=0)] = 10.0
+
+    def make_search(self, dimension: int, seed: tuple[int, ...]) -> Search:
+        """Set up PI2-CMA."""
+        from besman.search.pi2 import Pi2Cma
+
+        start = np.zeros(dimension)
+        return Pi2Cma(start, self.sigma, self.population, seed, self.bounds, self.sharpness)
+
+
+class CemConfig(RefinementConfig):
+    """Refine every motion plan by the cross-entropy method.
+
+    Attributes
+    ----------
+    method : "cem"
+    population : int
+        Episodes per generation.
+    elite_share : float
+        Share of them that the next generation is drawn around.
+    """
+
+    method: Literal["cem"]
+    population: Annotated[int, Field(ge=4)] = 20
+    elite_share: Annotated[float, Field(gt=0, le=1)] = 0.2
+
+    def make_search(self, dimension: int, seed: tuple[int, ...]) -> Search:
+        """Set up the cross-entropy method."""
+        from besman.search.cem import Cem
+
+        start = np.zeros(dimension)
+        return Cem(start, self.sigma, self.population, seed, self.bounds, self.elite_share)
+
+
+RefineMethod = CmaEsConfig | RepsConfig | Pi2Config | Pi2CmaConfig | CemConfig
+
+METHODS: tuple[str, ...] = tuple(
+    get_args(config.model_fields["method"].annotation)[0] for config in get_args(RefineMethod)
+)
+
+
+def _default_method(value: Any) -> Any:
+    """Take the default method where none is named."""
+    if isinstance(value, dict) and "method" not in value:
+        return {"method": CmaEsConfig.model_fields["method"].default, **value}
+    return value
+
+
+RefineStage = Annotated[
+    RefineMethod, Field(discriminator="method"), BeforeValidator(_default_method)
+]

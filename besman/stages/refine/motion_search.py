@@ -1,0 +1,244 @@
+"""The search for one motion: what was tried, what is best, whether to go on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from besman.motion.rollout import sample_plan
+from besman.records import AnyPlan, RefinedMotion
+from besman.robot.kinematics import forward_kinematics
+from besman.robot.limits import check_limits
+from besman.robot.model import Robot
+from besman.search.protocol import Search
+from besman.simulation.perturbed_trials import finer_task, lenient_task
+from besman.simulation.task import Task
+from besman.simulation.trial import Trial, try_plans
+from besman.stages.refine.checkpoint import Generation
+from besman.stages.refine.plan_space import Space
+
+FloatArray = npt.NDArray[np.float64]
+
+# A search ends when the outcome is this much better than the task asks for.
+_MARGIN = 0.5
+# How many episodes on the way are kept with their plans.
+_MILESTONES = 5
+
+
+class MotionSearch:
+    """The search for one motion, generation by generation.
+
+    Parameters
+    ----------
+    space : Space
+        Motion plans around the imitation.
+    search : Search
+        Over the space.
+    robot : Robot
+        Whose limits count.
+    task : Task
+        What is to be done.
+    episodes : int
+        Greatest number of episodes, the imitation's own among them.
+    """
+
+    def __init__(
+        self, space: Space, search: Search, robot: Robot, task: Task, episodes: int
+    ) -> None:
+        self._space, self._search, self._robot = space, search, robot
+        self._task, self._episodes = task, episodes
+        self._points: FloatArray = np.empty((0, space.dimension))
+        self._plans: list[AnyPlan] = []
+        self._tried: list[FloatArray] = []
+        self._trials: list[Trial] = []
+        self._generations: list[int] = []
+        self._n_generations = 0
+
+    def propose(self) -> list[AnyPlan]:
+        """Return the motion plans to try next: first the imitation, then one generation."""
+        self._points = self._next_points()
+        left = self._episodes - len(self._trials)
+        self._plans = [self._space.plan_at(point) for point in self._points[:left]]
+        return self._plans
+
+    def learn(self, trials: list[Trial]) -> Generation:
+        """Take what came of the plans that were proposed last; return that generation.
+
+        A success counts if it keeps all limits at 1 kHz, and is one at a quarter of the time step
+        too: what a coarse simulation alone makes of a contact is of no use on an arm.
+        """
+        verified = [self._verify(*pair) for pair in zip(self._plans, trials, strict=True)]
+        at = [row for row, trial in enumerate(verified) if trial.success]
+        plans = [self._plans[row] for row in at]
+        for row, fine in zip(at, self._try_finely(plans), strict=True):
+            if not fine.success:
+                verified[row] = fine
+        return self._take(Generation(self._points, tuple(verified)))
+
+    def _try_finely(self, plans: Sequence[AnyPlan]) -> list[Trial]:
+        """Try plans at a quarter of the time step; what comes of them counts, however they go.
+
+        Contacts are as much stiffer: how far they push an arm aside is no measure of the plan.
+        """
+        finer = lenient_task(finer_task(self._task))
+        return try_plans(self._robot, finer, plans) if plans else []
+
+    def repeat(self, generations: Sequence[Generation]) -> bool:
+        """Take what a search before this one, of the same config and seed, has tried.
+
+        Parameters
+        ----------
+        generations : sequence of Generation
+            From the first on.
+
+        Returns
+        -------
+        bool
+            False if this search would have asked for other points; it is then of no use.
+        """
+        for generation in generations:
+            points = self._next_points()
+            n = min(len(points), self._episodes - len(self._trials))
+            if not np.array_equal(points, generation.points) or n != len(generation.trials):
+                return False
+            self._take(generation)
+        return True
+
+    def _next_points(self) -> FloatArray:
+        """Return the points of the next generation, shape (P, D)."""
+        return self._search.ask() if self._trials else np.zeros((1, self._space.dimension))
+
+    def _take(self, generation: Generation) -> Generation:
+        """Add a generation to what was tried."""
+        points, trials = generation.points, generation.trials
+        # A generation cut short by the budget is the last one: there is nothing to learn for.
+        if self._trials and len(trials) == len(points):
+            self._search.tell(points, np.array([trial.reward for trial in trials]))
+        self._tried += list(points[: len(trials)])
+        self._trials += trials
+        self._generations += [self._n_generations] * len(trials)
+        self._n_generations += 1
+        return generation
+
+    @property
+    def n_episodes(self) -> int:
+        """Episodes tried so far."""
+        return len(self._trials)
+
+    @property
+    def n_generations(self) -> int:
+        """Generations tried so far, the imitation's own among them."""
+        return self._n_generations
+
+    @property
+    def won(self) -> bool:
+        """Whether a trial has succeeded with a margin."""
+        return bool(self._trials) and succeeds(self.best_trial, self._task, _MARGIN)
+
+    @property
+    def done(self) -> bool:
+        """Whether the search is over: success with a margin, no budget, or no progress."""
+        if not self._trials:
+            return False
+        return len(self._trials) >= self._episodes or self._search.exhausted or self.won
+
+    @property
+    def _best(self) -> int:
+        """The episode of the best trial, the earliest of equals."""
+        trials = self._trials
+        return max(range(len(trials)), key=lambda at: (trials[at].success, trials[at].reward))
+
+    @property
+    def best_trial(self) -> Trial:
+        """The best trial."""
+        return self._trials[self._best]
+
+    @property
+    def best_plan(self) -> AnyPlan:
+        """The plan of the best trial."""
+        return self._space.plan_at(self._tried[self._best])
+
+    @property
+    def rewards(self) -> FloatArray:
+        """Reward of every episode, shape (E,)."""
+        return np.array([trial.reward for trial in self._trials])
+
+    def _verify(self, plan: AnyPlan, trial: Trial) -> Trial:
+        """Check the limits of a success sample by sample at 1 kHz: nothing less is exported."""
+        if not trial.success:
+            return trial
+        report = check_limits(self._robot, *sample_plan(plan, self._robot)[1:])
+        if report.violations == 0 and report.self_collisions == 0:
+            return trial
+        penalty = self._task.reward.failure
+        return replace(
+            trial, success=False, failure="limit exceeded", reward=trial.reward - penalty
+        )
+
+    def result(self, trial: Trial) -> RefinedMotion:
+        """Sum up the search.
+
+        Parameters
+        ----------
+        trial : Trial
+            The best plan's, with paths.
+
+        Returns
+        -------
+        RefinedMotion
+        """
+        plan, before, best = self.best_plan, self._trials[0], self._trials[self._best]
+        time, positions, velocities, accelerations = sample_plan(plan, self._robot)
+        misses = [np.nan if tried.failure else tried.miss for tried in self._trials]
+        return RefinedMotion(
+            plan=plan,
+            time=time,
+            positions=positions,
+            velocities=velocities,
+            accelerations=accelerations,
+            returns=np.array([tried.reward for tried in self._trials]),
+            misses=np.array(misses),
+            outcome=best.outcome,
+            outcome_before=np.full(3, np.nan) if before.failure else before.outcome,
+            object_path=trial.object_path,
+            tool_path=forward_kinematics(self._robot.chain, positions)[:, :3, 3],
+            success=best.success,
+            miss_before=float(misses[0]),
+            miss=best.miss,
+            orientation_error=best.orientation_error,
+            failure=before.failure,
+            outcomes=np.array([tried.outcome for tried in self._trials]),
+            generations=np.array(self._generations),
+            milestones=tuple(
+                (at, self._space.plan_at(self._tried[at])) for at in self._milestones()
+            ),
+        )
+
+    def _milestones(self) -> list[int]:
+        """Return some of the episodes that were the best so far, first and last among them."""
+        ranks = [(trial.success, trial.reward) for trial in self._trials]
+        best = [at for at in range(len(ranks)) if not at or ranks[at] > max(ranks[:at])]
+        rows = np.rint(np.linspace(0, len(best) - 1, min(len(best), _MILESTONES))).astype(int)
+        return [best[row] for row in rows]
+
+
+def succeeds(trial: Trial, task: Task, share: float) -> bool:
+    """Tell whether a trial meets the task's criterion with room to spare.
+
+    Parameters
+    ----------
+    trial : Trial
+        What came of a plan.
+    task : Task
+        With the criterion.
+    share : float
+        Share of the greatest permitted errors that may be used up.
+
+    Returns
+    -------
+    bool
+    """
+    return trial.success and task.succeeds(trial.miss, trial.measures, share)

@@ -1,0 +1,253 @@
+"""The motion plans around one: what a search may change, in comparable units."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from besman.geometry.quaternions import from_rotation_vector, multiply
+from besman.motion.cartesian_dmp import move_ends
+from besman.motion.dmp import dmp_basis, goal_response, shape_directions
+from besman.motion.rollout import least_duration, stretch_plan
+from besman.records import AnyPlan, CartesianPlan, MotionPlan, Record
+from besman.robot.model import Robot
+from besman.robot.parts import JointLimits
+from besman.search.protocol import Part
+
+FloatArray = npt.NDArray[np.float64]
+
+_GREATEST_STRETCH = 3.0
+_HALVINGS = 8
+# Places of a movement that are compared with the limits of position: every so manieth node.
+_LIMIT_STRIDE = 5
+_LIMIT_MARGIN_RAD = 0.002
+
+
+@dataclass(frozen=True)
+class Units(Record, stored_as="besman.refinement.plan_space:Units"):
+    """What one unit of the search changes.
+
+    Attributes
+    ----------
+    start_rad, start_m, goal_rad, goal_m : float
+        Start and goal of a joint, or of the tool's rotation; of the tool's position.
+    log_duration : float
+        Natural logarithm of the duration.
+    shape_rad, shape_m : float
+        Root mean square over the movement by which the smoothest change of a joint's weights (of
+        the weights of a coordinate of the tool's rotation, of its position) moves that joint;
+        rougher ones move it less, with the same acceleration.
+    """
+
+    start_rad: float = 0.1
+    goal_rad: float = 0.1
+    log_duration: float = 0.1
+    shape_rad: float = 0.1
+    start_m: float = 0.03
+    goal_m: float = 0.03
+    shape_m: float = 0.03
+
+
+class Space(Protocol):
+    """Motion plans by the points of a vector space; the first plan is its origin."""
+
+    @property
+    def dimension(self) -> int:
+        """Number of coordinates."""
+        ...
+
+    def plan_at(self, point: npt.ArrayLike) -> AnyPlan:
+        """Return the motion plan at a point, shape (D,)."""
+        ...
+
+
+class PlanSpace:
+    """Motion plans that differ from a first one in start, goal, duration and weights.
+
+    Every plan starts and ends at rest, and lasts as long as the arm's limits of velocity and
+    acceleration require. Another duration is another speed, evenly, also at the goal.
+
+    Parameters
+    ----------
+    plan : MotionPlan
+        The origin.
+    limits : JointLimits
+        Of the arm.
+    parts : tuple of "start", "goal", "duration", "weights"
+        What may change.
+    n_shapes : int
+        How many changes of the weights per joint, the smoothest first.
+    units : Units
+        What one unit is.
+    """
+
+    def __init__(
+        self,
+        plan: MotionPlan,
+        limits: JointLimits,
+        parts: tuple[Part, ...],
+        n_shapes: int,
+        units: Units = Units(),
+    ) -> None:
+        self._plan, self._limits, self._parts, self._units = plan, limits, parts, units
+        n, n_weights = plan.weights.shape
+        # A goal that is passed moves its quintic; one that is rested at asks it of the weights.
+        self._goal_response = goal_response(n_weights) * float(plan.kind == "joint_dmp")
+        self._shapes = shape_directions(n_weights)[:n_shapes]
+        sizes = {"start": n, "goal": n, "duration": 1, "weights": n * len(self._shapes)}
+        self._sizes = [sizes[part] for part in parts]
+
+    @property
+    def dimension(self) -> int:
+        """Number of coordinates."""
+        return sum(self._sizes)
+
+    def plan_at(self, point: npt.ArrayLike) -> MotionPlan:
+        """Return the motion plan at a point, shape (D,)."""
+        start, n = self._plan, len(self._plan.goal)
+        pieces = _split(point, self._parts, self._sizes)
+        weights, first, goal = start.weights, start.start, start.goal
+        if "start" in pieces:
+            # All of the movement goes along with its start, and the goal comes back.
+            moved = self._units.start_rad * pieces["start"]
+            first = first + moved
+            weights = weights - np.outer(moved, self._goal_response)
+        if "goal" in pieces:
+            moved = self._units.goal_rad * pieces["goal"]
+            goal = goal + moved
+            weights = weights + np.outer(moved, self._goal_response)
+        if "weights" in pieces:
+            shape = self._units.shape_rad * pieces["weights"].reshape(n, -1)
+            weights = weights + shape @ self._shapes
+        if np.any(point) and start.kind == "joint_dmp":
+            weights, first, goal = self._keep_within_limits(weights, first, goal)
+        duration = _duration(start, pieces, self._units)
+        plan = replace(start, weights=weights, start=first, goal=goal)
+        return stretch_plan(plan, max(duration, least_duration(plan, self._limits)))
+
+    def _keep_within_limits(
+        self, weights: FloatArray, first: FloatArray, goal: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Move a joint's movement back to where it leaves its limits least.
+
+        All of it, if the start may change; its end, if only the goal may. Episodes that say no more
+        than that a joint went too far are most of those of an arm that works near its limits.
+        """
+        if not {"start", "goal"} & set(self._parts):
+            return weights, first, goal
+        basis = dmp_basis(weights.shape[1])
+        path = basis.position[::_LIMIT_STRIDE] @ np.column_stack([first, goal, weights]).T
+        room = _LIMIT_MARGIN_RAD
+        below = np.maximum(self._limits.position_min + room - path.min(axis=0), 0.0)
+        above = np.maximum(path.max(axis=0) - self._limits.position_max + room, 0.0)
+        back = np.where((below > 0) & (above > 0), 0.0, below - above)
+        if "start" in self._parts:
+            return weights, first + back, goal + back
+        return weights + np.outer(back, self._goal_response), first, goal + back
+
+
+class CartesianPlanSpace:
+    """Cartesian plans that differ from a first one in start, goal pose, duration and weights.
+
+    Every plan starts and ends at rest, and lasts as long as the limits of velocity and
+    acceleration require of the joint movement that inverse kinematics gives. Where the pose makes
+    the arm jump, that is long: a point whose plan would need three times the time of the first
+    one stands for the point halfway to the origin, and so on.
+
+    Parameters
+    ----------
+    plan : CartesianPlan
+        The origin.
+    robot : Robot
+        The arm with its tool.
+    parts : tuple of "start", "goal", "duration", "weights"
+        What may change.
+    n_shapes : int
+        How many changes of the weights per coordinate, the smoothest first.
+    units : Units
+        What one unit is.
+    """
+
+    def __init__(
+        self,
+        plan: CartesianPlan,
+        robot: Robot,
+        parts: tuple[Part, ...],
+        n_shapes: int,
+        units: Units = Units(),
+    ) -> None:
+        self._plan, self._robot, self._parts, self._units = plan, robot, parts, units
+        self._shapes = shape_directions(plan.weights.shape[1])[:n_shapes]
+        self._least_s = least_duration(plan, robot.limits, robot)
+        self._greatest_s = _GREATEST_STRETCH * max(plan.duration, self._least_s)
+        sizes = {"start": 6, "goal": 6, "duration": 1, "weights": 6 * len(self._shapes)}
+        self._sizes = [sizes[part] for part in parts]
+
+    @property
+    def dimension(self) -> int:
+        """Number of coordinates."""
+        return sum(self._sizes)
+
+    def plan_at(self, point: npt.ArrayLike) -> CartesianPlan:
+        """Return the motion plan at a point, shape (D,)."""
+        point = np.asarray(point, dtype=np.float64)
+        for _ in range(_HALVINGS):
+            plan = self._plan_at(point)
+            least = least_duration(plan, self._robot.limits, self._robot)
+            if least <= self._greatest_s:
+                return replace(plan, duration=max(plan.duration, least))
+            point = 0.5 * point
+        return replace(self._plan, duration=max(self._plan.duration, self._least_s))
+
+    def _plan_at(self, point: FloatArray) -> CartesianPlan:
+        """Return the plan at a point, whatever its joint movement."""
+        start, units = self._plan, self._units
+        pieces = _split(point, self._parts, self._sizes)
+        weights, first, goal = start.weights, start.start, start.goal
+        if "start" in pieces:
+            first = _move_pose(first, pieces["start"], units.start_m, units.start_rad)
+        if "goal" in pieces:
+            goal = _move_pose(goal, pieces["goal"], units.goal_m, units.goal_rad)
+        if "start" in pieces or "goal" in pieces:
+            weights = move_ends(weights, (start.start, start.goal), (first, goal))
+        if "weights" in pieces:
+            scale = np.repeat([units.shape_m, units.shape_rad], 3)[:, None]
+            weights = weights + (scale * pieces["weights"].reshape(6, -1)) @ self._shapes
+        duration = _duration(start, pieces, units)
+        return replace(start, weights=weights, start=first, goal=goal, duration=duration)
+
+
+def plan_space(
+    plan: AnyPlan, robot: Robot, parts: tuple[Part, ...], n_shapes: int, units: Units = Units()
+) -> Space:
+    """Set up the space of the plans around one, see `PlanSpace` and `CartesianPlanSpace`."""
+    if isinstance(plan, CartesianPlan):
+        return CartesianPlanSpace(plan, robot, parts, n_shapes, units)
+    return PlanSpace(plan, robot.limits, parts, n_shapes, units)
+
+
+def _move_pose(pose: FloatArray, change: FloatArray, metres: float, radians: float) -> FloatArray:
+    """Move a pose (7,) by a change (6,) of its position and orientation, in these units."""
+    turned = from_rotation_vector(radians * change[3:])
+    return np.concatenate([pose[:3] + metres * change[:3], multiply(turned, pose[3:])])
+
+
+def _split(
+    point: npt.ArrayLike, parts: tuple[Part, ...], sizes: Sequence[int]
+) -> dict[Part, FloatArray]:
+    """Cut a point into its parts."""
+    ends = np.cumsum(sizes)[:-1]
+    return dict(zip(parts, np.split(np.asarray(point, dtype=np.float64), ends), strict=True))
+
+
+def _duration(plan: AnyPlan, pieces: dict[Part, FloatArray], units: Units) -> float:
+    """Return the duration that a point asks for, seconds."""
+    if "duration" not in pieces:
+        return plan.duration
+    # Bounded, because nothing is learnt from movements of a minute or a millisecond.
+    stretch = np.clip(units.log_duration * pieces["duration"][0], -2.0, 2.0)
+    return plan.duration * float(np.exp(stretch))

@@ -1,0 +1,289 @@
+"""The stage that refines motion plans in simulation."""
+
+from __future__ import annotations
+
+import zlib
+from abc import abstractmethod
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
+
+import numpy as np
+from pydantic import Field
+
+from besman.config.stage import Config, Items, Stage, Truth, Work
+from besman.exceptions import RefinementError
+from besman.records import AnyPlan, RefinedMotion
+from besman.records.files import digest
+from besman.robot.model import Robot
+from besman.search.protocol import Part, Search
+from besman.simulation.task import Task
+from besman.stages.refine.robustness import RobustnessConfig
+
+if TYPE_CHECKING:
+    from besman.stages.refine.motion_search import MotionSearch
+    from besman.stages.refine.search_loop import RunningSearch
+
+
+# Half of the work holds Python's lock; processes are started in the time of so many episodes.
+_EPISODES_FOR_PROCESSES = 4000
+
+
+class UnitsConfig(Config):
+    """What one unit of the search changes; see `besman.stages.refine.plan_space.Units`."""
+
+    start_rad: Annotated[float, Field(gt=0)] = 0.1
+    goal_rad: Annotated[float, Field(gt=0)] = 0.1
+    log_duration: Annotated[float, Field(gt=0)] = 0.1
+    shape_rad: Annotated[float, Field(gt=0)] = 0.1
+    start_m: Annotated[float, Field(gt=0)] = 0.03
+    goal_m: Annotated[float, Field(gt=0)] = 0.03
+    shape_m: Annotated[float, Field(gt=0)] = 0.03
+
+
+class RefinementConfig(Stage):
+    """Refine every motion plan by a search; `besman.stages.refine.methods` has one class for each.
+
+    Attributes
+    ----------
+    method : str
+    episodes : int
+        Greatest number of episodes per motion, the imitation's own among them.
+    sigma : float
+        Initial standard deviation, in units of the search.
+    seed : int
+        Of the search.
+    search : list of "start", "goal", "duration", "weights"
+        What may change.
+    n_shapes : int
+        How many changes of the weights per joint, the smoothest first.
+    units : UnitsConfig
+        What one unit of the search changes.
+    bound : float or None
+        Greatest change of every coordinate, in units of the search; null for any.
+    pool : bool
+        All motions search side by side for the same target, that of the demonstration in the
+        middle; the first that succeeds ends it, and the best alone is the result.
+    robustness : RobustnessConfig or None
+        In which perturbed models the refined motions are tried; null for none. No part of the
+        search.
+    """
+
+    method: str
+    episodes: Annotated[int, Field(ge=1)] = 300
+    sigma: Annotated[float, Field(gt=0)] = 0.5
+    seed: Annotated[int, Field(ge=0)] = 0
+    search: Annotated[tuple[Part, ...], Field(min_length=1)] = ("goal", "duration", "weights")
+    n_shapes: Annotated[int, Field(ge=1)] = 4
+    units: UnitsConfig = UnitsConfig()
+    bound: Annotated[float, Field(gt=0)] | None = None
+    pool: bool = False
+    robustness: RobustnessConfig | None = RobustnessConfig()
+
+    keeps_checkpoints: ClassVar[bool] = True
+    leaves_out: ClassVar[bool] = True
+
+    @abstractmethod
+    def make_search(self, dimension: int, seed: tuple[int, ...]) -> Search:
+        """Set up the search over a space of so many coordinates, around zero."""
+
+    @property
+    def bounds(self) -> tuple[float, float] | None:
+        """Least and greatest value of every coordinate."""
+        return None if self.bound is None else (-self.bound, self.bound)
+
+    @property
+    def without_robustness(self) -> Self:
+        """The search alone: a change of what comes after it does not search again."""
+        return self.model_copy(update={"robustness": None})
+
+    def items(self, plans: tuple[AnyPlan, ...], *others: Any) -> Items:
+        """Count the motions."""
+        return Items(len(plans), "motions")
+
+    def figures(
+        self,
+        motions: tuple[RefinedMotion, ...],
+        truth: Truth,
+        plans: tuple[AnyPlan, ...],
+        robot: Robot,
+        task: Task,
+    ) -> dict[str, Any]:
+        """Return how many motions succeed, and what it took; see `refine_results`."""
+        return refine_results(motions, task)
+
+    def run(
+        self,
+        plans: tuple[AnyPlan, ...],
+        robot: Robot,
+        task: Task,
+        work: Work = Work(),
+    ) -> tuple[RefinedMotion, ...]:
+        """Refine motion plans until each succeeds with a margin or its episodes are used up.
+
+        Parameters
+        ----------
+        plans : tuple of MotionPlan or CartesianPlan
+            What imitation gave. Slowed down, where their own movement exceeds a limit.
+        robot : Robot
+            With the task's tool.
+        task : Task
+            What is to be done.
+        work : Work
+            Threads, processes, progress, and where checkpoints are kept.
+
+        Returns
+        -------
+        tuple of RefinedMotion
+            In the order of the plans. Each is what it would be if it were refined alone. Of a
+            pool the best alone.
+
+        Raises
+        ------
+        RefinementError
+            If a plan and the task or the robot do not belong together.
+        """
+        _check(robot, task)
+        if self.pool:
+            return (self._refine_side_by_side(plans, robot, task, work),)
+        refine = partial(self._refine, robot=robot, task=task, folder=work.checkpoints)
+        processes = max(2, _EPISODES_FOR_PROCESSES // self.episodes)
+        return tuple(work.map(refine, plans, processes=processes))
+
+    def _refine(
+        self, plan: AnyPlan, robot: Robot, task: Task, folder: Path | None
+    ) -> RefinedMotion:
+        """Refine one motion plan."""
+        running = self._running_search(plan, robot, task, folder)
+        while not running.search.done:
+            running.advance()
+        return running.result()
+
+    def _refine_side_by_side(
+        self, plans: tuple[AnyPlan, ...], robot: Robot, task: Task, work: Work
+    ) -> RefinedMotion:
+        """Refine motion plans side by side, for one target."""
+        from besman.stages.refine.search_loop import search_side_by_side, share_target
+
+        placed = share_target([place_plan(plan, robot, task) for plan in plans], task)
+        pool = [self._running_search(plan, robot, task, work.checkpoints) for plan in placed]
+        return search_side_by_side(pool, self.episodes, work).result()
+
+    def _running_search(
+        self, plan: AnyPlan, robot: Robot, task: Task, folder: Path | None
+    ) -> RunningSearch:
+        """Set up the search for one plan, where it was if it was ended before its end."""
+        from besman.stages.refine.checkpoint import Checkpoint
+        from besman.stages.refine.search_loop import RunningSearch
+
+        # By content, because two plans may have one name.
+        checkpoint = Checkpoint(folder, digest(plan)[:16])
+        search = self.set_up(plan, robot, task)
+        if not search.repeat(checkpoint.load()):
+            search = self.set_up(plan, robot, task)
+        return RunningSearch(search, robot, task, checkpoint)
+
+    def set_up(self, plan: AnyPlan, robot: Robot, task: Task) -> MotionSearch:
+        """Set up the search for one plan.
+
+        Raises
+        ------
+        RefinementError
+            If the plan and the task or the robot do not belong together.
+        """
+        from besman.stages.refine.motion_search import MotionSearch
+        from besman.stages.refine.plan_space import Units, plan_space
+
+        plan = place_plan(plan, robot, task)
+        units = Units(**self.units.model_dump())
+        space = plan_space(plan, robot, self.search, self.n_shapes, units)
+        # By name, so that a motion's search does not depend on which others are there.
+        seed = (self.seed, zlib.crc32(plan.name.encode()))
+        return MotionSearch(
+            space, self.make_search(space.dimension, seed), robot, task, self.episodes
+        )
+
+
+class CmaEsConfig(RefinementConfig):
+    """Refine every motion plan by CMA-ES.
+
+    Attributes
+    ----------
+    method : "cma_es"
+    population : int or None
+        Episodes per generation; null for 4 + 3 ln(dimension). Fewer learn faster here, because
+        nothing is random in an episode.
+    restarts : "none", "ipop" or "bipop"
+        What follows when the search has converged without success; see
+        `besman.search.cma_es.CmaEs`.
+    """
+
+    method: Literal["cma_es"] = "cma_es"
+    population: Annotated[int, Field(ge=4)] | None = 8
+    restarts: Literal["none", "ipop", "bipop"] = "none"
+
+    def make_search(self, dimension: int, seed: tuple[int, ...]) -> Search:
+        """Set up CMA-ES."""
+        from besman.search.cma_es import CmaEs
+
+        start = np.zeros(dimension)
+        return CmaEs(start, self.sigma, self.population, seed, self.bounds, self.restarts)
+
+
+def _check(robot: Robot, task: Task) -> None:
+    """Refuse a robot and a task that do not belong together."""
+    if robot.tool.name != task.tool:
+        raise RefinementError(
+            f"task {task.kind}: robot {robot.name} carries tool {robot.tool.name!r}, "
+            f"expected {task.tool!r}"
+        )
+
+
+def place_plan(plan: AnyPlan, robot: Robot, task: Task) -> AnyPlan:
+    """Give a plan the task's target; refuse one that belongs to another robot or task."""
+    if plan.joint_names != robot.joint_names:
+        raise RefinementError(
+            f"{plan.name}: plan for joints {', '.join(plan.joint_names)}; robot "
+            f"{robot.name} has {', '.join(robot.joint_names)}"
+        )
+    plan = task.place(plan, robot)
+    if not np.isfinite(task.wanted(plan)).all():
+        raise RefinementError(f"{plan.name}: task {task.kind} needs a {task.needs}, got none")
+    return plan
+
+
+def refine_results(motions: tuple[RefinedMotion, ...], task: Task) -> dict[str, Any]:
+    """Give the stage's figures for ``results.json``.
+
+    Parameters
+    ----------
+    motions : tuple of RefinedMotion
+        What refinement gave.
+    task : Task
+        With the success criterion.
+
+    Returns
+    -------
+    dict
+        n_motions, n_success, n_failed_before (imitations without a valid outcome),
+        success_radius_m, miss_before_m, miss_m and episodes, each {median, max}; null where no
+        motion has a value.
+    """
+    return {
+        "n_motions": len(motions),
+        "n_success": sum(motion.success for motion in motions),
+        "n_failed_before": sum(bool(motion.failure) for motion in motions),
+        "success_radius_m": task.success_radius_m,
+        "miss_before_m": _summary([motion.miss_before for motion in motions]),
+        "miss_m": _summary([motion.miss for motion in motions]),
+        "episodes": _summary([len(motion.returns) for motion in motions]),
+    }
+
+
+def _summary(values: Sequence[float]) -> dict[str, float | None]:
+    """Return median and maximum of what is finite."""
+    finite = np.array([value for value in values if np.isfinite(value)])
+    if not len(finite):
+        return {"median": None, "max": None}
+    return {"median": float(np.median(finite)), "max": float(np.max(finite))}

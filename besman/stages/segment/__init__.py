@@ -1,0 +1,1 @@
+"""Borders of building blocks."""

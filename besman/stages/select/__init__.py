@@ -1,0 +1,1 @@
+"""The demonstrations of a class, as hand trajectories."""

@@ -1,0 +1,102 @@
+"""Where a thrown object comes down: its free flight, extrapolated to the floor.
+
+References
+----------
+L. Gutzeit: From human movement recordings to robot behavior, thesis, section 7.2.3.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from besman.exceptions import MappingError
+from besman.records import LabelledRecording
+
+FloatArray = npt.NDArray[np.float64]
+
+GRAVITY = 9.81  # m/s^2
+_ACCELERATION_WINDOW_S = 0.09
+_ACCELERATION_TOLERANCE = 3.0  # m/s^2 from free fall, above the noise of markers
+_LEAST_FLIGHT_S = 0.06
+_LATEST_RELEASE_S = 0.3
+_LONGEST_FLIGHT_S = 2.0
+
+
+def object_touchdown(
+    recording: LabelledRecording, bounds: tuple[int, int], marker: str
+) -> FloatArray:
+    """Extrapolate the free flight of a thrown object to the floor.
+
+    The flight is the longest stretch from the segment on in which the marker accelerates like a
+    falling body; the parabola through it has gravity as its only acceleration.
+
+    Parameters
+    ----------
+    recording : LabelledRecording
+        With hand markers and the object's.
+    bounds : pair of int
+        Half-open rows of the throw; the object leaves the hand at the latest 0.3 s later.
+    marker : str
+        The object's marker.
+
+    Returns
+    -------
+    array, shape (3,)
+        Touchdown on z = 0 in the laboratory frame, metres; NaN if no flight was seen.
+
+    Raises
+    ------
+    MappingError
+        If the recording has no such marker.
+    """
+    if marker not in recording.markers:
+        raise MappingError(
+            f"{recording.source}: the recording has no marker {marker!r} of a thrown object; "
+            f"markers: {', '.join(recording.markers)}"
+        )
+    last = min(len(recording.time), bounds[1] + int(_LONGEST_FLIGHT_S * recording.rate_hz))
+    rows = np.arange(bounds[0], last)
+    path = recording.marker(marker)[rows]
+    flight = _flight(path, recording.rate_hz, bounds[1] - bounds[0])
+    if flight is None:
+        return np.full(3, np.nan)
+    return _fall(recording.time[rows[flight]], path[flight])
+
+
+def _flight(path: FloatArray, rate_hz: float, n_throw: int) -> slice | None:
+    """Find the longest run of samples in free fall that begins with the throw or shortly after."""
+    window = max(round(_ACCELERATION_WINDOW_S * rate_hz) | 1, 5)
+    if len(path) < window:
+        return None
+    from scipy.signal import savgol_filter
+
+    acceleration = savgol_filter(
+        path, window, 2, deriv=2, delta=1.0 / rate_hz, axis=0, mode="constant", cval=np.nan
+    )
+    acceleration[:, 2] += GRAVITY
+    # NaN, where the object or its past was not seen, compares false.
+    falling = np.linalg.norm(acceleration, axis=1) < _ACCELERATION_TOLERANCE
+    edges = np.diff(np.concatenate([[0], falling.astype(np.int8), [0]]))
+    starts, stops = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
+    latest = n_throw + _LATEST_RELEASE_S * rate_hz
+    usable = (stops - starts >= _LEAST_FLIGHT_S * rate_hz) & (starts <= latest)
+    if not usable.any():
+        return None
+    longest = int(np.argmax(np.where(usable, stops - starts, 0)))
+    return slice(int(starts[longest]), int(stops[longest]))
+
+
+def _fall(time: FloatArray, path: FloatArray) -> FloatArray:
+    """Fit a parabola under gravity and follow it to z = 0."""
+    since = time - time[0]
+    basis = np.stack([np.ones_like(since), since], axis=1)
+    fallen = path + np.outer(since**2, [0.0, 0.0, GRAVITY / 2])
+    (start, velocity), *_ = np.linalg.lstsq(basis, fallen, rcond=None)
+    below = velocity[2] ** 2 + 2 * GRAVITY * start[2]
+    if below < 0.0:
+        return np.full(3, np.nan)
+    landing = (velocity[2] + np.sqrt(below)) / GRAVITY
+    touchdown: FloatArray = start + landing * velocity
+    touchdown[2] = 0.0
+    return touchdown

@@ -1,0 +1,203 @@
+"""Record mapping: the movement of the hand in the person's own frame, and where a throw ended.
+
+References
+----------
+L. Gutzeit: From human movement recordings to robot behavior, thesis, sections 7.1 and 7.2.3.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from besman.exceptions import MappingError
+from besman.geometry.frames import back_frame, hand_frame, rotation_to_quaternion
+from besman.records import HandTrajectory, LabelledRecording, LabelledSegments
+from besman.records.layers import Side
+from besman.stages.select.body_points import GapLimits, find_body_points
+from besman.stages.select.flight import object_touchdown
+
+FloatArray = npt.NDArray[np.float64]
+
+# Beside the segment the filter sees this much of the recording, so that its ends do not bend.
+_FILTER_MARGIN_S = 1.0
+_USUAL_GAPS = GapLimits()
+
+
+@dataclass(frozen=True)
+class Selected:
+    """One demonstration inside a recording.
+
+    Attributes
+    ----------
+    recording : int
+        Index of the recording.
+    segment : int
+        Index of its (first) segment.
+    start, stop : int
+        Half-open rows of the recording.
+    """
+
+    recording: int
+    segment: int
+    start: int
+    stop: int
+
+
+def select_segments(
+    segments: tuple[LabelledSegments, ...],
+    label: str,
+    *,
+    merge: bool = False,
+    least_duration_s: float = 0.0,
+    greatest_duration_s: float = np.inf,
+) -> tuple[Selected, ...]:
+    """Pick the segments of one class.
+
+    Parameters
+    ----------
+    segments : tuple of LabelledSegments
+        One per recording.
+    label : str
+        The class.
+    merge : bool
+        Join segments of the class that touch: a movement that was cut in two.
+    least_duration_s, greatest_duration_s : float
+        Shorter and longer ones are left out, seconds.
+
+    Returns
+    -------
+    tuple of Selected
+        In the order of the recordings.
+
+    Raises
+    ------
+    MappingError
+        If no segment has the label.
+    """
+    if not any(label in part.labels for part in segments):
+        names = sorted({name for part in segments for name in part.labels})
+        raise MappingError(
+            f"select: no segment is labelled {label!r}; labels: {', '.join(names) or 'none'}"
+        )
+    found = []
+    for index, part in enumerate(segments):
+        chosen = [
+            Selected(index, number, int(start), int(stop))
+            for number, ((start, stop), name) in enumerate(
+                zip(part.bounds, part.labels, strict=True)
+            )
+            if name == label
+        ]
+        for item in _merge(chosen) if merge else chosen:
+            duration = (item.stop - item.start) / part.rate_hz
+            if least_duration_s <= duration <= greatest_duration_s:
+                found.append(item)
+    return tuple(found)
+
+
+def _merge(chosen: list[Selected]) -> list[Selected]:
+    """Join segments that follow each other without a gap."""
+    merged: list[Selected] = []
+    for item in sorted(chosen, key=lambda one: one.start):
+        if merged and item.start <= merged[-1].stop + 1:
+            last = merged.pop()
+            item = Selected(last.recording, last.segment, last.start, max(last.stop, item.stop))
+        merged.append(item)
+    return merged
+
+
+def map_record(
+    recording: LabelledRecording,
+    bounds: tuple[int, int],
+    label: str,
+    *,
+    name: str,
+    cutoff_hz: float = 10.0,
+    rate_hz: float = 100.0,
+    thrown: str | None = None,
+    side: Side = "right",
+    gaps: GapLimits = _USUAL_GAPS,
+    grasp: npt.ArrayLike = (np.nan,) * 7,
+) -> HandTrajectory:
+    """Take the hand's movement out of a recording, in the person's back frame.
+
+    The back frame is the one at the first sample and stands still. Start and end of the movement
+    need not be at rest.
+
+    Parameters
+    ----------
+    recording : LabelledRecording
+        With the markers of back and hand, or the segments of a sensor suit or links of an
+        exoskeleton with their orientations; see `besman.person.body.find_body`.
+    bounds : pair of int
+        Half-open rows of the segment.
+    label : str
+        Its class.
+    name : str
+        Name of the demonstration.
+    cutoff_hz : float
+        Of the low-pass filter (Butterworth, fourth order, forwards and backwards).
+    rate_hz : float
+        Samples per second of the result, at least.
+    thrown : str, optional
+        Marker of an object that is thrown; its touchdown becomes the target.
+    side : "right" or "left"
+        The arm.
+    gaps : GapLimits
+        Which gaps are filled.
+    grasp : array, shape (7,)
+        What the tool centre point is to follow, see `besman.records.HandTrajectory`.
+
+    Returns
+    -------
+    HandTrajectory
+
+    Raises
+    ------
+    MappingError
+        If the segment is shorter than three samples or reaches beyond the recording, a marker is
+        not there or not seen, or nothing tells how the hand is turned.
+    """
+    from scipy.interpolate import CubicSpline
+
+    start, stop = bounds
+    if not 0 <= start < stop <= len(recording.time) or stop - start < 3:
+        raise MappingError(
+            f"{name}: segment {start} to {stop}: expected at least three rows within "
+            f"0 to {len(recording.time)}"
+        )
+    points = find_body_points(
+        recording, bounds, side, name=name, margin_s=_FILTER_MARGIN_S, gaps=gaps
+    )
+    back = _smooth(points.back, recording.rate_hz, cutoff_hz)[start - points.back_first]
+    hand = _smooth(points.hand, recording.rate_hz, cutoff_hz)
+    rotation, origin = back_frame(*back)
+    duration = float(recording.time[stop - 1] - recording.time[start])
+    n_samples = max(int(np.ceil(duration * rate_hz - 1e-9)) + 1, 3)
+    time = np.linspace(0.0, duration, n_samples)
+    rows = slice(points.hand_first, points.hand_first + len(hand))
+    spline = CubicSpline(recording.time[rows] - recording.time[start], hand)
+    local = (spline(time) - origin) @ rotation
+    hand2back, position = hand_frame(local[:, 0], local[:, 1], local[:, 2])
+    target = np.full(3, np.nan)
+    if thrown is not None:
+        target = (object_touchdown(recording, bounds, thrown) - origin) @ rotation
+    poses = np.hstack([position, rotation_to_quaternion(hand2back)])
+    return HandTrajectory(
+        time=time, poses=poses, name=name, label=label, target=target, grasp=np.array(grasp)
+    )
+
+
+def _smooth(positions: FloatArray, rate_hz: float, cutoff_hz: float) -> FloatArray:
+    """Low-pass without delay; nothing to do if the cutoff is above what the rate can carry."""
+    if cutoff_hz >= 0.45 * rate_hz:
+        return positions
+    from scipy.signal import butter, sosfiltfilt
+
+    sections = butter(2, cutoff_hz, fs=rate_hz, output="sos")
+    padding = min(len(positions) - 1, int(3 * rate_hz / cutoff_hz))
+    smooth: FloatArray = sosfiltfilt(sections, positions, axis=0, padlen=padding)
+    return smooth

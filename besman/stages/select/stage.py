@@ -1,0 +1,155 @@
+"""The stage that selects demonstrations."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+from pydantic import field_validator, model_validator
+
+from besman.config.stage import Items, NotNegative, Positive, Stage, Truth, Work
+from besman.records import HandTrajectory, LabelledRecording, LabelledSegments
+from besman.records.layers import Side
+from besman.stages.select.body_points import GapLimits
+from besman.stages.select.hand_trajectory import Selected, map_record, select_segments
+
+
+class SelectConfig(Stage):
+    """Take the segments of one class as demonstrations (record mapping).
+
+    Attributes
+    ----------
+    label : str, optional
+        The class of a building block, e.g. ``throw``.
+    action : str, optional
+        In place of `label`: an action that stage ``compose`` finds.
+    object : str, optional
+        Marker of an object that is thrown; where it comes down becomes the target.
+    arm : "right" or "left"
+        The arm whose hand is followed.
+    least_duration_s, greatest_duration_s : float
+        Shorter and longer segments are left out, seconds.
+    merge : bool
+        Join segments of the class that touch: a movement that was cut in two.
+    cutoff_hz : float
+        Of the low-pass filter over the markers.
+    rate_hz : float
+        Samples per second of the demonstrations.
+    longest_gap_s : float
+        Gaps of back and hand markers up to this length are filled by a spline, seconds.
+    longest_rigid_gap_s : float
+        Gaps up to this length are filled where the other two markers of the cluster are seen. A
+        segment with a longer gap is no demonstration, and is listed with the reason.
+    object_in_hand_m : three float, optional
+        Where what is held sits in the hand, metres: the robot's tool centre point follows it, in
+        place of the point that the robot's tool says (``hand_to_tcp_m``). The hand's frame has its
+        origin in the centroid of the three hand markers, x towards the fingers (from the middle of
+        ``hand_left`` and ``hand_right`` to ``hand_top``) and z out of the back of the hand, so that
+        y points to the person's left while the palm is down and the fingers forward.
+    object_in_hand_wxyz : four float, optional
+        How it is turned in the hand's frame: the tool's axes follow its axes, in place of
+        ``hand_to_tcp_wxyz``. The tool points along z.
+    """
+
+    method: Literal["label"] = "label"
+    label: str | None = None
+    action: str | None = None
+    object: str | None = None
+    arm: Side = "right"
+    least_duration_s: NotNegative = 0.0
+    greatest_duration_s: Positive = 10.0
+    merge: bool = False
+    cutoff_hz: Positive = 10.0
+    rate_hz: Positive = 100.0
+    longest_gap_s: NotNegative = 0.25
+    longest_rigid_gap_s: NotNegative = 1.0
+    object_in_hand_m: tuple[float, float, float] | None = None
+    object_in_hand_wxyz: tuple[float, float, float, float] | None = None
+
+    leaves_out: ClassVar[bool] = True
+
+    @field_validator("object_in_hand_wxyz")
+    @classmethod
+    def _check_turn(cls, turn: tuple[float, ...] | None) -> tuple[float, ...] | None:
+        if turn is not None and not np.linalg.norm(turn) > 1e-6:
+            raise ValueError("a quaternion of zero turns nothing; (1, 0, 0, 0) leaves it as it is")
+        return turn
+
+    @model_validator(mode="after")
+    def _check_choice(self) -> SelectConfig:
+        if (self.label is None) == (self.action is None):
+            raise ValueError(
+                "expected one of label and action, got "
+                + ("none" if self.label is None else "both")
+            )
+        return self
+
+    @property
+    def wanted(self) -> str:
+        """The class that is taken, be it a building block or an action."""
+        return self.label or self.action or ""
+
+    @property
+    def grasp(self) -> np.ndarray:
+        """What the tool centre point is to follow, shape (7,); see `HandTrajectory`."""
+        place = (np.nan,) * 3 if self.object_in_hand_m is None else self.object_in_hand_m
+        turn = (np.nan,) * 4 if self.object_in_hand_wxyz is None else self.object_in_hand_wxyz
+        return np.concatenate([place, np.array(turn) / np.linalg.norm(turn)])
+
+    @property
+    def other_arm(self) -> SelectConfig:
+        """The same for the person's other hand; nothing is thrown with it."""
+        return self.model_copy(
+            update={"arm": "left" if self.arm == "right" else "right", "object": None}
+        )
+
+    def items(
+        self, recordings: tuple[LabelledRecording, ...], segments: tuple[LabelledSegments, ...]
+    ) -> Items:
+        """Count the segments of the class."""
+        return Items(sum(found.labels.count(self.wanted) for found in segments), "segments")
+
+    def figures(
+        self, demonstrations: tuple[HandTrajectory, ...], truth: Truth, *records: Any
+    ) -> dict[str, Any]:
+        """Return how many demonstrations there are."""
+        return {"n_demonstrations": len(demonstrations)}
+
+    def run(
+        self,
+        recordings: tuple[LabelledRecording, ...],
+        segments: tuple[LabelledSegments, ...],
+        work: Work = Work(),
+    ) -> tuple[HandTrajectory, ...]:
+        """Return the demonstrations, hand poses in the person's back frame."""
+        chosen = select_segments(
+            segments,
+            self.wanted,
+            merge=self.merge,
+            least_duration_s=self.least_duration_s,
+            greatest_duration_s=self.greatest_duration_s,
+        )
+
+        def take(one: Selected) -> HandTrajectory:
+            recording = recordings[one.recording]
+            return map_record(
+                recording,
+                (one.start, one.stop),
+                self.wanted,
+                name=f"{recording.source}:{one.segment}",
+                cutoff_hz=self.cutoff_hz,
+                rate_hz=self.rate_hz,
+                thrown=self.object,
+                side=self.arm,
+                gaps=GapLimits(self.longest_gap_s, self.longest_rigid_gap_s),
+                grasp=self.grasp,
+            )
+
+        # Sending recordings would take longer than reading a movement out of them.
+        here = replace(work, jobs=1, workers=None)
+        return tuple(
+            here.map(
+                take, chosen, name=lambda one: f"{recordings[one.recording].source}:{one.segment}"
+            )
+        )

@@ -1,0 +1,161 @@
+"""Naming the markers of one recording, without a pipeline."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from besman.exceptions import LabellingError
+from besman.io.recordings.formats import read_recording, write_recording
+from besman.person.marker_set import load_marker_set
+from besman.records import Recording
+from besman.stages.label.named_recording import NamedRecording
+from besman.stages.label.results import review_rows
+from besman.stages.label.stage import LabelTrajectoriesConfig
+from besman.stages.label.trajectories import name_trajectories
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+
+def label_file(
+    path: Path,
+    markers: str,
+    out: Path,
+    learn_from: Path | None = None,
+    fill: bool = False,
+) -> tuple[Recording, NamedRecording]:
+    """Name the trajectories of a recording and write it with names.
+
+    What got no name is written too, as unnamed trajectories.
+
+    Parameters
+    ----------
+    path : Path
+        The recording; names that it has are not looked at.
+    markers : str
+        A marker set.
+    out : Path
+        File to write; must not be there yet.
+    learn_from : Path, optional
+        A recording with names, from which distances are learnt.
+    fill : bool
+        Whether to fill short gaps.
+
+    Returns
+    -------
+    Recording
+        What was read.
+    NamedRecording
+        What was found in it.
+
+    Raises
+    ------
+    BesmanError
+        If a file cannot be read or written, or the marker set does not fit.
+    """
+    if out.exists():
+        raise LabellingError(f"{out}: is there already; give another name with --out")
+    config = LabelTrajectoriesConfig(markers=markers)
+    marker_set = load_marker_set(markers)
+    recording = read_recording(path)
+    teacher = None if learn_from is None else read_recording(learn_from)
+    model = config.learn(marker_set, teacher)
+    named = name_trajectories(recording, marker_set, model, config.threshold)
+    if fill:
+        named = config.fill(named, marker_set)
+    write_recording(with_unnamed(recording, named), out)
+    return recording, named
+
+
+def with_unnamed(recording: Recording, named: NamedRecording) -> Recording:
+    """Return the named markers, then what is left of the trajectories without names."""
+    rest = recording.positions.copy()
+    for decision in named.decisions:
+        if decision.named:
+            rest[decision.start : decision.stop, decision.trajectory] = np.nan
+    kept = np.isfinite(rest).any(axis=(0, 2))
+    return replace(
+        recording,
+        positions=np.concatenate((named.positions, rest[:, kept]), axis=1),
+        names=(*named.markers, *(None,) * int(kept.sum())),
+    )
+
+
+def summarise(recording: Recording, named: NamedRecording) -> dict[str, Any]:
+    """Return what was named: by marker, in all, and what is for review.
+
+    Returns
+    -------
+    dict
+        recording, fragments, n_unnamed, named_share (of samples seen), markers (marker, fragments,
+        seen_share of the frames, least confidence), review.
+    """
+    decisions = named.decisions
+    samples = sum(decision.stop - decision.start for decision in decisions)
+    given = [decision for decision in decisions if decision.named]
+    rows = []
+    for marker in named.markers:
+        own = [decision for decision in given if decision.marker == marker]
+        n_seen = sum(decision.stop - decision.start for decision in own)
+        rows.append(
+            {
+                "marker": marker,
+                "fragments": len(own),
+                "seen_share": n_seen / len(recording.time),
+                "confidence": min(decision.confidence for decision in own),
+            }
+        )
+    return {
+        "recording": recording.source,
+        "fragments": len(decisions),
+        "n_unnamed": len(decisions) - len(given),
+        "named_share": sum(decision.stop - decision.start for decision in given) / samples,
+        "filled_samples": int(named.filled.sum()),
+        "markers": rows,
+        "review": review_rows(recording, named),
+    }
+
+
+def summary_tables(summary: dict[str, Any]) -> list[Table]:
+    """Return what `summarise` gives as tables for the terminal."""
+    from rich.table import Table
+
+    share = f"{100 * summary['named_share']:.1f} % of the samples seen are named"
+    markers = Table("marker", "fragments", "seen", "least confidence", title=share)
+    for row in summary["markers"]:
+        markers.add_row(
+            row["marker"],
+            str(row["fragments"]),
+            f"{100 * row['seen_share']:.1f} %",
+            f"{row['confidence']:.3f}",
+        )
+    if not summary["review"]:
+        return [markers]
+    review = Table("trajectory", "frames", "best name", "confidence", title="for review")
+    for row in summary["review"]:
+        review.add_row(
+            row["trajectory"],
+            f"{row['first_frame']} to {row['last_frame']}",
+            row["best"] or "no marker",
+            f"{row['confidence']:.3f}",
+        )
+    return [markers, review]
+
+
+def draw_names(named: NamedRecording, path: Path) -> None:
+    """Draw when each marker was seen, and the fragments without a name; PNG or SVG by the ending.
+
+    Raises
+    ------
+    LabellingError
+        If the ending is another one.
+    """
+    from besman.report.name_figure import name_timeline
+
+    if path.suffix.lower() not in (".png", ".svg"):
+        raise LabellingError(f"{path}: got ending {path.suffix!r}, expected .png or .svg")
+    name_timeline(named).savefig(path, dpi=120, facecolor="white")

@@ -1,0 +1,84 @@
+"""Segmentation of recordings without a pipeline."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from besman.config.yaml_file import parse_config
+from besman.exceptions import ConfigError, nearest
+from besman.io.recordings.formats import find_recordings, read_recording
+from besman.person.marker_set import load_marker_set
+from besman.stages.label.stage import LabelConfig
+from besman.stages.segment.methods import CONFIGS
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+
+def segment_files(
+    paths: list[Path], method: str, markers: str, rate_hz: float | None
+) -> list[dict[str, Any]]:
+    """Segment recordings.
+
+    Parameters
+    ----------
+    paths : list of Path
+        Files or folders.
+    method : str
+        Segmentation method.
+    markers : str
+        Marker set.
+    rate_hz : float, optional
+        Sampling rate of the method; its default if not given.
+
+    Returns
+    -------
+    list of dict
+        recording; rate_hz of the recording; borders_s, seconds from its start, first 0 and last
+        its end; frames, the borders as the recording's frame numbers; labels, None without a
+        trained model.
+
+    Raises
+    ------
+    BesmanError
+        If a recording cannot be read, labelled or segmented, or there is no such method.
+    """
+    marker_set = load_marker_set(markers)
+    content: dict[str, Any] = {"method": method}
+    if marker_set.hand:
+        content["markers"] = marker_set.hand
+    if rate_hz is not None:
+        content["rate_hz"] = rate_hz
+    if method not in CONFIGS:
+        raise ConfigError(f"besman segment: --method: got {method!r}; {nearest(method, CONFIGS)}")
+    config = parse_config(content, CONFIGS[method], "besman segment")
+    label = LabelConfig(markers=markers, longest_gap_s=0.5)
+    found = []
+    for path in find_recordings(paths):
+        recording = read_recording(path)
+        (segments,) = config.run(label.run((recording,), marker_set))
+        borders = [*segments.bounds[:, 0].tolist(), int(segments.bounds[-1, 1])]
+        found.append(
+            {
+                "recording": recording.source,
+                "rate_hz": recording.rate_hz,
+                "borders_s": [border / recording.rate_hz for border in borders],
+                "frames": [recording.first_frame + border for border in borders],
+                "labels": None,
+            }
+        )
+    return found
+
+
+def segment_table(found: list[dict[str, Any]]) -> Table:
+    """Return what `segment_files` found as a table for the terminal."""
+    from rich.table import Table
+
+    table = Table("recording", "rate [Hz]", "segments", "borders [s]")
+    for row in found:
+        borders = " ".join(f"{border:.2f}" for border in row["borders_s"])
+        table.add_row(
+            row["recording"], f"{row['rate_hz']:g}", str(len(row["borders_s"]) - 1), borders
+        )
+    return table

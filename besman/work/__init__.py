@@ -1,0 +1,1 @@
+"""Work on many items: threads, processes, a cluster."""

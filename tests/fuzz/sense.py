@@ -1,0 +1,266 @@
+"""What no recording, model or config can be: looked for in what was read, and in the file itself.
+
+Nothing here comes from besman: a reader's own limits must not judge themselves.
+"""
+
+import dataclasses
+import re
+import unicodedata
+
+import numpy as np
+
+FARTHEST_M = 1000.0
+FASTEST_M_S = 340.0
+GREATEST = 1e9
+_ODD_NUMBER = re.compile(r"\d_\d")
+
+
+def _odd_text(text):
+    """Tell whether a text would move a terminal's cursor, or is longer than any name."""
+    return len(text) > 5000 or any(unicodedata.category(one) in ("Cc", "Cs") for one in text)
+
+
+def _odd_digits(text):
+    return bool(_ODD_NUMBER.search(text)) or any(
+        one.isnumeric() and not one.isascii() for one in text
+    )
+
+
+def of_recording(folder, recording):
+    found = []
+    seen = recording.positions[np.isfinite(recording.positions)]
+    if np.isinf(recording.positions).any() or (np.abs(seen) > FARTHEST_M).any():
+        found.append("coordinates beyond 1 km")
+    with np.errstate(all="ignore"):
+        step = np.linalg.norm(np.diff(recording.positions, axis=0), axis=2)
+        if (step * recording.rate_hz > FASTEST_M_S).any():
+            found.append("faster than sound")
+    found += _of_time(recording)
+    names = [name for name in recording.names if name is not None]
+    if any(_odd_text(name) for name in names):
+        found.append("control characters in a name")
+    if len(set(names)) < len(names) or "" in names:
+        found.append("names twice or empty")
+    if recording.orientations is not None:
+        turns = recording.orientations[np.isfinite(recording.orientations).all(axis=2)]
+        if (np.abs(np.linalg.norm(turns, axis=1) - 1) > 0.01).any():
+            found.append("orientations that are none")
+    (path,) = [one for one in folder.iterdir() if one.stem == "a" and one.suffix != ".urdf"]
+    if path.suffix in (".tsv", ".csv", ".mvnx"):
+        found += _of_text(path, recording)
+    return found
+
+
+def _of_time(recording):
+    rate_hz, time = recording.rate_hz, recording.time
+    if not 1 <= rate_hz <= 10_000:
+        return [f"a rate of {rate_hz:g} Hz"]
+    if not np.isfinite(time).all() or np.abs(time).max() > GREATEST:
+        return ["times that are none"]
+    steps = np.diff(time) * rate_hz
+    if not ((steps > 0) & (np.abs(steps - 1) < 0.6)).all():
+        return ["times that do not fit the rate"]
+    if not 0 <= recording.first_frame <= 1e9:
+        return ["a frame number that no camera counts to"]
+    return []
+
+
+def _of_text(path, recording):
+    found = []
+    content = path.read_bytes()
+    text = content.decode("utf-8", "replace")
+    if path.suffix == ".tsv":
+        lines = text.replace("\r", "").split("\n")
+        keys = {line.split("\t")[0]: line.split("\t")[1:2] for line in reversed(lines[:14])}
+        counts = [keys.get(key, [""])[0] for key in ("NO_OF_MARKERS", "NO_OF_FRAMES", "FREQUENCY")]
+        n_rows = len(recording.time)
+        rows = [line for line in lines if line][-n_rows:]
+        if any(_odd_digits(one) for one in (*counts, *rows)):
+            found.append("digits that are none")
+        declared = counts[1].strip()
+        if declared.isascii() and declared.isdigit() and recording.first_frame == 1:
+            if int(declared) != n_rows:
+                found.append("NO_OF_FRAMES that differs")
+        if declared.isascii() and declared.isdigit() and len(declared) < 10:
+            if int(declared) < n_rows:
+                found.append("more frames than NO_OF_FRAMES")
+    elif path.suffix == ".csv":
+        rows = [line for line in text.split("\n") if line and line[0] != "#"][1:]
+        if any(_odd_digits(row) for row in rows):
+            found.append("digits that are none")
+    else:
+        values = re.findall(r">([^<>a-zA-Z]+)<", text) + re.findall(
+            r'(?:Rate|index)="([^"]*)"', text
+        )
+        if any(_odd_digits(value) for value in values):
+            found.append("digits that are none")
+    return found
+
+
+def of_borders(folder, found):
+    values = np.array([one["borders_s"] for one in found], dtype=float)
+    if not np.isfinite(values).all() or values.max() > GREATEST:
+        return ["borders that are no times"]
+    return []
+
+
+def of_segments(folder, found):
+    inputs, throws = found
+    problems = []
+    for truth, recording in zip(inputs.truth, inputs.recordings, strict=True):
+        if truth is None:
+            continue
+        layers = truth.layers or ("",) * len(truth.labels)
+        rows = list(zip(map(tuple, truth.bounds.tolist()), layers, strict=True))
+        if len(set(rows)) < len(rows):
+            problems.append("the same stretch twice")
+        if any(_odd_text(label) for label in (*truth.labels, *layers)):
+            problems.append("control characters in a label")
+        if len(rows) and (truth.bounds.min() < 0 or truth.bounds.max() > len(recording.time)):
+            problems.append("segments outside the recording")
+    for names in inputs.names:
+        if names is not None and any(_odd_text(name) for name in names):
+            problems.append("control characters in a name")
+    for throw in throws:
+        values = dataclasses.asdict(throw)
+        flat = [*values.pop("release_m"), *values.pop("touchdown_m"), *values.values()]
+        if not all(type(one) in (int, float) and abs(one) < 1e6 for one in flat):
+            problems.append("a throw that is none")
+    return problems
+
+
+def of_config(folder, config):
+    problems = set()
+
+    def look(value):
+        if isinstance(value, bool) or value is None:
+            return
+        if isinstance(value, int | float):
+            if not abs(value) <= GREATEST:
+                problems.add("a number out of all sense")
+        elif isinstance(value, str):
+            if _odd_text(value):
+                problems.add("control characters in a text")
+        elif isinstance(value, dict):
+            for key, inner in value.items():
+                look(key)
+                look(inner)
+        else:
+            for inner in value:
+                look(inner)
+
+    look(config.model_dump())
+    return sorted(problems)
+
+
+def of_robot(folder, robot):
+    problems = []
+    limits = robot.limits
+    ends = np.abs([limits.position_min, limits.position_max])
+    if not (ends <= 1000).all():
+        problems.append("limits beyond 1000 rad")
+    if not all((one > 0).all() and (one < 1e6).all() for one in dataclasses.astuple(limits)[2:]):
+        problems.append("limits out of all sense")
+    masses = [inertia.mass for inertia in robot.model.inertias]
+    if not all(0 <= mass <= 1e4 for mass in masses):
+        problems.append("masses out of all sense")
+    inertias = np.abs([inertia.inertia for inertia in robot.model.inertias])
+    if not (inertias < 1e6).all():
+        problems.append("inertias out of all sense")
+    radii = robot.chain.capsule_radii
+    if not ((radii > 0) & (radii <= 10)).all():
+        problems.append("radii out of all sense")
+    chain = robot.chain
+    lengths = (chain.placements, chain.tip, chain.capsule_ends, robot.tool.tcp2hand)
+    if not all((np.abs(one) < FARTHEST_M).all() for one in lengths):
+        problems.append("lengths out of all sense")
+    if not 0 <= robot.base_height < FARTHEST_M:
+        problems.append("a height out of all sense")
+    names = (robot.name, robot.tool.name, *robot.joint_names, *chain.capsule_links)
+    if any(_odd_text(name) or name[:1] in "=+-@" for name in names):
+        problems.append("names that a table or terminal would obey")
+    return problems
+
+
+def of_model(folder, model):
+    problems = of_record(folder, model)
+    if not (model.spread > 0).all():
+        problems.append("a spread of nothing")
+    if np.isnan(model.threshold) or model.threshold < 0:
+        problems.append("a threshold that is none")
+    if len(model.sources) != len(model.labels) or len(model.bounds) != len(model.labels):
+        problems.append("examples without a source")
+    if (model.bounds[:, 0] >= model.bounds[:, 1]).any() or (model.bounds < 0).any():
+        problems.append("bounds that are none")
+    if not all(np.isfinite(one).all() for one in model.parameters.values()):
+        problems.append("parameters that are no numbers")
+    return problems
+
+
+_FINITE = {
+    "weights",
+    "start",
+    "goal",
+    "velocities",
+    "accelerations",
+    "examples",
+    "centre",
+    "spread",
+}
+_PLAIN = {"str": (str,), "int": (int,), "float": (float, int), "bool": (bool,)}
+
+
+def of_record(folder, record):
+    problems = set()
+
+    def look(value):
+        if isinstance(value, tuple | list):
+            for item in value:
+                look(item)
+        elif isinstance(value, str):
+            if _odd_text(value):
+                problems.add("control characters in a text")
+        elif dataclasses.is_dataclass(value):
+            for one in dataclasses.fields(value):
+                held = getattr(value, one.name)
+                look_at_field(type(value).__name__, one, held)
+                look(held)
+
+    def look_at_field(kind, one, held):
+        allowed = _PLAIN.get(str(one.type))
+        if allowed is not None and (
+            not isinstance(held, allowed) or type(held) is bool not in allowed
+        ):
+            problems.add(f"{one.name} of another type")
+        if str(one.type).startswith("tuple[str") and not (
+            isinstance(held, tuple) and all(isinstance(item, str | None) for item in held)
+        ):
+            problems.add(f"{one.name} of another type")
+        if not isinstance(held, np.ndarray):
+            if "Array" in str(one.type) and held is not None:
+                problems.add(f"{one.name} is no array")
+            return
+        if held.dtype.kind not in "fib":
+            problems.add(f"{one.name} is no numbers")
+        elif one.name in _FINITE and not (np.isfinite(held) & (np.abs(held) < 1e12)).all():
+            problems.add(f"{one.name} is not finite")
+        elif np.isinf(held).any():
+            problems.add(f"{one.name} is infinite")
+        if one.name == "time" and not (np.diff(held) > 0).all():
+            problems.add("times that do not rise")
+        if one.name == "positions" and kind.endswith("Recording"):
+            if (np.abs(held[np.isfinite(held)]) > FARTHEST_M).any():
+                problems.add("coordinates beyond 1 km")
+
+    look(record)
+    return sorted(problems)
+
+
+def of_arrays(folder, found):
+    *arrays, names = found
+    problems = []
+    if not all((np.isfinite(one) & (np.abs(one) < GREATEST)).all() for one in arrays):
+        problems.append("numbers out of all sense")
+    if any(_odd_text(name) for name in names):
+        problems.append("control characters in a name")
+    return problems

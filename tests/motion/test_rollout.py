@@ -1,0 +1,140 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from besman.exceptions import PlanError
+from besman.geometry.frames import quaternion_to_rotation
+from besman.motion.cartesian_dmp import roll_out_poses
+from besman.motion.dmp import interpolate
+from besman.motion.joint_path import (
+    greatest_rates,
+    joint_nodes,
+    joint_steps,
+    plan_poses,
+    spline_map,
+)
+from besman.motion.rollout import least_duration, roll_out_plans, sample_plan, stretch_plan
+from besman.robot.inverse_kinematics import IkWeights, solve_path
+from besman.robot.kinematics import forward_kinematics
+from besman.robot.limits import check_limits
+
+KINDS = ("joint_dmp", "joint_dmp_velocity", "cartesian_dmp")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_derivatives_are_those_of_the_positions(robots, plan_of, kind):
+    robot, plan = robots["ur5"], plan_of(kind)
+    time, step = np.linspace(0.011, plan.duration - 0.011, 157), 1e-5
+    before, _, _ = roll_out_plans([plan], time - step, robot)
+    at, velocities, accelerations = roll_out_plans([plan], time, robot)
+    after, _, _ = roll_out_plans([plan], time + step, robot)
+    np.testing.assert_allclose((after - before) / (2 * step), velocities, atol=1e-5)
+    np.testing.assert_allclose((after - 2 * at + before) / step**2, accelerations, atol=2e-2)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@given(duration=st.floats(0.05, 20))
+@settings(max_examples=10, deadline=None)
+def test_stretching_is_even(robots, plan_of, kind, duration):
+    robot, plan = robots["ur5"], plan_of(kind)
+    share = np.linspace(0, 1, 41)
+    slow = stretch_plan(plan, duration)
+    one = roll_out_plans([plan], share * plan.duration, robot)
+    other = roll_out_plans([slow], share * duration, robot)
+    for order in range(3):
+        # At a border of a lead, rounding tells on which side a sample is.
+        inside = slice(1, -1)
+        np.testing.assert_allclose(
+            other[order][:, inside] * (duration / plan.duration) ** order,
+            one[order][:, inside],
+            atol=1e-7,
+        )
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_at_its_least_duration_a_plan_is_just_within_the_limits(robots, plan_of, kind):
+    robot, plan = robots["ur5"], plan_of(kind)
+    duration = least_duration(plan, robot.limits, robot)
+    movement = sample_plan(stretch_plan(plan, duration), robot)[1:]
+    report = check_limits(robot, *movement)
+    assert report.velocity == report.acceleration == 0
+    assert max(report.velocity_ratio, report.acceleration_ratio) > 0.995
+
+
+def test_company_changes_nothing_not_even_of_another_kind(robots, plan_of):
+    robot = robots["ur5"]
+    plans = [plan_of(kind, seed=seed) for kind in KINDS for seed in (0, 1)]
+    time = np.arange(0, 1.2, 0.004)
+    together = roll_out_plans(plans, time, robot)
+    for kind in KINDS:
+        rows = [row for row, plan in enumerate(plans) if plan.kind == kind]
+        same_kind = roll_out_plans([plans[row] for row in rows], time, robot)
+        for got, expected in zip(together, same_kind, strict=True):
+            np.testing.assert_array_equal(got[rows], expected)
+
+
+@pytest.mark.parametrize("name", ["ur5", "iiwa7", "compi"])
+def test_the_tool_is_where_the_cartesian_plan_wants_it_also_between_the_steps(
+    robots, plan_of, name
+):
+    robot, plan = robots[name], plan_of("cartesian_dmp", name)
+    time, q, _, _ = sample_plan(plan, robot)
+    reached = forward_kinematics(robot.chain, q)
+    wanted = roll_out_poses(plan.weights, plan.start, plan.goal, plan.duration, time)
+    assert np.abs(reached[:, :3, 3] - wanted[:, :3]).max() < 1e-4
+    assert np.abs(reached[:, :3, :3] - quaternion_to_rotation(wanted[:, 3:])).max() < 1e-3
+    assert (q >= robot.limits.position_min).all()
+    assert (q <= robot.limits.position_max).all()
+
+
+def test_inverse_kinematics_stays_on_the_plans_branch_and_is_as_good_as_a_search(robots, plan_of):
+    robot, plan = robots["ur5"], plan_of("cartesian_dmp")
+    positions, errors = joint_steps(plan, robot)
+    np.testing.assert_allclose(positions[0], plan.joints, atol=1e-6)
+    searched = solve_path(robot, plan_poses(plan), weights=IkWeights())
+    assert errors[:, 0].max() < max(1e-4, searched.position_error.max())
+    assert np.abs(np.diff(positions, axis=0)).max() < 0.1
+
+
+def test_the_spline_passes_the_steps_and_rests_at_its_ends(robots, plan_of):
+    robot, plan = robots["ur5"], plan_of("cartesian_dmp")
+    steps, _ = joint_steps(plan, robot)
+    q, v, a = joint_nodes(plan, robot)
+    np.testing.assert_allclose(q[::4], steps, atol=1e-10)
+    np.testing.assert_allclose(v[[0, -1]], 0, atol=1e-9)
+    np.testing.assert_allclose(a[[0, -1]], 0, atol=1e-6)
+    # A quintic at rest at both ends is its own spline.
+    x = np.linspace(0, 1, 126)
+    nodes = np.linspace(0, 1, 501)
+    quintic = np.polynomial.Polynomial([0, 0, 0, 10, -15, 6])
+    for order, matrix in enumerate(
+        (spline_map().position, spline_map().velocity, spline_map().acceleration)
+    ):
+        expected = quintic.deriv(order)(nodes)
+        np.testing.assert_allclose(matrix @ quintic(x), expected, atol=1e-7)
+
+
+def test_a_cartesian_plan_without_its_arm(robots, plan_of):
+    plan = plan_of("cartesian_dmp")
+    with pytest.raises(PlanError, match=r"a: a Cartesian plan needs its arm.*shoulder.*; got none"):
+        roll_out_plans([plan], [0.0])
+    with pytest.raises(PlanError, match="got joint_1, joint_2"):
+        sample_plan(plan, robots["iiwa7"])
+
+
+def test_the_greatest_rates_are_those_of_a_dense_look(robots, plan_of):
+    """Also of a path with sharp turns, where the acceleration swings within a step."""
+    robot, plan = robots["ur5"], plan_of("cartesian_dmp")
+    steps, _ = joint_steps(plan, robot)
+    steps = steps + 0.02 * (np.arange(len(steps)) > 60)[:, None]
+    spline = spline_map()
+    nodes = spline.position @ steps, spline.velocity @ steps, spline.acceleration @ steps
+    speeds, pulls = greatest_rates(*nodes)
+    _, dense_speeds, dense_pulls = interpolate(*nodes, np.linspace(0, 1, 100_001))
+    np.testing.assert_allclose(
+        np.abs(speeds).max(axis=0), np.abs(dense_speeds).max(axis=0), rtol=1e-3
+    )
+    np.testing.assert_allclose(
+        np.abs(pulls).max(axis=0), np.abs(dense_pulls).max(axis=0), rtol=1e-5
+    )

@@ -1,0 +1,42 @@
+import json
+
+import pytest
+
+from besman.config.resources import find_resource
+from besman.exceptions import ConfigError
+from besman.pipeline.check import check_pipeline
+from besman.pipeline.config import load_pipeline
+from besman.pipeline.pipeline import run_pipeline
+
+RECIPES = ("compi_ball_throw", "iiwa7_grasp", "ur10_lever")
+
+
+@pytest.mark.parametrize("name", RECIPES)
+def test_recipes_of_the_tasks_are_complete(name):
+    lines = check_pipeline(name)
+    assert lines[-1].startswith("task: ")
+    assert "made for" not in lines[-1]
+
+
+def test_another_kind_of_motion_plan_than_the_tasks_is_told():
+    (line,) = check_pipeline("ur10_lever", ("imitate.method=cartesian_dmp",))[-1:]
+    assert line.endswith("success within 2 cm; made for joint_dmp, imitated by cartesian_dmp")
+
+
+def test_a_budget_of_zero_is_an_error():
+    path = find_resource("pipelines", "ur10_lever")
+    with pytest.raises(ConfigError, match=r"refine.episodes: got 0; input should be greater than"):
+        load_pipeline(path, ("refine.episodes=0",))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", RECIPES)
+def test_from_unnamed_markers_to_refined_motions(name, tmp_path):
+    config = load_pipeline(find_resource("pipelines", name))
+    run_pipeline(config, tmp_path / name, jobs=2)
+    results = json.loads((tmp_path / name / "results.json").read_text())
+    assert results["label"]["right_share"] > 0.99
+    refine = results["refine"]
+    assert refine["n_motions"] == results["map"]["n_demonstrations"] >= 3
+    assert refine["n_success"] >= 0.8 * refine["n_motions"]
+    assert len(list((tmp_path / name / "exports").glob("*.csv"))) == refine["n_motions"]

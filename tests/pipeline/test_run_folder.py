@@ -1,0 +1,228 @@
+import json
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+
+import numpy as np
+import pytest
+
+from besman.config.stage import Items, Stage, Training, Truth, Work
+from besman.exceptions import RunError
+from besman.io.atomic_files import write_json
+from besman.pipeline.run_folder import Run
+from besman.records import Failure, Segments
+from besman.records.files import digest
+
+CALLS = []
+
+
+class Cut(Stage):
+    method: str = "cut"
+    at: int = 1
+
+    def run(self, segments, *, work=Work()):
+        CALLS.append((self.at, segments.log_evidence))
+        work.progress(0.5)
+        return Segments([[0, self.at], [self.at, 9]], segments.log_evidence + 1, 1.0, "x")
+
+
+@pytest.fixture(autouse=True)
+def _no_calls():
+    CALLS.clear()
+
+
+START = Segments([[0, 9]], 0.0, 1.0, "x")
+
+
+def two_stages(folder, first=1, second=2, fresh=None):
+    run = Run(folder, "test", fresh=fresh)
+    run.start("name: test\n", {})
+    one = run.step("one", Cut(at=first), START)
+    two = run.step("two", Cut(at=second), one)
+    run.finish()
+    return two, [row["cached"] for row in run.timing]
+
+
+def test_same_config_and_input_do_no_work(tmp_path):
+    before, cached = two_stages(tmp_path / "r")
+    assert cached == [False, False]
+    CALLS.clear()
+    after, cached = two_stages(tmp_path / "r")
+    assert cached == [True, True]
+    assert not CALLS
+    assert digest(after) == digest(before)
+
+
+def test_a_changed_parameter_re_runs_only_what_depends_on_it(tmp_path):
+    two_stages(tmp_path / "r")
+    _, cached = two_stages(tmp_path / "r", second=3)
+    assert cached == [True, False]
+    _, cached = two_stages(tmp_path / "r", first=4, second=3)
+    assert cached == [False, False]
+
+
+def test_fresh_computes_a_stage_again(tmp_path):
+    two_stages(tmp_path / "r")
+    _, cached = two_stages(tmp_path / "r", fresh="one")
+    # The same bytes came out again, so nothing that follows has changed.
+    assert cached == [False, True]
+
+
+@pytest.mark.parametrize("damage", ["cut", "gone", "garbled json"])
+def test_a_damaged_stage_is_computed_again(tmp_path, damage):
+    before, _ = two_stages(tmp_path / "r")
+    file = tmp_path / "r" / "00_one" / "record.npz"
+    if damage == "cut":
+        file.write_bytes(file.read_bytes()[:50])
+    elif damage == "gone":
+        file.unlink()
+    else:
+        (file.parent / "stage.json").write_text("{")
+    after, cached = two_stages(tmp_path / "r")
+    assert cached == [False, True]
+    assert digest(after) == digest(before)
+
+
+def test_the_files_of_a_run(tmp_path):
+    two_stages(tmp_path / "r")
+    state = json.loads((tmp_path / "r" / "run.json").read_text())
+    timing = json.loads((tmp_path / "r" / "timing.json").read_text())
+    assert state["status"] == "done"
+    assert {"numpy", "besman", "python"} <= set(state["versions"])
+    assert [row["name"] for row in timing["stages"]] == ["one", "two"]
+    keys = {"name", "wall_s", "cpu_s", "human", "items", "unit", "cached", "peak_rss_mb"}
+    assert keys <= set(timing["stages"][0])
+    assert timing["total_wall_s"] > 0
+    assert (tmp_path / "r" / "pipeline.yaml").read_text() == "name: test\n"
+    assert not [path for path in (tmp_path / "r").iterdir() if ".tmp" in path.name]
+
+
+KILLED = """
+    import os, signal, sys
+    sys.path.insert(0, {tests!r})
+    import besman.records.files, besman.pipeline.run_folder, test_run_folder
+    from pathlib import Path
+
+    if {when!r} == "while writing":
+        def save(record, path):
+            Path(path).write_bytes(b"half")
+            os.kill(os.getpid(), signal.SIGKILL)
+        besman.pipeline.run_folder.save_record = save
+    else:
+        def run(self, segments, *, work):
+            os.kill(os.getpid(), signal.SIGKILL)
+        test_run_folder.Cut.run = run
+    test_run_folder.two_stages(Path({folder!r}), second=5)
+"""
+
+
+@pytest.mark.parametrize("when", ["while writing", "while computing"])
+def test_kill_leaves_no_half_stage_and_the_same_command_goes_on(tmp_path, when):
+    two_stages(tmp_path / "r")
+    script = textwrap.dedent(KILLED).format(
+        tests=os.path.dirname(__file__), when=when, folder=str(tmp_path / "r")
+    )
+    killed = subprocess.run([sys.executable, "-c", script], check=False)
+    assert killed.returncode == -signal.SIGKILL
+    stored = json.loads((tmp_path / "r" / "01_two" / "stage.json").read_text())
+    assert stored["config"]["at"] == 2
+    after, cached = two_stages(tmp_path / "r", second=5)
+    assert cached == [True, False]
+    fresh, _ = two_stages(tmp_path / "other", second=5)
+    assert digest(after) == digest(fresh)
+
+
+def test_a_folder_that_is_not_a_run_is_left_alone(tmp_path):
+    (tmp_path / "precious.txt").write_text("mine")
+    with pytest.raises(RunError, match="is not empty and not a run; give a new name with --out"):
+        Run(tmp_path, "test")
+    with pytest.raises(RunError, match="is a file"):
+        Run(tmp_path / "precious.txt", "test")
+    assert [path.name for path in tmp_path.iterdir()] == ["precious.txt"]
+
+
+def test_two_processes_do_not_share_a_folder(tmp_path):
+    run = Run(tmp_path / "r", "test")
+    with pytest.raises(RunError, match="another besman is working here"):
+        Run(tmp_path / "r", "test")
+    run.start("", {})
+    run.finish()
+    Run(tmp_path / "r", "test").start("", {})
+
+
+def test_a_failed_run_says_so(tmp_path):
+    run = Run(tmp_path / "r", "test")
+    run.start("", {})
+    run.finish("failed", "no markers")
+    state = json.loads((tmp_path / "r" / "run.json").read_text())
+    assert (state["status"], state["error"]) == ("failed", "no markers")
+
+
+def test_json_has_no_nan(tmp_path):
+    write_json(tmp_path / "a.json", {"x": np.float64("nan"), "y": (np.int64(3), np.arange(2.0))})
+    assert json.loads((tmp_path / "a.json").read_text()) == {"x": None, "y": [3, [0.0, 1.0]]}
+
+
+class Told(Cut):
+    """A stage that tells what it did, and leaves out one item."""
+
+    leaves_out = True
+
+    def items(self, segments):
+        return Items(len(segments.bounds), "cuts")
+
+    def figures(self, result, truth, segments):
+        return {"n": len(result.bounds), "before": len(segments.bounds), "margin_s": truth.margin_s}
+
+    def run(self, segments, *, work=Work()):
+        work.notes.failures.append(Failure("a:0", "too short"))
+        return super().run(segments, work=work)
+
+
+class ForBothArms(Cut):
+    def figures(self, result, truth, segments):
+        return {"n": 1}, {"n": 2}
+
+
+def test_every_stage_tells_its_figures_and_items_also_from_the_cache(tmp_path):
+    for _ in range(2):
+        run = Run(tmp_path / "r", "test")
+        run.start("", {})
+        run.truth = Truth(margin_s=0.7)
+        one = run.step("one", Told(), START)
+        run.step("both", ForBothArms(), one)
+        run.prepare("quiet", Told(), one)
+        run.finish()
+        failed = [{"name": "a:0", "reason": "too short"}]
+        assert json.loads((tmp_path / "r" / "results.json").read_text()) == {
+            "one": {"n": 2, "before": 1, "margin_s": 0.7, "failed": failed},
+            "both": {"n": 1},
+            "both_second": {"n": 2},
+        }
+        rows = json.loads((tmp_path / "r" / "timing.json").read_text())["stages"]
+        assert [(row["name"], row["items"], row["unit"]) for row in rows] == [
+            ("one", 1, "cuts"),
+            ("both", 0, "item"),
+            ("quiet", 2, "cuts"),
+        ]
+
+
+def test_learning_is_a_step_with_the_stage_s_config(tmp_path):
+    def learn(recordings, truth, work):
+        CALLS.append((recordings, truth))
+        return recordings[0]
+
+    stage = Cut()
+    for _ in range(2):
+        run = Run(tmp_path / "r", "test")
+        run.start("", {})
+        learnt = run.prepare("train", Training(stage, learn, 4), (START,), ())
+        run.step("use", stage, learnt)
+        run.finish()
+    assert len([call for call in CALLS if call == ((START,), ())]) == 1
+    stored = json.loads((tmp_path / "r" / "00_train" / "stage.json").read_text())
+    assert stored["config"] == stage.model_dump()
+    assert [(row["items"], row["unit"]) for row in run.timing] == [(4, "a class"), (0, "item")]
+    assert "train" not in run.results

@@ -1,0 +1,72 @@
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from besman.exceptions import RunError
+from besman.motion.dmp import roll_out
+from besman.records import RefinedMotion
+from besman.robot.model import load_robot
+from besman.stages.export import motion_exports
+from besman.stages.export.motion_exports import write_exports
+
+
+def refined(plan):
+    time = np.arange(int(np.ceil(plan.duration * 1000)) + 1) / 1000
+    movement = roll_out(plan.weights, plan.start, plan.goal, plan.duration, time)
+    return RefinedMotion(
+        plan, time, *movement, np.zeros(1), np.zeros(1), np.zeros(3), np.zeros(3),
+        np.empty((0, 3)), np.zeros((len(time), 3)), True, 0.0, 0.0,
+    )  # fmt: skip
+
+
+def test_every_format_and_the_limits(tmp_path, robot, make_plan):
+    motion = refined(make_plan(name="data/subject1:4"))
+    write_exports((motion,), robot, tmp_path)
+    endings = ("csv", "ros.json", "ros.yaml", "script")
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "limits.json",
+        *(f"subject1_4.{ending}" for ending in endings),
+    }
+    report = json.loads((tmp_path / "limits.json").read_text())
+    assert (report["robot"], report["tool"]) == ("ur5", "stick_holder")
+    asked = report["motions"]["subject1_4"]
+    assert asked["samples"] == len(motion.time)
+    assert asked["success"] is True
+    speed = np.abs(motion.velocities) / robot.limits.velocity
+    assert asked["velocity_ratio"] == pytest.approx(speed.max(), abs=1e-6)
+    assert asked["torque_ratio"] > 0
+
+
+def test_no_urscript_for_other_arms(tmp_path):
+    iiwa = load_robot("iiwa7", "none")
+    rest = np.zeros((3, 7))
+    plan = refined_at_rest(iiwa)
+    write_exports((replace(plan, velocities=rest, accelerations=rest),), iiwa, tmp_path)
+    assert not list(tmp_path.glob("*.script"))
+
+
+def refined_at_rest(robot):
+    from besman.records import MotionPlan
+
+    home = np.array(robot.home)
+    plan = MotionPlan(
+        np.zeros((7, 10)), home, home, 0.002, robot.joint_names, 0.0,
+        np.zeros(7), np.zeros(3), "a:1", "throw",
+    )  # fmt: skip
+    still = np.zeros((3, 7))
+    return RefinedMotion(
+        plan, np.arange(3) / 1000, np.tile(home, (3, 1)), still, still, np.zeros(1), np.zeros(1),
+        np.zeros(3), np.zeros(3), np.empty((0, 3)), np.zeros((3, 3)), True, 0.0, 0.0,
+    )  # fmt: skip
+
+
+def test_a_file_that_does_not_hold_the_motion(tmp_path, robot, make_plan, monkeypatch):
+    def broken(path, name, time, positions):
+        real(path, name, time, positions + 1e-3)
+
+    real = motion_exports.write_urscript
+    monkeypatch.setattr(motion_exports, "write_urscript", broken)
+    with pytest.raises(RunError, match=r"a_\.script: does not hold the motion|does not hold"):
+        write_exports((refined(make_plan()),), robot, tmp_path)

@@ -1,0 +1,134 @@
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+import osqp
+import pytest
+import scipy.sparse as sp
+from scipy.interpolate import BSpline
+
+from besman.exceptions import MappingError
+from besman.robot.model import load_robot
+from besman.stages.map import limit_program
+from besman.stages.map.joint_spline import DEGREE, fit_spline
+from besman.stages.map.limit_program import ChangeMetric, LimitProgram, get_program
+
+LIMITS = load_robot("compi", "none").limits
+N = len(LIMITS.velocity)
+
+
+def draw(seed, n_samples=46):
+    """A path that breaks every kind of limit, and a metric of its change."""
+    rng = np.random.default_rng(seed)
+    time = np.linspace(0, n_samples / 100, n_samples)
+    waves = np.sin(rng.uniform(5, 12, N) * time[:, None] + rng.uniform(0, 6, N))
+    centre = (LIMITS.position_min + LIMITS.position_max) / 2
+    reach = (LIMITS.position_max - LIMITS.position_min) / 2
+    spline = fit_spline(time, centre + 1.1 * reach * waves, 0.05)
+    count = len(spline.points)
+    jacobians = rng.normal(size=(n_samples, 6, N))
+    errors = rng.normal(size=(n_samples, 6))
+    squares = np.einsum("tin,tim->tnm", jacobians, jacobians) + np.eye(N)
+    pulls = np.einsum("tin,ti->tn", jacobians, errors)
+    bands = np.zeros((DEGREE + 1, count, N, N))
+    hessian = np.einsum("tc,td,tnm->cndm", spline.basis, spline.basis, squares)
+    for shift in range(DEGREE + 1):
+        for row in range(count - shift):
+            bands[shift, row] = hessian[row, :, row + shift]
+    metric = ChangeMetric(bands, spline.basis.T @ pulls)
+    return spline, metric, hessian.reshape(count * N, count * N)
+
+
+def by_osqp(spline, metric, hessian, stretch):
+    """The same program from the definitions, by another solver."""
+    count = len(spline.points)
+    rows, lows, highs = [], [], []
+    every = np.eye(count)
+    for order, bound in ((1, LIMITS.velocity * stretch), (2, LIMITS.acceleration * stretch**2)):
+        points = BSpline(spline.knots, every, spline.degree).derivative(order).c
+        points = points[: count - order]
+        now = points @ spline.points
+        rows.append(np.kron(points, np.eye(N)))
+        lows.append((-bound - now).ravel())
+        highs.append((bound - now).ravel())
+    rows.append(np.eye(count * N))
+    lows.append((LIMITS.position_min - spline.points).ravel())
+    highs.append((LIMITS.position_max - spline.points).ravel())
+    matrix, low, high = np.vstack(rows), np.concatenate(lows), np.concatenate(highs)
+    scale = 1 / np.linalg.norm(matrix, axis=1)
+    solver = osqp.OSQP()
+    solver.setup(
+        sp.csc_matrix(hessian), metric.gradient.ravel(), sp.csc_matrix(scale[:, None] * matrix),
+        scale * low, scale * high, eps_abs=1e-9, eps_rel=1e-9, max_iter=200_000, verbose=False,
+        polishing=True,
+    )  # fmt: skip
+    return solver.solve(raise_error=True).x.reshape(count, N)
+
+
+@pytest.mark.parametrize("stretch", [1.0, 2.5])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_the_answer_of_another_solver(seed, stretch):
+    spline, metric, hessian = draw(seed)
+    change = get_program(spline).solve(spline, metric, LIMITS, stretch)
+    expected = by_osqp(spline, metric, hessian, stretch)
+
+    def cost(x):
+        x = x.ravel()
+        return 0.5 * x @ hessian @ x + metric.gradient.ravel() @ x
+
+    np.testing.assert_allclose(change, expected, atol=1e-4)
+    assert cost(change) == pytest.approx(cost(expected), rel=1e-5)
+    moved = spline.moved(spline.points + change)
+    assert np.all(np.abs(moved.velocity_points()) <= LIMITS.velocity * stretch * (1 + 1e-6))
+    pull = LIMITS.acceleration * stretch**2
+    assert np.all(np.abs(moved.acceleration_points()) <= pull * (1 + 1e-6))
+
+
+def test_what_is_padded_does_not_matter():
+    spline, metric, _ = draw(2)
+    changes = [
+        LimitProgram(size, N).solve(spline, metric, LIMITS, 1.5)
+        for size in (len(spline.points), 16, 24)
+    ]
+    np.testing.assert_allclose(changes[1], changes[0], atol=1e-6)
+    np.testing.assert_allclose(changes[2], changes[0], atol=1e-6)
+
+
+def test_a_program_is_compiled_once_and_every_thread_has_its_own():
+    spline, metric, _ = draw(3)
+    program = get_program(spline)
+    assert get_program(draw(4)[0]) is program
+    expected = program.solve(spline, metric, LIMITS, 1.5)
+    # What was solved before leaves no trace.
+    program.solve(*draw(4)[:2], LIMITS, 1.0)
+    with ThreadPoolExecutor(max_workers=2) as threads:
+        others = [threads.submit(get_program, spline) for _ in range(4)]
+        assert all(other.result() is not program for other in others)
+        solve = [
+            threads.submit(lambda: get_program(spline).solve(spline, metric, LIMITS, 1.5))
+            for _ in range(8)
+        ]
+        for one in solve:
+            assert one.result().tobytes() == expected.tobytes()
+
+
+def test_a_spline_that_is_too_long(monkeypatch):
+    monkeypatch.setattr(limit_program, "SIZES", (8,))
+    spline = draw(0)[0]
+    message = f"got {len(spline.points)} control points, expected at most 8"
+    with pytest.raises(MappingError, match=message):
+        get_program(spline)
+
+
+def test_limits_that_exclude_each_other():
+    spline, metric, _ = draw(0)
+    limits = replace(LIMITS, position_min=LIMITS.position_max + 1.0)
+    with pytest.raises(MappingError, match="solver says infeasible"):
+        get_program(spline).solve(spline, metric, limits, 1.0)
+
+
+def test_a_metric_that_is_none():
+    spline, metric, _ = draw(0)
+    flat = ChangeMetric(0.0 * metric.bands, metric.gradient)
+    with pytest.raises(MappingError, match="no positive definite metric"):
+        get_program(spline).solve(spline, flat, LIMITS, 1.0)

@@ -1,0 +1,304 @@
+"""A Dask scheduler and two workers on 127.0.0.1, at ports that the system chooses."""
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from contextlib import contextmanager
+from functools import partial
+
+import psutil
+import pytest
+from places import TESTS, TOP
+
+from besman.exceptions import RunError
+from besman.records import Failure
+from besman.records.files import digest
+from besman.robot.model import load_robot
+from besman.simulation.tasks.kinds import load_task
+from besman.stages.map.stage import MapConfig
+from besman.stages.refine.stage import CmaEsConfig
+from besman.work.outcome import Notes
+from besman.work.work import Work
+from besman.work.workers import Workers
+
+sys.path.insert(0, str(TESTS))
+
+import worker_items
+from dart_throws import throw
+
+pytest.importorskip("distributed")
+
+LOCAL = ("--host", "127.0.0.1", "--no-dashboard", "--dashboard-address", "127.0.0.1:0")
+ROBOT = load_robot("ur5", "stick_holder")
+QUICK = MapConfig(free_axis_spin=True, evaluations=10)
+
+
+def start(part, folder, *options):
+    command = [sys.executable, "-m", f"distributed.cli.dask_{part}", *LOCAL, *options]
+    path = os.pathsep.join([str(TESTS), str(TOP)])
+    with (folder / f"{part}.log").open("a") as log:
+        return subprocess.Popen(
+            command, stdout=log, stderr=log, env={**os.environ, "PYTHONPATH": path}
+        )
+
+
+def stop(process):
+    process.kill()
+    process.wait()
+
+
+def wait_for(condition):
+    until = time.monotonic() + 60
+    while not condition():
+        assert time.monotonic() < until
+        time.sleep(0.05)
+
+
+@pytest.fixture(scope="module")
+def scheduler(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("cluster")
+    process = start("scheduler", folder, "--port", "0", "--scheduler-file", folder / "s.json")
+    wait_for((folder / "s.json").exists)
+    wait_for(lambda: (folder / "s.json").read_text().endswith("}"))
+    yield json.loads((folder / "s.json").read_text())["address"], folder, process
+    stop(process)
+
+
+@contextmanager
+def two_workers(scheduler):
+    address, folder, _ = scheduler
+    options = ("--no-nanny", "--nthreads", "1", "--memory-limit", "0")
+    processes = [
+        start("worker", folder, address, *options, "--local-directory", folder / f"w{n}")
+        for n in range(2)
+    ]
+    try:
+        from distributed import Client
+
+        with Client(address, set_as_default=False) as client:
+            client.wait_for_workers(2, timeout=60)
+        yield processes
+    finally:
+        for process in processes:
+            stop(process)
+        # The next test finds a scheduler that knows of none of them.
+        with Client(address, set_as_default=False) as client:
+            wait_for(lambda: not client.nthreads())
+
+
+def killer(victim, at):
+    """Progress that kills a process, the first time that it gets so far."""
+    shares = []
+
+    def progress(done):
+        if done >= at and not any(share >= at for share in shares):
+            os.kill(victim().pid, signal.SIGKILL)
+        shares.append(done)
+
+    return progress, shares
+
+
+def demonstrations(n):
+    return tuple(throw(index) for index in range(n))
+
+
+@pytest.fixture(scope="module")
+def mapped():
+    """What one thread makes of the demonstrations."""
+    return digest(QUICK.run(demonstrations(30), ROBOT))
+
+
+@pytest.mark.slow
+def test_a_killed_worker_of_a_cluster_changes_nothing(scheduler, mapped):
+    notes = Notes()
+    with two_workers(scheduler) as processes, Workers(1, scheduler[0]) as workers:
+        progress, shares = killer(lambda: processes[0], 0.65)
+        mapping = QUICK.run(demonstrations(30), ROBOT, Work(1, progress, notes, workers))
+        assert processes[0].wait(timeout=10) == -signal.SIGKILL
+        pids = {f"{socket.gethostname()}:{process.pid}" for process in processes}
+        assert set(notes.workers) <= pids
+        assert f"{socket.gethostname()}:{processes[1].pid}" in notes.workers
+    assert not mapping.failed
+    assert digest(mapping) == mapped
+    assert shares == sorted(shares)
+
+
+@pytest.mark.slow
+def test_a_killed_process_changes_nothing(mapped, monkeypatch):
+    monkeypatch.setattr("besman.stages.map.map_demonstrations._PROCESSES_FROM", 1)
+
+    def victim():
+        children = psutil.Process().children()
+        return next(one for one in children if "LokyProcess" in " ".join(one.cmdline()))
+
+    notes = Notes()
+    with Workers(2) as workers:
+        progress, shares = killer(victim, 0.65)
+        mapping = QUICK.run(demonstrations(30), ROBOT, Work(2, progress, notes, workers))
+    assert len(notes.workers) > 2
+    assert not mapping.failed
+    assert digest(mapping) == mapped
+    assert shares == sorted(shares)
+
+
+@pytest.mark.slow
+def test_refinement_is_the_same_in_threads_processes_and_a_cluster(
+    scheduler, make_plan, monkeypatch
+):
+    robot, task = load_robot("ur5", "stick_holder"), load_task("stick_throw")
+    plans = tuple(make_plan(0.54 + 0.01 * n, name=f"a:{n}") for n in range(3))
+    config = CmaEsConfig(episodes=18)
+    monkeypatch.setattr("besman.stages.refine.stage._EPISODES_FOR_PROCESSES", 0)
+    alone = digest(config.run(plans, robot, task))
+    assert digest(config.run(plans, robot, task, Work(2))) == alone
+    with two_workers(scheduler), Workers(2, scheduler[0]) as workers, Workers(2) as local:
+        for used in (local, workers):
+            notes = Notes()
+            assert digest(config.run(plans, robot, task, Work(2, workers=used))) == alone
+            some = (plans[0], make_plan(0.5, name="a:9", target=[float("nan")] * 3))
+            motions = config.run(some, robot, task, Work(2, notes=notes, workers=used))
+            assert len(motions) == 1
+            reason = "task stick_throw needs a target on the floor"
+            assert [one.name for one in notes.failures] == ["a:9"]
+            assert notes.failures[0].reason.startswith(reason)
+
+
+@pytest.mark.slow
+def test_an_item_that_fails_or_kills_is_a_row(tmp_path, monkeypatch):
+    # A scheduler that gives up at once, so that three workers are enough.
+    monkeypatch.setenv("DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES", "0")
+    file = tmp_path / "s.json"
+    processes = [start("scheduler", tmp_path, "--port", "0", "--scheduler-file", file)]
+    wait_for(lambda: file.exists() and file.read_text().endswith("}"))
+    address = json.loads(file.read_text())["address"]
+    options = ("--no-nanny", "--nthreads", "1", "--memory-limit", "0", "--local-directory")
+    processes += [start("worker", tmp_path, address, *options, tmp_path / f"{n}") for n in range(3)]
+    try:
+        from distributed import Client
+
+        with Client(address, set_as_default=False) as client:
+            client.wait_for_workers(3, timeout=60)
+        with Workers(1, address) as workers:
+            notes = Notes()
+            work = Work(1, notes=notes, workers=workers)
+            assert work.map(worker_items.refuse_odd, range(4), name=str) == [0, 2]
+            assert notes.failures[0] == Failure("1", "ValueError: 1 is odd")
+            die = partial(worker_items.die_of, deadly=(5,))
+            rest = [n for n in range(12) if n != 5]
+            assert work.map(die, range(12), name=str) == rest
+            assert notes.failures[-1].name == "5"
+            reason = "the worker process died of it, alone with it once"
+            assert notes.failures[-1].reason.startswith(reason)
+    finally:
+        for process in processes:
+            stop(process)
+
+
+@pytest.mark.slow
+def test_a_cluster_that_is_lost_is_an_error(scheduler, monkeypatch):
+    monkeypatch.setattr("besman.work.cluster._NO_WORKERS_S", 1.0)
+    with two_workers(scheduler) as processes, Workers(1, scheduler[0]) as workers:
+
+        def end(done):
+            for process in processes:
+                process.kill()
+
+        work = Work(1, end, Notes(), workers)
+        with pytest.raises(RunError, match=r"no workers for 1 s; the same command goes on"):
+            work.map(worker_items.linger, range(100), name=str)
+
+
+@pytest.mark.slow
+def test_a_worker_with_other_code_is_refused(scheduler, monkeypatch):
+    monkeypatch.setattr("besman.work.spread.environment", lambda: {"code": "0123"})
+    with (
+        two_workers(scheduler),
+        Workers(1, scheduler[0]) as workers,
+        pytest.raises(RunError, match=r"worker .* has code \w+; expected what .*: code 0123"),
+    ):
+        Work(1, notes=Notes(), workers=workers).map(worker_items.double, [1, 2], name=str)
+
+
+@pytest.mark.slow
+def test_nothing_listens_beyond_this_machine(scheduler):
+    with two_workers(scheduler) as processes, Workers(1, scheduler[0]) as workers:
+        Work(1, workers=workers).map(worker_items.double, [1, 2], name=str)
+        for pid in (os.getpid(), scheduler[2].pid, *(process.pid for process in processes)):
+            for connection in psutil.Process(pid).net_connections():
+                if connection.status == psutil.CONN_LISTEN:
+                    assert connection.laddr.ip == "127.0.0.1"
+
+
+@pytest.mark.slow
+def test_a_scheduler_that_dies_is_an_error(tmp_path):
+    file = tmp_path / "s.json"
+    process = start("scheduler", tmp_path, "--port", "0", "--scheduler-file", file)
+    wait_for(file.exists)
+    wait_for(lambda: file.read_text().endswith("}"))
+    scheduler = json.loads(file.read_text())["address"], tmp_path, process
+    worker = start("worker", tmp_path, scheduler[0], "--no-nanny", "--nthreads", "1")
+    try:
+        with Workers(1, scheduler[0]) as workers:
+            work = Work(1, lambda done: process.kill(), Notes(), workers)
+            with pytest.raises(RunError, match=r"the scheduler is lost|no Dask scheduler answers"):
+                work.map(worker_items.linger, range(100), name=str)
+    finally:
+        stop(process)
+        stop(worker)
+
+
+@pytest.fixture
+def closed_port():
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        return one.getsockname()[1]
+
+
+@pytest.mark.slow
+def test_an_address_that_does_not_answer(closed_port, monkeypatch, tmp_path, capsys):
+    from besman.cli import main as cli
+
+    address = f"tcp://127.0.0.1:{closed_port}"
+    arguments = ["run", "ur5_stick_throw", "--out", tmp_path / "r", "--cluster", address]
+    monkeypatch.setattr("sys.argv", ["besman", *map(str, arguments)])
+    with pytest.raises(SystemExit) as caught:
+        cli.main()
+    assert caught.value.code == 2
+    said = capsys.readouterr().err.strip()
+    assert said.startswith(f"besman: error: --cluster {address}: no Dask scheduler answers within")
+    assert len(said.splitlines()) == 1
+    assert not (tmp_path / "r").exists()
+
+
+@pytest.mark.slow
+def test_an_address_that_says_nothing():
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        one.listen()
+        address = f"tcp://127.0.0.1:{one.getsockname()[1]}"
+        with pytest.raises(RunError, match="no Dask scheduler answers within 5 s"):
+            Workers(1, address)
+
+
+@pytest.mark.slow
+def test_a_scheduler_without_workers(scheduler, monkeypatch):
+    monkeypatch.setattr("besman.work.cluster._FIRST_WORKER_S", 0.5)
+    message = r"the scheduler has no workers; start some with: dask worker tcp://127\.0\.0\.1:"
+    with pytest.raises(RunError, match=message):
+        Workers(1, scheduler[0])
+
+
+@pytest.mark.parametrize("address", ["127.0.0.1:8786", "tcp://host", "http://host:1"])
+def test_what_is_no_address(address):
+    with pytest.raises(RunError, match=r"--cluster: got '.*', expected tcp://HOST:PORT"):
+        Workers(1, address)
+
+
+def test_without_dask(monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(RunError, match=r"Dask is not installed; pip install 'besman\[cluster\]'"):
+        Workers(1, "tcp://127.0.0.1:1")
