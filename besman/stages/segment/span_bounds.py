@@ -4,12 +4,12 @@ A span that spreads over many movements leaves much unexplained: over a stretch 
 it, its bell is all but a straight line. So the recording is cut into cells of 4, 8, 16, ... samples
 each, and of every cell the scatter about its own line is kept, which no weights can lower. With Q
 the sum over the cells inside the span, C the scatter of the span about its mean, and cells of at
-most 1/48 of it, the noise that its bell leaves is
+most 1/8 of it, the noise that its bell leaves is
 
 .. math::
 
     N \succeq S + (1 - \gamma) Q - (1 / \gamma - 1) \frac{n \eta^2}{k} C, \qquad
-    \eta = \frac{2}{16} \left(\frac{\text{cell}}{w n}\right)^2
+    \eta = \frac{1}{8} \left(\frac{\text{cell}}{w n}\right)^2
 
 for any :math:`0 < \gamma < 1`: the bell is :math:`\eta` off its line at most, its height squared is
 at most C / k, k the centred square of the bell, and :math:`(A - B)'(A - B) \succeq (1 - \gamma) A'A
@@ -54,6 +54,9 @@ LEAF = 64
 # Samples of the smallest cell, and cells in a span, at least.
 _SMALLEST = 4
 _LEAST_CELLS = 8
+
+# Of the bound above; a smaller one would not change it.
+_LEAST_GAMMA = 1e-6
 
 _TINY = np.finfo(float).tiny
 
@@ -115,12 +118,13 @@ class SpanBounds:
         n = len(first)
         height = max(0, int(np.ceil(np.log2(max(1, n / LEAF)))))
         leads, follows = (_least_by_block(x, height) for x in (self._leads, self._follows))
-        k = i = np.zeros(1, dtype=np.int64)
+        k: IntArray = np.zeros(1, dtype=np.int64)
+        i = k
         for level in range(height, -1, -1):
             size = LEAF << level
             if level < height:
-                k = (2 * k[:, np.newaxis] + [0, 0, 1, 1]).ravel()
-                i = (2 * i[:, np.newaxis] + [0, 1, 0, 1]).ravel()
+                k, i = 2 * np.repeat(k, 4), 2 * np.repeat(i, 4)
+                k, i = k + np.resize([0, 0, 1, 1], len(k)), i + np.resize([0, 1, 0, 1], len(i))
             inside = (k * size < n) & (i * size < n)
             k, i = k[inside], i[inside]
             k1, i1 = k * size, i * size
@@ -149,7 +153,8 @@ class SpanBounds:
         """
         ends = np.full(len(starts), end)
         most = self._bound(starts, starts, ends, ends)
-        return starts[most >= self._leads[starts] + self._follows[end] - MARGIN]
+        kept: IntArray = starts[most >= self._leads[starts] + self._follows[end] - MARGIN]
+        return kept
 
     def _bound(self, i1: IntArray, i2: IntArray, k1: IntArray, k2: IntArray) -> FloatArray:
         """Bound, less the slope, all long spans from starts i1 to i2 to ends k1 to k2."""
@@ -160,18 +165,20 @@ class SpanBounds:
         outer = self._starts[i1], self._ends[k2]
         longest = len(self._evidence.factor) - 1
         n_low = np.clip(inner[1] - inner[0], self._n_least + 1, longest)
-        n_high = np.clip(outer[1] - outer[0], n_low, longest)
+        n_outer = np.maximum(outer[1] - outer[0], 0)
+        n_high = np.clip(n_outer, n_low, longest)
         sums = self._sums[outer[1]] - self._sums[outer[0]]
         scatter = self._scatter[outer[1]] - self._scatter[outer[0]]
-        e = (n_high + 1.0 / model.speed_weight_variance)[:, np.newaxis, np.newaxis]
+        e = (n_outer + 1.0 / model.speed_weight_variance)[:, np.newaxis, np.newaxis]
         scatter -= sums[:, :, np.newaxis] * sums[:, np.newaxis] / e
         within, cell = self._within.between(*inner, n_low)
         bend = 0.125 * (cell / (model.bell_width * (n_low - 1))) ** 2
         bent = bend**2 / self._spread
         # The gamma that takes least off the traces; any holds.
-        trace = np.trace(within, axis1=1, axis2=2), np.trace(scatter, axis1=1, axis2=2)
-        gamma = np.sqrt(bent * trace[1] / np.maximum(trace[0], bent * trace[1] + _TINY))
-        kept, lost = 1.0 - gamma, (1.0 / np.maximum(gamma, _TINY) - 1.0) * bent
+        left = np.trace(within, axis1=1, axis2=2)
+        off = bent * np.maximum(np.trace(scatter, axis1=1, axis2=2), 0.0)
+        gamma = np.maximum(np.sqrt(off / np.maximum(left, off + _TINY)), _LEAST_GAMMA)
+        kept, lost = 1.0 - gamma, (1.0 / gamma - 1.0) * bent
         noise = kept[:, np.newaxis, np.newaxis] * within
         noise -= lost[:, np.newaxis, np.newaxis] * scatter
         whole = _least_log_determinant(noise, model.noise_scale)
@@ -267,5 +274,5 @@ def _least_by_block(values: FloatArray, height: int) -> list[FloatArray]:
 
 
 def _add_up(values: FloatArray) -> FloatArray:
-    """Running sums along the first axis, from 0."""
+    """Sum up along the first axis, from 0."""
     return np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])

@@ -1,7 +1,8 @@
-"""The evidence of chosen segments, without compiled code; see `besman.stages.segment.valley_vmci`."""
+"""The evidence of chosen segments; see `besman.stages.segment.valley_vmci`."""
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -64,7 +65,7 @@ class SpanEvidence(NamedTuple):
         usable = np.flatnonzero((lengths >= 2) & (lengths < len(self.factor)))
         usable = usable[np.argsort(lengths[usable], kind="stable")]
         edges = np.flatnonzero(np.diff(lengths[usable], prepend=-1, append=-1))
-        for low, high in zip(edges[:-1], edges[1:], strict=True):
+        for low, high in pairwise(edges):
             n = int(lengths[usable[low]])
             at_once = max(1, _VALUES_AT_ONCE // (n * self.speeds.shape[1]))
             for first in range(low, high, at_once):

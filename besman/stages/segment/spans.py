@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import numpy.typing as npt
 
@@ -14,7 +16,7 @@ FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
 
-_NONE = (np.empty(0, dtype=np.int64), np.empty(0), np.empty(0))
+_NONE = (np.empty(0, dtype=np.int64), np.empty(0), np.empty(0), np.empty(0))
 
 # Short spans that are evaluated at once; bounds the memory.
 _AT_ONCE = 2**20
@@ -38,6 +40,11 @@ class Spans:
         Valleys that no movement leads past.
     given : dict of int to float
         Log-evidence of the movement from the valley before to each of these.
+
+    Attributes
+    ----------
+    near, far : int array, shape (V,)
+        Short movements to valley k start at near[k], ..., k - 1, long ones before, from far[k] on.
     """
 
     def __init__(
@@ -61,45 +68,47 @@ class Spans:
         self.near = np.minimum(np.maximum(near, first), number)
         self.near[0] = 0
         self.far = np.minimum(first, self.near)
-        self.offsets = np.concatenate([[0], np.cumsum(number - self.near)])
-        self.values = self._evaluate()
+        self._offsets = np.concatenate([[0], np.cumsum(number - self.near)])
+        self._values = self._evaluate()
         for k, value in given.items():
             if self.near[k] < k:
-                self.values[self.offsets[k + 1] - 1] = value
+                self._values[self._offsets[k + 1] - 1] = value
         self._long: _LongOnes | None = None
 
     def _evaluate(self) -> FloatArray:
         """Evaluate the short movements, those to one end after the other."""
-        values = np.empty(self.offsets[-1])
-        counts = np.diff(self.offsets)
+        values = np.empty(self._offsets[-1])
+        counts = np.diff(self._offsets)
         steps = np.arange(0, len(values) + _AT_ONCE, _AT_ONCE)
-        edges = np.unique(np.minimum(np.searchsorted(self.offsets, steps), len(counts)))
-        for low, high in zip(edges[:-1], edges[1:], strict=True):
+        edges = np.unique(np.minimum(np.searchsorted(self._offsets, steps), len(counts)))
+        for low, high in pairwise(edges):
             k = np.repeat(np.arange(low, high), counts[low:high])
-            first = self.offsets[low]
-            i = np.arange(first, self.offsets[high]) - self.offsets[k] + self.near[k]
-            values[first : self.offsets[high]] = self.evidence.evaluate(
+            first = self._offsets[low]
+            i = np.arange(first, self._offsets[high]) - self._offsets[k] + self.near[k]
+            values[first : self._offsets[high]] = self.evidence.evaluate(
                 self.starts[i], self.ends[k]
             )
         return values
 
     def short(self, k: int) -> FloatArray:
         """Return the log-evidence of the short movements from near[k], ..., k - 1 to k."""
-        return self.values[self.offsets[k] : self.offsets[k + 1]]
+        return self._values[self._offsets[k] : self._offsets[k + 1]]
 
     def short_between(self, i: IntArray, k: IntArray) -> FloatArray:
         """Return the log-evidence of short movements; any value where i = k."""
-        at = self.offsets[k] + i - self.near[k]
-        return self.values[np.minimum(at, len(self.values) - 1)]
+        at = self._offsets[k] + i - self.near[k]
+        values: FloatArray = self._values[np.minimum(at, len(self._values) - 1)]
+        return values
 
-    def long(self, k: int) -> tuple[IntArray, FloatArray, FloatArray]:
+    def long(self, k: int) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
         """Return the starts of the long movements to k that may win, and bounds of their evidence.
 
         Returns
         -------
         starts : int array, shape (K,)
             Rising, all before near[k].
-        low, high : array, shape (K,)
+        low, high, likely : array, shape (K,)
+            Bounds, and what lies between them.
         """
         if self.far[k] == self.near[k]:
             return _NONE
@@ -121,13 +130,11 @@ class _LongOnes:
         self._spans = spans
         limit = longest_exact(spans.evidence.model.bell_width)
         leads, follows = _follow_chain(spans)
-        self._bounds = SpanBounds(
-            spans.evidence, limit, spans.starts, spans.ends, leads, follows
-        )
+        self._bounds = SpanBounds(spans.evidence, limit, spans.starts, spans.ends, leads, follows)
         self._ends, self._starts = self._bounds.find_blocks(spans.far, spans.near)
         self._long = LongSpans(spans.evidence)
 
-    def to(self, k: int) -> tuple[IntArray, FloatArray, FloatArray]:
+    def to(self, k: int) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
         """Return what `Spans.long` does."""
         spans = self._spans
         block = slice(*np.searchsorted(self._ends, [k // LEAF, k // LEAF + 1]))

@@ -31,6 +31,16 @@ are borders.
    programming over valleys, B_k = R_k + max_j (B_j + M_jk). Forward and backward sums of the same
    terms give every valley its posterior probability.
 
+Not all pairs of valleys are evaluated, which would be cubic in the length of a recording. No
+movement leads past a sure valley (4.), which leaves few. Those of up to 256 samples, 13 s, are
+evaluated; of the longer ones, where somebody moves on without slowing down, a bound says which
+cannot win (`besman.stages.segment.span_bounds`), and the others are bounded from both sides at a
+cost that does not grow with their length (`besman.stages.segment.long_spans`) and evaluated where
+these bounds leave open which way is best (`besman.stages.segment.ways`). The borders are those of
+all pairs, the probabilities theirs to within 1e-4. Time and memory grow with the length of the
+recording, but for movement without a sure valley that is alike all through, as of a machine that
+stirs: any stretch of that may be one movement, and time grows with the square of its length.
+
 The length of a segment is geometric, g(n) = p (1 - p)^{n - 1}, with one border per second expected:
 neither the recording's length nor its rate enters. All constants are shares of the recording's own
 speed or times of human movement; none belongs to a data set.
@@ -125,8 +135,7 @@ def find_movements(
     paths : array, shape (T, m, 3)
         Positions of m markers, metres; any unit will do.
     longest_s : float, optional
-        Greatest duration of a movement, seconds; it bounds the time and the memory needed for a
-        long recording.
+        Greatest duration of a movement, seconds.
     model : VmciModel, optional
         Prior and shape of the models of a movement; of nine bells if not given.
     shape : ValleyShape, optional

@@ -1,4 +1,4 @@
-"""Ways through the valleys: the most probable one, and how probable each valley is in all of them."""
+"""Ways through the valleys: the most probable one, and how probable each valley is in all."""
 
 from __future__ import annotations
 
@@ -58,13 +58,12 @@ class Ways:
     def _reach(self, k: int) -> None:
         """Find the best way to valley k, and the sum of all."""
         spans = self._spans
-        starts, low, high = spans.long(k)
+        starts, *long = spans.long(k)
         near, short = np.arange(spans.near[k], k), spans.short(k)
+        low = high = evidence = short
         if starts.size:
             near = np.concatenate([starts, near])
-            low, high = np.concatenate([low, short]), np.concatenate([high, short])
-        else:
-            low = high = short
+            low, high, evidence = (np.concatenate([values, short]) for values in long)
         most = self._high[near] + high
         if most.size == 0 or most.max() == -np.inf:
             return
@@ -74,10 +73,11 @@ class Ways:
             for one in ahead:
                 i = int(near[one])
                 least[one] = most[one] = self._settle(i) + spans.evaluate(i, k)
+            if least[ahead].max() == -np.inf:
+                return
         best = ahead[np.argmax(least[ahead])]
         self._previous[k] = near[best]
         self._low[k], self._high[k] = spans.rest[k] + least[best], spans.rest[k] + most[best]
-        evidence = _middle(low, high)
         parts = self._sum[near] + evidence
         whole = _log_sum(parts)
         self._sum[k] = spans.rest[k] + whole
@@ -92,8 +92,8 @@ class Ways:
         kept = self._kept[k]
         if kept is not None:
             return kept
-        starts, low, high = self._spans.long(k)
-        return starts, _middle(low, high)
+        starts, _, _, evidence = self._spans.long(k)
+        return starts, evidence
 
     def _settle(self, k: int) -> float:
         """Evaluate the best way to a valley."""
@@ -125,11 +125,6 @@ class Ways:
                 behind[starts] = np.logaddexp(behind[starts], value + long)
         weights: FloatArray = np.exp(self._sum + behind - total)
         return np.minimum(weights, 1.0)
-
-
-def _middle(low: FloatArray, high: FloatArray) -> FloatArray:
-    """Take the middle of two bounds."""
-    return np.where(low > -np.inf, 0.5 * (low + high), high)
 
 
 def _log_sum(values: FloatArray) -> float:
