@@ -41,7 +41,7 @@ class Segments(Record, stored_as="besman.records:Segments"):
     def check(self) -> None:
         """Refuse bounds that are none, as `besman.records.frozen.Record.check` says."""
         super().check()
-        check_bounds(self.bounds, "Segments.bounds")
+        check_rows(self.bounds, "Segments.bounds")
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +85,7 @@ class LabelledSegments(Record, stored_as="besman.records:LabelledSegments"):
     def check(self) -> None:
         """Refuse bounds that are none, as `besman.records.frozen.Record.check` says."""
         super().check()
-        check_bounds(self.bounds, "LabelledSegments.bounds")
+        check_rows(self.bounds, "LabelledSegments.bounds")
 
     def take(self, rows: Sequence[int] | npt.NDArray[np.int64]) -> LabelledSegments:
         """Return some of the segments, in the order of `rows`, shape (K,)."""
@@ -123,7 +123,7 @@ class Actions(Record, stored_as="besman.records:Actions"):
             )
 
 
-def check_bounds(bounds: npt.NDArray[np.int64], where: str) -> None:
+def check_rows(bounds: npt.NDArray[np.int64], where: str) -> None:
     """Refuse bounds, shape (S, 2), that begin before the first row or end before they begin.
 
     Raises

@@ -13,7 +13,7 @@ from besman.io.segments_json import segments_path
 from besman.person.marker_set import load_marker_set
 from besman.stages.label.stage import LabelConfig
 from besman.stages.read.read_inputs import read_inputs
-from besman.stages.recognize.model_files import save_model
+from besman.stages.recognize.model_files import check_model_place, save_model
 from besman.stages.recognize.stage import RecognizeStage
 
 _LONGEST_GAP_S = 0.5
@@ -50,6 +50,7 @@ def train_files(
         If a file cannot be read, nothing is labelled, or a setting does not fit.
     """
     content = dict(parse_setting(setting, "method=hmm") for setting in settings)
+    check_model_place(out)
     stage = parse_config({"recognize": content}, _Training, "besman train").recognize
     inputs = read_inputs([str(_recording(path)) for path in paths])
     truth = tuple(segments for segments in inputs.truth if segments is not None)

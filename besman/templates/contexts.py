@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import ClassVar, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -114,7 +114,7 @@ class ObjectContext(ContextKind):
                 after["xyz".index(name)] = value
         turn = from_rotation_vector(np.array([0.0, 0.0, angle]))
         level = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-        moved = {}
+        moved: dict[str, Any] = {}
         for field in self._poses:
             pose = getattr(plan, field).copy()
             pose[:2] = level @ (pose[:2] - before[:2]) + after[:2]

@@ -4,8 +4,13 @@ import importlib
 
 import numpy as np
 import pytest
+from places import TOP
+from typer.testing import CliRunner
 
+from besman.classifiers.kinds import CLASSIFIER_NAMES, CLASSIFIERS
+from besman.cli.main import app
 from besman.exceptions import RecognitionError
+from besman.stages.recognize.stage import CONFIGS
 
 
 def estimators():
@@ -117,9 +122,9 @@ def test_values_that_make_no_whole_points_are_refused():
 @pytest.mark.parametrize(
     ("library", "said"),
     [
-        ("torch", "method lstm needs torch.*pip install besman[lstm]"),
-        ("tslearn", "method dtw needs tslearn.*pip install besman[sequences]"),
-        ("hmmlearn", "method hmm needs hmmlearn.*pip install hmmlearn"),
+        ("torch", "method lstm: torch is not installed; pip install 'besman[lstm]'"),
+        ("tslearn", "method dtw: tslearn is not installed; pip install 'besman[sequences]'"),
+        ("hmmlearn", "method hmm: hmmlearn is not installed; pip install 'hmmlearn'"),
     ],
 )
 def test_a_library_that_is_not_there_is_named(library, said, monkeypatch):
@@ -127,7 +132,7 @@ def test_a_library_that_is_not_there_is_named(library, said, monkeypatch):
 
     def block(name, *args, **kwargs):
         if name.split(".")[0] == library:
-            raise ImportError
+            raise ModuleNotFoundError(name=name)
         return real(name, *args, **kwargs)
 
     monkeypatch.setattr("importlib.import_module", block)
@@ -158,3 +163,18 @@ def test_scikit_learns_checks_pass(library):
     left_out = {check["check_name"] for check in checks if check["status"] != "passed"}
     assert left_out <= set(NOT_APPLICABLE)
     assert len(checks) - len(left_out) > 50
+
+
+def test_the_table_and_the_help_name_every_classifier():
+    assert tuple(CONFIGS) == CLASSIFIER_NAMES
+    made = estimators()
+    assert tuple(entry.library for entry in CLASSIFIERS) == tuple(made)
+    for entry in CLASSIFIERS:
+        assert isinstance(entry.make({}, 2), type(made[entry.library]))
+        assert entry.learns_parameters == hasattr(made[entry.library], "restore")
+        assert entry.about
+    help_words = ["evaluate", "recognition", "--help"]
+    told = CliRunner().invoke(app, help_words, env={"COLUMNS": "1000"}).output
+    assert ", ".join(CLASSIFIER_NAMES) in told
+    page = (TOP / "docs/reference/pipeline.md").read_text()
+    assert "{table-of} besman.classifiers.kinds:CLASSIFIERS" in page

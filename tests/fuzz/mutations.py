@@ -194,7 +194,7 @@ def _insert(rng, content):
 
 
 _TEXT = (cut, _flip, _splice, _lines, _lines, _number, _number, _number, _word, _word, _insert)
-_TEXT = (*_TEXT, _encode) + _TEXT
+_TEXT = (*_TEXT, _encode, *_TEXT)
 
 
 @_decoded
