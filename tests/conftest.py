@@ -50,6 +50,8 @@ def small_run(tmp_path_factory):
     write_synthetic("stick_throw", folder / "capture", n_subjects=1, n_repetitions=3, seed=3)
     settings = (
         f"recordings={folder / 'capture'}",
+        # Its trajectories have names, which are not looked at.
+        "label.method=trajectories",
         "recognize.examples_per_class=2",
         "map.evaluations=60",
         "refine.episodes=25",

@@ -19,6 +19,11 @@ _DATASETS = (
     "stick_throw_marked (small), gestures, object_rotation, circle_drawing, rotation"
 )
 
+LearnFrom = Annotated[
+    Path | None,
+    typer.Option(help="A recording with names, to learn the distances of markers from."),
+]
+
 
 def train(
     segments: Annotated[
@@ -31,6 +36,7 @@ def train(
         list[str] | None,
         typer.Option("--set", help="KEY=VALUE of recognize, e.g. method=hmm."),
     ] = None,
+    learn_from: LearnFrom = None,
 ) -> None:
     """Learn to name segments; a pipeline uses the model with recognize: {model: PATH}."""
     from besman.cli.terminal import open_terminal
@@ -38,7 +44,7 @@ def train(
     from besman.stages.recognize.model_files import load_model
     from besman.standalone.train_files import train_files
 
-    written = train_files(segments, out, markers, tuple(settings or ()))
+    written = train_files(segments, out, markers, tuple(settings or ()), learn_from)
     counts = list_counts(Counter(load_model(written[0]).labels))
     lines = [f"learnt {counts}", *(f"wrote {path}" for path in written)]
     open_terminal().print("\n".join(lines), soft_wrap=True)
@@ -51,6 +57,7 @@ def segment(
     rate_hz: Annotated[
         float | None, typer.Option(help="Sampling rate of a method that has one.")
     ] = None,
+    learn_from: LearnFrom = None,
     json_file: Json = None,
 ) -> None:
     """Find the borders of the building blocks in recordings."""
@@ -58,7 +65,7 @@ def segment(
     from besman.io.atomic_files import write_json
     from besman.standalone.segment_files import segment_files, segment_table
 
-    found = segment_files(recordings, method, markers, rate_hz)
+    found = segment_files(recordings, method, markers, rate_hz, learn_from)
     if json_file is not None:
         write_json(json_file, found)
     open_terminal().print(segment_table(found))
@@ -104,22 +111,23 @@ def follow(
 
 
 def label_markers(
-    recording: Annotated[Path, typer.Argument(help="A recording without names.")],
+    recording: Annotated[Path, typer.Argument(help="A recording, wholly or partly unnamed.")],
     out: Annotated[Path, typer.Option(help=f"File to write, {one_of(WRITTEN_SUFFIXES)}.")],
     markers: Annotated[str, typer.Option(help="Marker set.")] = "right_arm",
-    learn_from: Annotated[
-        Path | None, typer.Option(help="A recording with names, to learn distances from.")
-    ] = None,
+    learn_from: LearnFrom = None,
+    ignore_names: Annotated[
+        bool, typer.Option("--ignore-names", help="Name all anew, whatever they are called.")
+    ] = False,
     fill: Annotated[bool, typer.Option("--fill", help="Fill short gaps.")] = False,
     figure: Annotated[Path | None, typer.Option(help="Draw a time line, .png or .svg.")] = None,
     json_file: Json = None,
 ) -> None:
-    """Name the unnamed trajectories of a recording; what is not sure stays unnamed."""
+    """Name what has no name in a recording; what is not sure stays unnamed."""
     from besman.cli.terminal import open_terminal
     from besman.io.atomic_files import write_json
     from besman.standalone.label_file import draw_names, label_file, summarise, summary_tables
 
-    read, named = label_file(recording, markers, out, learn_from, fill)
+    read, named = label_file(recording, markers, out, learn_from, fill, ignore_names)
     summary = summarise(read, named)
     if json_file is not None:
         write_json(json_file, summary)

@@ -101,7 +101,7 @@ def _low_pass(values: FloatArray, deviation: float) -> FloatArray:
     bell = np.exp(-0.5 * (np.arange(-radius, radius + 1) / deviation) ** 2)
     bell /= bell.sum()
     held = np.pad(values, ((radius, radius), (0, 0)), mode="edge")
-    smooth = bell[radius] * values
+    smooth: FloatArray = bell[radius] * values
     for k in range(radius):
         smooth += bell[k] * (held[k : k + n] + held[2 * radius - k : 2 * radius - k + n])
     return smooth
