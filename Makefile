@@ -4,8 +4,9 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 LOG := $(VENV)/install.log
-# Modules become bytecode when they are imported: most of the 10 000 that are installed never are.
-PIP := $(BIN)/python -m pip --disable-pip-version-check install --no-compile --constraint constraints.txt
+PIP := $(BIN)/python -m pip --disable-pip-version-check install --constraint constraints.txt
+# Modules become bytecode when they are imported, where that is kept: most of the 10 000 never are.
+LAZY = $(shell $(BIN)/python -c 'import sys; print("" if sys.dont_write_bytecode else "--no-compile")' 2>/dev/null)
 BENCHMARKS := $(wildcard benchmarks/*.py)
 comma := ,
 
@@ -25,7 +26,7 @@ test: $(VENV)/.test $(VENV)/.kernels
 # What `make test` skips because torch is large: with its requirements 0.9 GB where pip finds a build
 # for the CPU; the usual wheel cannot be imported without its CUDA libraries, several GB more.
 test-lstm: $(VENV)/.lstm
-	$(BIN)/python -m pytest tests/recognition tests/evaluation/test_recognition.py -k "lstm or torch"
+	$(BIN)/python -m pytest tests/classifiers tests/stages/recognize tests/evaluation/test_recognition.py -k "lstm or torch"
 
 lint: $(VENV)/.lint
 	$(BIN)/ruff check .
@@ -50,7 +51,7 @@ $(VENV)/bin/python:
 # wheel expects GCC's OpenMP on the machine: where there is none it gets the one in scikit-learn's.
 define install
 	@echo "installing $(2) into $(VENV): $(3); log: $(LOG)"
-	@$(PIP) --editable ".$(if $(1),[$(1)])" >>$(LOG) 2>&1 || \
+	@$(PIP) $(LAZY) --editable ".$(if $(1),[$(1)])" >>$(LOG) 2>&1 || \
 		{ tail -n 15 $(LOG); echo "pip failed: all that it said is in $(LOG)"; exit 1; }
 	@$(BIN)/python -c 'import ctypes; ctypes.CDLL("libgomp.so.1")' 2>/dev/null || \
 		{ cd $(VENV)/lib/python3*/site-packages/cmeel.prefix/lib && \

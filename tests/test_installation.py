@@ -203,6 +203,14 @@ def test_what_pip_says_is_in_a_log(venv):
 
 
 @needs_make
+@pytest.mark.parametrize(("setting", "lazily"), [("", True), ("1", False)])
+def test_bytecode_is_written_at_once_where_it_would_never_be(setting, lazily, venv, monkeypatch):
+    folder = venv(f'exec {sys.executable} "$@"')
+    monkeypatch.setenv("PYTHONDONTWRITEBYTECODE", setting)
+    assert ("--no-compile" in run_make("--dry-run", "lint", VENV=folder).stdout) == lazily
+
+
+@needs_make
 def test_a_failure_of_pip_names_the_log(venv):
     folder = venv('case "$*" in *pip*) seq 40; exit 1;; esac')
     done = run_make("lint", VENV=folder)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 from besman.exceptions import AnnotationError
@@ -36,7 +35,7 @@ class NamedFile:
         self._own = False
 
     def write(self, recording: Recording) -> Path:
-        """Write the recording under a temporary name, then rename it.
+        """Write the recording, whole or not at all.
 
         Raises
         ------
@@ -48,10 +47,6 @@ class NamedFile:
                 f"{self.path}: was written by another in the meantime and is not overwritten; "
                 "start besman annotate again for another name"
             )
-        temporary = self.path.with_name(f".{self.path.stem}.tmp{self.path.suffix}")
-        write_recording(recording, temporary)
-        with temporary.open("rb") as file:
-            os.fsync(file.fileno())
-        temporary.replace(self.path)
+        write_recording(recording, self.path)
         self._own = True
         return self.path

@@ -7,7 +7,11 @@ from typing import Annotated
 
 import typer
 
-from besman.cli.options import ALL_CORES, Jobs, Json
+from besman.classifiers.kinds import CLASSIFIER_NAMES
+from besman.cli.options import ALL_CORES, Figures, Jobs, Json, target_folder
+from besman.evaluation.names import FUNCTION_NAMES, HIERARCHY_NAMES, TASK_RECIPES
+from besman.search.kinds import CONTEXTUAL_NAMES, SEARCH_NAMES
+from besman.stages.segment.kinds import SEGMENTATION_NAMES
 
 evaluate_app = typer.Typer(
     help="Measure a table of the thesis on given data.", no_args_is_help=True
@@ -23,7 +27,8 @@ def evaluate_segmentation(
         ),
     ] = None,
     methods: Annotated[
-        str | None, typer.Option(help="Methods, separated by commas; all if not given.")
+        str | None,
+        typer.Option(help=f"Separated by commas: {', '.join(SEGMENTATION_NAMES)}; default all."),
     ] = None,
     margin_s: Annotated[
         float | None, typer.Option(help="Greatest distance of a border found; the thesis' if not.")
@@ -34,7 +39,8 @@ def evaluate_segmentation(
     ] = False,
     json_file: Json = None,
     figures: Annotated[
-        Path | None, typer.Option(help="Folder for figures of the recordings.")
+        Path | None,
+        typer.Option(help="Folder for figures of the recordings.", callback=target_folder),
     ] = None,
 ) -> None:
     """Compare segmentation methods (tables 4.1 to 4.4)."""
@@ -57,11 +63,11 @@ def evaluate_segmentation(
             progress,
         )
         end(True)
-    if json_file is not None:
-        write_json(json_file, result)
     console = open_terminal()
     for table in segmentation_tables(result["rows"]):
         console.print(table)
+    if json_file is not None:
+        write_json(json_file, result)
 
 
 @evaluate_app.command("labelling")
@@ -82,9 +88,9 @@ def evaluate_labelling(
         progress, end = display("evaluate")
         result = labelling.evaluate_labelling(data, seeds, progress)
         end(True)
+    open_terminal().print(labelling.labelling_table(result["rows"]))
     if json_file is not None:
         write_json(json_file, result)
-    open_terminal().print(labelling.labelling_table(result["rows"]))
 
 
 @evaluate_app.command("recognition")
@@ -102,10 +108,10 @@ def evaluate_recognition(
     ] = None,
     methods: Annotated[
         list[str] | None,
-        typer.Option("--method", help="nearest_neighbour, dtw, hmm, lstm; default all there are."),
+        typer.Option("--method", help=f"{', '.join(CLASSIFIER_NAMES)}; default all there are."),
     ] = None,
     draws: Annotated[int, typer.Option(min=1, help="Random choices of examples.")] = 100,
-    figures: Annotated[Path | None, typer.Option(help="Folder for figures.")] = None,
+    figures: Figures = None,
     json_file: Json = None,
 ) -> None:
     """Accuracy over examples, settings and new subjects: figures 5.3 and 5.5 to 5.8."""
@@ -129,10 +135,10 @@ def evaluate_recognition(
         progress, end = display("recognition")
         result = run_recognition(sets, chosen, draws, progress)
         end(True)
-    if json_file is not None:
-        write_json(json_file, result)
     console = open_terminal()
     console.print(recognition_table(result))
+    if json_file is not None:
+        write_json(json_file, result)
     if figures is not None:
         from besman.evaluation.recognition_figures import write_recognition_figures
 
@@ -159,7 +165,7 @@ def evaluate_mapping(
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of simulated throws.")] = 0,
     jobs: Jobs = ALL_CORES,
-    figures: Annotated[Path | None, typer.Option(help="Folder for figures.")] = None,
+    figures: Figures = None,
     json_file: Json = None,
 ) -> None:
     """Demonstrations in the workspaces of several arms, as in section 7.2.3 and figure 7.5."""
@@ -180,13 +186,13 @@ def evaluate_mapping(
         work = Work(jobs, progress, workers=workers)
         result, mapped = mapping.evaluate_mapping(sets, robots or mapping.ROBOTS, work=work)
         end(True)
-    if json_file is not None:
-        write_json(json_file, result)
     console = open_terminal()
     for table in mapping_tables(result["rows"]):
         console.print(table)
     for line in reason_lines(result["rows"]):
         console.print(line, soft_wrap=True)
+    if json_file is not None:
+        write_json(json_file, result)
     if figures is not None:
         from besman.evaluation.mapping_figures import write_mapping_figures
 
@@ -200,21 +206,23 @@ def evaluate_refinement(
         list[str] | None,
         typer.Option(
             "--problem",
-            help="sphere, rosenbrock, contextual_sphere, contextual_rosenbrock, via_points, "
-            "via_points_joint, obstacles, obstacles_joint; stick_throw, ball_throw, grasp_box, "
-            "pull_lever; or a pipeline.yaml, whose imitations are refined.",
+            help=f"{', '.join(FUNCTION_NAMES)}; {', '.join(TASK_RECIPES)}; or a pipeline.yaml, "
+            "whose imitations are refined.",
         ),
     ] = None,
     methods: Annotated[
         list[str] | None,
         typer.Option(
-            "--method", help="cma_es, reps, pi2, pi2_cma, cem; c_reps, c_cma_es; default all."
+            "--method",
+            help=f"{', '.join(SEARCH_NAMES)}; {', '.join(CONTEXTUAL_NAMES)}; default all.",
         ),
     ] = None,
     seeds: Annotated[int, typer.Option(min=1, help="Runs of every search.")] = 5,
     first_seed: Annotated[int, typer.Option(min=0, help="Seed of the first run.")] = 0,
     jobs: Jobs = ALL_CORES,
-    figures: Annotated[Path | None, typer.Option(help="Folder for learning curves.")] = None,
+    figures: Annotated[
+        Path | None, typer.Option(help="Folder for learning curves.", callback=target_folder)
+    ] = None,
     json_file: Json = None,
 ) -> None:
     """Compare searches on functions with public figures and on simulated tasks."""
@@ -234,11 +242,11 @@ def evaluate_refinement(
         runs = range(first_seed, first_seed + seeds)
         result = refinement.evaluate_refinement(chosen, methods, runs, work)
         end(True)
-    if json_file is not None:
-        write_json(json_file, result)
     console = open_terminal()
     for table in refinement_tables(result["rows"]):
         console.print(table)
+    if json_file is not None:
+        write_json(json_file, result)
     if figures is not None:
         for path in write_curves(result["rows"], figures):
             console.print(f"wrote {path}", soft_wrap=True)
@@ -247,7 +255,7 @@ def evaluate_refinement(
 @evaluate_app.command("hierarchy")
 def evaluate_hierarchy(
     datasets: Annotated[
-        list[str] | None, typer.Argument(help="step, object_rotation, circle_drawing, rotation.")
+        list[str] | None, typer.Argument(help=f"{', '.join(HIERARCHY_NAMES)}; default all.")
     ] = None,
     draws: Annotated[int, typer.Option(min=1, help="Draws of examples to learn from.")] = 10,
     json_file: Json = None,

@@ -7,21 +7,24 @@ from __future__ import annotations
 
 import os
 import sys
+import threading
 import warnings
-from typing import Annotated, TextIO
+from typing import Annotated, NoReturn, TextIO
 
 # Before numpy is loaded: the matrices here are small and many.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import typer
 
-from besman.cli import recordings, run, templates, transfer
+from besman.cli import recordings, run, run_folders, templates, transfer
 from besman.cli.annotate import annotate
 from besman.cli.evaluate import evaluate_app
 from besman.cli.robots import robots
 from besman.cli.terminal import complain
 from besman.cli.view import view
-from besman.exceptions import BesmanError, RecordingWarning
+from besman.exceptions import BesmanError, RecordingWarning, StoppedError
+from besman.io.recordings.formats import taking_partial_files
+from besman.work.stopping import stops_on_signals
 
 app = typer.Typer(
     name="besman",
@@ -45,6 +48,8 @@ for command in (
     recordings.label_markers,
     recordings.synth,
     run.check,
+    run_folders.runs,
+    run_folders.clean,
 ):
     app.command()(command)
 app.add_typer(evaluate_app, name="evaluate")
@@ -70,8 +75,14 @@ def info() -> None:
 @app.callback()
 def _options(
     debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="A warning about a recording is an error.")
+    ] = False,
+    partial: Annotated[
+        bool, typer.Option("--partial", help="Take what is there of recordings that were cut.")
+    ] = False,
 ) -> None:
-    """Options of every command; `main` takes --debug wherever it stands."""
+    """Options of every command; `main` takes them wherever they stand."""
 
 
 def _show_warning(
@@ -87,18 +98,47 @@ def _show_warning(
     complain("warning", f"{kind}{message}")
 
 
+def _take(option: str) -> bool:
+    """Take an option out of the arguments, wherever it stands; tell whether it was there."""
+    is_there = option in sys.argv
+    sys.argv = [argument for argument in sys.argv if argument != option]
+    return is_there
+
+
 def main() -> None:
     """Run the command line; a user's error is one line and exit code 2."""
-    debug = "--debug" in sys.argv
-    sys.argv = [argument for argument in sys.argv if argument != "--debug"]
+    debug, strict, partial = _take("--debug"), _take("--strict"), _take("--partial")
     warnings.showwarning = _show_warning
     try:
-        app()
-    except BesmanError as error:
+        with (
+            warnings.catch_warnings(),
+            taking_partial_files(partial),
+            stops_on_signals(_say_stopped),
+        ):
+            if strict:
+                warnings.simplefilter("error", RecordingWarning)
+            app()
+    except (BesmanError, RecordingWarning) as error:
         if debug:
             raise
-        complain("error", str(error))
+        said = "" if isinstance(error, BesmanError) else " (--strict: a warning is an error)"
+        complain("error", f"{error}{said}")
         sys.exit(2)
-    except KeyboardInterrupt:
-        complain("", "stopped; the same command goes on from here")
-        sys.exit(130)
+    except StoppedError as error:
+        _say_stopped(error)
+        _leave(error.exit_code)
+
+
+def _say_stopped(error: StoppedError) -> None:
+    """Say what stopped it, and whether that did harm."""
+    complain("", "; ".join([str(error), *getattr(error, "__notes__", ())]))
+
+
+def _leave(code: int) -> NoReturn:
+    """End the process, without what threads are still at."""
+    others = [thread for thread in threading.enumerate() if not thread.daemon]
+    if others != [threading.main_thread()]:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+    sys.exit(code)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
@@ -30,4 +31,27 @@ Cluster = Annotated[
 ALL_CORES = os.cpu_count() or 1
 
 
-Json = Annotated[Path | None, typer.Option("--json", help="Write the result here as well.")]
+def _before_the_work(check: str) -> Callable[[typer.CallbackParam, Path | None], Path | None]:
+    """Return what refuses a path that could not be written to after the work."""
+
+    def look(parameter: typer.CallbackParam, path: Path | None) -> Path | None:
+        if path is not None:
+            from besman.io import atomic_files
+
+            getattr(atomic_files, check)(path, f"{parameter.opts[-1]}: {path}")
+        return path
+
+    return look
+
+
+target_file = _before_the_work("check_file")
+target_folder = _before_the_work("check_folder")
+
+
+Json = Annotated[
+    Path | None,
+    typer.Option("--json", help="Write the result here as well.", callback=target_file),
+]
+
+
+Figures = Annotated[Path | None, typer.Option(help="Folder for figures.", callback=target_folder)]

@@ -8,16 +8,14 @@ from typing import Annotated
 
 import typer
 
-from besman.cli.options import Json, Recordings
+from besman.cli.options import Json, Recordings, target_file, target_folder
 from besman.cli.terminal import say
 from besman.exceptions import one_of
 from besman.io.recordings.formats import WRITTEN_SUFFIXES
+from besman.stages.segment.kinds import SEGMENTATION_NAMES
+from besman.synthetic.names import DATASET_NOTES
 
-# Datasets are heavy to import for a help text; a test compares.
-_DATASETS = (
-    "step, lever, pick_and_place, ball_throw, stick_throw, stick_throw_unmarked (no stick seen), "
-    "stick_throw_marked (small), gestures, object_rotation, circle_drawing, rotation"
-)
+_DATASETS = ", ".join(f"{name} ({note})" if note else name for name, note in DATASET_NOTES.items())
 
 LearnFrom = Annotated[
     Path | None,
@@ -52,7 +50,9 @@ def train(
 
 def segment(
     recordings: Recordings,
-    method: Annotated[str, typer.Option(help="Segmentation method.")] = "valley_vmci",
+    method: Annotated[
+        str, typer.Option(help=f"{one_of(SEGMENTATION_NAMES)}.")
+    ] = SEGMENTATION_NAMES[0],
     markers: Annotated[str, typer.Option(help="Marker set.")] = "right_arm",
     rate_hz: Annotated[
         float | None, typer.Option(help="Sampling rate of a method that has one.")
@@ -66,9 +66,9 @@ def segment(
     from besman.standalone.segment_files import segment_files, segment_table
 
     found = segment_files(recordings, method, markers, rate_hz, learn_from)
+    open_terminal().print(segment_table(found))
     if json_file is not None:
         write_json(json_file, found)
-    open_terminal().print(segment_table(found))
 
 
 def follow(
@@ -105,9 +105,9 @@ def follow(
     replay = Replay(recording, plan, speed, horizon or None, steady)
     for at, change in replay.run():
         say(describe_change(at, change, replay.recording.rate_hz))
+    say(replay.summary())
     if json_file is not None:
         write_json(json_file, replay.content())
-    say(replay.summary())
 
 
 def label_markers(
@@ -119,29 +119,45 @@ def label_markers(
         bool, typer.Option("--ignore-names", help="Name all anew, whatever they are called.")
     ] = False,
     fill: Annotated[bool, typer.Option("--fill", help="Fill short gaps.")] = False,
-    figure: Annotated[Path | None, typer.Option(help="Draw a time line, .png or .svg.")] = None,
+    figure: Annotated[
+        Path | None,
+        typer.Option(help="Draw a time line, .png or .svg.", callback=target_file),
+    ] = None,
     json_file: Json = None,
 ) -> None:
     """Name what has no name in a recording; what is not sure stays unnamed."""
     from besman.cli.terminal import open_terminal
     from besman.io.atomic_files import write_json
-    from besman.standalone.label_file import draw_names, label_file, summarise, summary_tables
+    from besman.standalone.label_file import (
+        check_figure,
+        draw_names,
+        label_file,
+        summarise,
+        summary_tables,
+    )
 
+    if figure is not None:
+        check_figure(figure)
     read, named = label_file(recording, markers, out, learn_from, fill, ignore_names)
     summary = summarise(read, named)
-    if json_file is not None:
-        write_json(json_file, summary)
-    if figure is not None:
-        draw_names(named, figure)
     console = open_terminal()
     for table in summary_tables(summary):
         console.print(table)
     console.print(f"wrote {out}", soft_wrap=True)
+    if json_file is not None:
+        write_json(json_file, summary)
+    if figure is not None:
+        draw_names(named, figure)
 
 
 def synth(
     dataset: Annotated[str, typer.Argument(help=f"One of {_DATASETS}.")],
-    out: Annotated[Path, typer.Option(help="Folder to write to; no file in it is overwritten.")],
+    out: Annotated[
+        Path,
+        typer.Option(
+            help="Folder to write to; no file in it is overwritten.", callback=target_folder
+        ),
+    ],
     subjects: Annotated[
         int | None, typer.Option(min=1, help="How many; as in the thesis by default.")
     ] = None,

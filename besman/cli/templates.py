@@ -8,6 +8,10 @@ from typing import Annotated
 
 import typer
 
+from besman.cli.options import target_file
+from besman.exceptions import one_of
+from besman.search.kinds import CONTEXTUAL_NAMES
+
 app = typer.Typer(help="Motions for targets that were never tried.", no_args_is_help=True)
 
 RunFolder = Annotated[Path, typer.Argument(help="A finished run.")]
@@ -26,7 +30,7 @@ def learn(
         ),
     ] = None,
     episodes: Annotated[int, typer.Option(help="Throws, or other tries, to learn from.")] = 3000,
-    method: Annotated[str, typer.Option(help="creps or ccma_es.")] = "ccma_es",
+    method: Annotated[str, typer.Option(help=f"{one_of(CONTEXTUAL_NAMES)}.")] = "c_cma_es",
     seed: Annotated[int, typer.Option(help="Of contexts and search.")] = 0,
     settings: Annotated[
         list[str] | None,
@@ -73,10 +77,11 @@ def apply(
         typer.Option(help="File to write: .csv, .json or .yaml (ROS 2), .script (URScript)."),
     ] = None,
     method: Annotated[
-        str | None, typer.Option(help="creps or ccma_es, if the run has both.")
+        str | None, typer.Option(help=f"{one_of(CONTEXTUAL_NAMES)}, if the run has several.")
     ] = None,
     json_file: Annotated[
-        Path | None, typer.Option("--json", help="Write forecast and limits here.")
+        Path | None,
+        typer.Option("--json", help="Write forecast and limits here.", callback=target_file),
     ] = None,
 ) -> None:
     """Give the motion for a target, in milliseconds, within all limits."""
@@ -92,9 +97,6 @@ def apply(
     values = parse_context(context, template.family.names)
     robot, task = load_robot(template.robot, template.tool), load_task(template.task)
     applied = apply_template(template, robot, task, values)
-    write_application(applied, out or [])
-    if json_file is not None:
-        write_json(json_file, describe_application(applied))
     forecast, limits = applied.forecast, applied.limits
     for warning in applied.warnings:
         complain("warning", warning)
@@ -108,5 +110,8 @@ def apply(
         f"{100 * limits.torque_ratio:.0f} % of the torque limits",
         soft_wrap=True,
     )
+    write_application(applied, out or [])
+    if json_file is not None:
+        write_json(json_file, describe_application(applied))
     for path in out or []:
         console.print(f"wrote {path}", soft_wrap=True)

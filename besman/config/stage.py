@@ -6,8 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Generic, NamedTuple, ParamSpec, Protocol, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
 
+from besman.config.ranges import check_values
 from besman.records import LabelledRecording, LabelledSegments
 from besman.work.work import Work
 
@@ -31,9 +32,19 @@ Result = TypeVar("Result", covariant=True)
 
 
 class Config(BaseModel):
-    """A frozen config section; unknown keys are errors."""
+    """A frozen config section; unknown keys are errors, and so are values out of all sense.
+
+    See `besman.config.ranges`.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    @field_validator("*", mode="after")
+    @classmethod
+    def _is_in_range(cls, value: Any, info: ValidationInfo) -> Any:
+        """Hold a value against the range of its key."""
+        check_values(str(info.field_name), value)
+        return value
 
 
 class Items(NamedTuple):
@@ -69,11 +80,13 @@ class Stage(Config):
     ``run(self, *records, work: Work = Work()) -> record or tuple of records``.
     Stages read no files and write none; one that goes on where it was after it was killed keeps
     what it needs for that in ``work.checkpoints``, and says so by `keeps_checkpoints`. One whose
-    items can fail one by one says so by `leaves_out`: its figures list them.
+    items can fail one by one says so by `leaves_out`: its figures list them. `libraries` compute
+    its result besides those that every stage stands on.
     """
 
     keeps_checkpoints: ClassVar[bool] = False
     leaves_out: ClassVar[bool] = False
+    libraries: ClassVar[tuple[str, ...]] = ()
 
     @property
     def config(self) -> Stage:

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from besman.evaluation.mapping import Transferred
 from besman.evaluation.mapping_data import subject_of
+from besman.io.atomic_files import make_folder, written_aside
 from besman.report.figures import COLOURS
 from besman.robot.kinematics import fill_frames, forward_kinematics
 from besman.robot.model import Robot
@@ -47,7 +48,7 @@ def write_mapping_figures(mapped: Sequence[Transferred], folder: Path) -> list[P
         PNG files: ``CLASS_workspaces.png`` (colours: subjects), ``CLASS_subject.png`` (one
         subject, colours: order) and ``CLASS_spread.png``; the dataset's name in front.
     """
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     groups: dict[tuple[str, str], list[Transferred]] = {}
     for one in mapped:
         if one.trajectories:
@@ -63,7 +64,8 @@ def write_mapping_figures(mapped: Sequence[Transferred], folder: Path) -> list[P
         for name, figure in drawn.items():
             stem = f"{dataset}_{label}_{name}".replace(" ", "_").replace("(", "").replace(")", "")
             written.append(folder / f"{stem}.png")
-            figure.savefig(written[-1], dpi=_DPI, metadata={"Software": None})
+            with written_aside(written[-1]) as temporary:
+                figure.savefig(temporary, dpi=_DPI, metadata={"Software": None})
     return written
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from besman.classifiers.nearest_neighbour import fit_spread, scale
 from besman.evaluation.recognition_data import LabelledSet
+from besman.io.atomic_files import make_folder, write_text
 from besman.report.figures import COLOURS, new_figure, style, svg
 
 _SHAPES = "osD^vPX*<>"
@@ -35,7 +36,7 @@ def write_recognition_figures(
     list of Path
         The SVG files.
     """
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     paths = []
     for one in sets:
         rows = [row for row in result["rows"] if row["dataset"] == one.name]
@@ -51,7 +52,7 @@ def write_recognition_figures(
         for name, drawing in drawings.items():
             if drawing is not None:
                 path = folder / f"{one.name}_{name}.svg"
-                path.write_text(drawing, encoding="utf-8")
+                write_text(path, drawing, durable=False)
                 paths.append(path)
     return paths
 

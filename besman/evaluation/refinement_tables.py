@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from besman.io.atomic_files import make_folder, written_aside
 from besman.report.figures import COLOURS
 
 if TYPE_CHECKING:
@@ -99,11 +100,12 @@ def write_curves(rows: Sequence[dict[str, Any]], folder: Path) -> list[Path]:
     list of Path
         PNG files, ``PROBLEM_curves.png``.
     """
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     written = []
     for own in _by_problem(rows):
         written.append(folder / f"{own[0]['dataset']}_curves.png")
-        draw_curves(own).savefig(written[-1], dpi=_DPI, metadata={"Software": None})
+        with written_aside(written[-1]) as temporary:
+            draw_curves(own).savefig(temporary, dpi=_DPI, metadata={"Software": None})
     return written
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.evaluation.segmentation_data import SegmentedDataset
+from besman.io.atomic_files import make_folder, written_aside
 from besman.records import LabelledRecording, LabelledSegments, Segments
 from besman.stages.segment.scores import manual_borders
 
@@ -37,13 +38,14 @@ def draw_dataset(
     folder : Path
         Made if need be; figures are named DATASET_SOURCE_RECORDING.png.
     """
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     for index, recording in enumerate(dataset.recordings[:_MOST_FIGURES]):
         segments = {name: results[index] for name, results in found.items()}
         figure = draw_recording(recording, dataset.truth[index], segments)
         figure.suptitle(f"{dataset.name} ({dataset.source}): {recording.source}", fontsize=10)
         name = f"{dataset.name}_{dataset.source}_{Path(recording.source).stem}.png"
-        figure.savefig(folder / name, dpi=110, metadata={"Software": None})
+        with written_aside(folder / name) as temporary:
+            figure.savefig(temporary, dpi=110, metadata={"Software": None})
 
 
 def draw_recording(

@@ -7,14 +7,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from besman.config.yaml_file import load_config
-from besman.exceptions import ConfigError, RunError
+from besman.exceptions import ConfigError
 from besman.following.arms import FollowedArm
 from besman.following.follower import Follower
 from besman.person.body import find_body
 from besman.person.marker_set import MarkerSet, load_marker_set
-from besman.pipeline.config import PipelineConfig, learn_from
-from besman.pipeline.finished_run import trained_model
+from besman.pipeline.config import learn_from
+from besman.pipeline.finished_run import read_recipe, trained_model
+from besman.pipeline.stored_run import open_run
 from besman.records import LabelledRecording, Recording
 from besman.records.layers import side_of
 from besman.stages.compose.actions import LevelModel
@@ -108,16 +108,14 @@ def make_plan(
 
 def _plan_of_run(run: Path) -> FollowPlan:
     """Load a run's models and recordings."""
-    if not (run / "pipeline.yaml").is_file():
-        raise RunError(f"{run}: not a run: pipeline.yaml is missing")
-    config = load_config(run / "pipeline.yaml", PipelineConfig)
+    config, stored = read_recipe(run), open_run(run, needs_state=False)
     given = config.recognize.model
     model = trained_model(run) if given is None else load_model(Path(given))
     segment = VmciOnlineConfig()
     if isinstance(config.segment, SegmentConfig | VmciOnlineConfig):
         values = config.segment.model_dump(exclude={"method"}, exclude_none=True)
         segment = VmciOnlineConfig(**values)
-    stages = [name for name in ("label", "label_training") if any(run.glob(f"[0-9][0-9]_{name}"))]
+    stages = [name for name in ("label", "label_training") if name in stored.stages]
     compose = config.compose
     return FollowPlan(
         ((model, config.segment.markers),),
@@ -127,7 +125,7 @@ def _plan_of_run(run: Path) -> FollowPlan:
         () if compose is None else trained_model(run, "train_actions"),
         None if compose is None else compose.longest_blocks,
         () if compose is None else compose.hands,
-        tuple(recording for name in stages for recording in trained_model(run, name)),
+        tuple(recording for name in stages for recording in stored.record(name)),
     )
 
 

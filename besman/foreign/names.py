@@ -38,3 +38,16 @@ def fault_of_characters(text: str) -> str | None:
         if unicodedata.category(one) in _REFUSED or one in _TURNS_TEXT:
             return f"has the control character U+{ord(one):04X}"
     return None
+
+
+def fault_of_part_name(name: str) -> str | None:
+    """Say what is wrong with the name of a joint, link or tool, None if nothing is.
+
+    It names columns of tables and bodies in other programs, so that it is not empty and begins like
+    no formula.
+    """
+    if not name.strip():
+        return "is empty"
+    if name[0] in "=+-@":
+        return f"begins with {name[0]!r}, as a formula of a spreadsheet does"
+    return fault_of_name(name)

@@ -6,12 +6,14 @@ import numpy as np
 import numpy.typing as npt
 
 FloatArray = npt.NDArray[np.float64]
+# Points may be counted.
+Numbers = FloatArray | npt.NDArray[np.intp]
 
 # Of more points than this, to load SciPy's compiled solver takes less time than to do without.
 _MANY = 50_000
 
 
-def interpolate_cubic(x: npt.ArrayLike, y: FloatArray, at: npt.ArrayLike) -> FloatArray:
+def interpolate_cubic(x: Numbers, y: FloatArray, at: Numbers) -> FloatArray:
     """Evaluate the cubic spline through points; its first two and last two pieces are one cubic.
 
     The values are those of ``scipy.interpolate.CubicSpline``.

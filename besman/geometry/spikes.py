@@ -24,6 +24,7 @@ _SPEED_M_S = 40.0
 # Where there is no way back to compare with, at an end or for good, nothing is this fast.
 _IMPOSSIBLE_M_S = 100.0
 _IMPOSSIBLE_M = 0.5
+_FARTHEST_M = 1e9
 
 
 class Faults(NamedTuple):
@@ -67,8 +68,9 @@ def find_faults(positions: FloatArray, rate_hz: float, joined: BoolArray) -> Fau
     spikes = np.zeros(positions.shape[:2], dtype=np.bool_)
     jumps: list[tuple[int, int]] = []
     for column in _suspects(positions, rate_hz, joined):
-        path = positions[:, column]
-        seen = np.isfinite(path).all(axis=1)
+        # Beyond this squares are no numbers any more, and nothing is there.
+        path = np.clip(positions[:, column], -_FARTHEST_M, _FARTHEST_M)
+        seen: BoolArray = np.asarray(np.isfinite(path).all(axis=1))
         pieces = [np.flatnonzero(seen)]
         if not joined[column]:
             pieces = [np.arange(start, end) for start, end in find_runs(seen)]
@@ -87,18 +89,20 @@ def find_faults(positions: FloatArray, rate_hz: float, joined: BoolArray) -> Fau
 def _suspects(positions: FloatArray, rate_hz: float, joined: BoolArray) -> list[int]:
     """Return the trajectories with a step that may begin a spike."""
     least = float(_reach(np.array(1.0 / rate_hz))) / 2.0
-    steps = positions[1:] - positions[:-1]
+    with np.errstate(over="ignore"):
+        steps = positions[1:] - positions[:-1]
     np.abs(steps, out=steps)
     # Of a step that long, one coordinate is at least this long; few trajectories have one.
     suspect = (steps > least / np.sqrt(3.0)).any(axis=0).any(axis=1)
     for column in np.flatnonzero(suspect):
-        suspect[column] = np.any(np.linalg.norm(steps[:, column], axis=1) > least)
+        longest = np.minimum(steps[:, column], _FARTHEST_M)
+        suspect[column] = np.any(np.linalg.norm(longest, axis=1) > least)
     # A step over a gap is no number.
     gaps = np.isnan(positions[:, :, 0]).any(axis=0)
     for column in np.flatnonzero(joined & gaps & ~suspect):
         runs = find_runs(~np.isnan(positions[:, column, 0]))
         before, after = positions[runs[:-1, 1] - 1, column], positions[runs[1:, 0], column]
-        suspect[column] = np.any(np.linalg.norm(after - before, axis=1) > least)
+        suspect[column] = np.any(np.abs(after - before) > least / np.sqrt(3.0))
     return [int(column) for column in np.flatnonzero(suspect)]
 
 
@@ -122,7 +126,7 @@ def _spikes_of(path: FloatArray, time: FloatArray) -> BoolArray:
         length = _length_from(path, time, int(edge))
         found[edge + 1 : edge + 1 + length] = True
         # A spike is left behind: what follows it is compared with what it came back to.
-        last = edge + length if length else last
+        last = int(edge) + length if length else last
     _mark_ends(path, time, found)
     return found
 

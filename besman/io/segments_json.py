@@ -13,6 +13,7 @@ import numpy as np
 from besman.exceptions import RecordingError, RecordingWarning, nearest
 from besman.foreign.json_text import parse_json
 from besman.foreign.names import fault_of_name
+from besman.io.atomic_files import write_text
 from besman.records import LabelledRecording, LabelledSegments, Recording
 from besman.records.layers import LAYERS, is_layer
 from besman.records.recordings import FARTHEST_M, GREATEST_FRAME
@@ -195,7 +196,8 @@ def write_segments(
     content: Any = rows
     if throws is not None:
         content = {"segments": rows, "events": {"throws": [asdict(throw) for throw in throws]}}
-    path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    text = json.dumps(content, indent=1) + "\n"
+    write_text(path, text, durable=False, kind=RecordingError)
 
 
 def segment_rows(segments: LabelledSegments) -> list[dict[str, Any]]:

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from besman.exceptions import RecordingError
+from besman.io.atomic_files import write_text
 from besman.records import FloatArray
 
 CYCLE_S = 0.008
@@ -54,6 +55,8 @@ def write_urscript(path: Path, name: str, time: FloatArray, positions: FloatArra
     ------
     RecordingError
         If the samples do not fit the controller's cycle, or these are not six joints.
+    FileError
+        If it cannot be written.
     """
     every = round(CYCLE_S / float(time[1] - time[0])) if len(time) > 1 else 0
     steps = np.diff(time)
@@ -78,7 +81,7 @@ def write_urscript(path: Path, name: str, time: FloatArray, positions: FloatArra
         "  stopj(2.0)",
         "end",
     ]
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_text(path, "\n".join(lines) + "\n", durable=False)
 
 
 def _joints(angles: FloatArray) -> str:

@@ -1,4 +1,4 @@
-"""What a run that is done holds: trained models; robot, task and refined motions."""
+"""What a run that is done holds: its recipe, trained models; robot, task and refined motions."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import Any
 from besman.config.yaml_file import load_config
 from besman.exceptions import RunError
 from besman.pipeline.config import PipelineConfig
+from besman.pipeline.stored_run import open_run
 from besman.records import RefinedMotion
-from besman.records.files import load_record
 from besman.robot.model import Robot, load_robot
 from besman.simulation.task import Task
 from besman.simulation.tasks.kinds import load_task
@@ -35,6 +35,20 @@ class FinishedRun:
     motions: tuple[RefinedMotion, ...]
 
 
+def read_recipe(folder: Path) -> PipelineConfig:
+    """Read the recipe of a run.
+
+    Raises
+    ------
+    RunError, ConfigError
+        If the folder is not a run, or its ``pipeline.yaml`` was changed.
+    """
+    path = folder / "pipeline.yaml"
+    if not path.is_file():
+        raise RunError(f"{folder}: not a run: pipeline.yaml is missing")
+    return load_config(path, PipelineConfig)
+
+
 def read_run(folder: Path) -> FinishedRun:
     """Read robot, task and refined motions of a run.
 
@@ -43,15 +57,12 @@ def read_run(folder: Path) -> FinishedRun:
     RunError
         If the folder is not a run, or holds no refined motions.
     """
-    if not (folder / "pipeline.yaml").is_file():
-        raise RunError(f"{folder}: not a run: pipeline.yaml is missing")
-    config = load_config(folder / "pipeline.yaml", PipelineConfig)
-    places = sorted(folder.glob("[0-9][0-9]_refine/record.npz"))
-    if not places:
+    config, run = read_recipe(folder), open_run(folder, needs_state=False)
+    if "refine" not in run.stages:
         raise RunError(f"{folder}: no refined motions here: expected a finished run, NN_refine")
     robot, task = load_robot(config.robot, config.tool), load_task(config.task)
     labels = (config.robot, config.tool, config.task)
-    return FinishedRun(labels, robot, task, load_record(places[-1]))
+    return FinishedRun(labels, robot, task, run.record("refine"))
 
 
 def trained_model(folder: Path, stage: str = "train") -> Any:
@@ -69,7 +80,7 @@ def trained_model(folder: Path, stage: str = "train") -> Any:
     RunError
         If the folder is not a run, or its training has not been done.
     """
-    places = sorted(folder.glob(f"[0-9][0-9]_{stage}"))
-    if not places:
+    run = open_run(folder, needs_state=False)
+    if stage not in run.stages:
         raise RunError(f"{folder}: no trained model here: expected a run folder with NN_{stage}")
-    return load_record(places[-1] / "record.npz")
+    return run.record(stage)

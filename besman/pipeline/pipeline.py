@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from besman.config.stage import Truth
-from besman.exceptions import BesmanError, RecognitionError, RunError, nearest
+from besman.config.stage import Items, Truth
+from besman.exceptions import FileError, RecognitionError, RunError, nearest
 from besman.person.marker_set import load_marker_set
+from besman.pipeline.clock import Clock
 from besman.pipeline.config import (
     PipelineConfig,
     learn_from,
@@ -17,18 +19,18 @@ from besman.pipeline.config import (
 from besman.pipeline.finished_run import trained_model
 from besman.pipeline.run_folder import Run
 from besman.records import JointTrajectory, LabelledRecording, LabelledSegments
-from besman.records.files import save_record
 from besman.records.layers import side_of
 from besman.robot.model import Robot, find_robot, load_robot
 from besman.simulation.tasks.kinds import load_task
 from besman.stages.compose.actions import LevelModel
 from besman.stages.compose.stage import leave_out_actions, pick_level
-from besman.stages.export.motion_exports import write_exports
 from besman.stages.map.stage import MapBothArms
 from besman.stages.read.read_inputs import Inputs, read_inputs
 from besman.stages.recognize.model import RecognitionModel
 from besman.stages.recognize.model_files import load_model
 from besman.work.display import Display
+from besman.work.outcome import describe_error
+from besman.work.stopping import last_words
 from besman.work.workers import Workers
 
 
@@ -76,12 +78,12 @@ def run_pipeline(
     if fresh is not None and fresh not in STAGES:
         raise RunError(f"--fresh: no stage {fresh!r}; {nearest(fresh, STAGES)}")
     with Workers(jobs, cluster) as workers:
-        wall, cpu = time.perf_counter(), time.process_time()
+        clock = Clock()
         inputs = read_inputs(config.recordings, learn_from(config))
         run = Run(folder, config.name, jobs=jobs, fresh=fresh, display=display, workers=workers)
-        run.start(pipeline_yaml(config), inputs.checksums)
-        run.record_time("read", wall, cpu, items=len(inputs.recordings), unit="recordings")
-        try:
+        with _ends_in_order(run):
+            run.start(pipeline_yaml(config), inputs.checksums)
+            run.record_time(clock.row("read", Items(len(inputs.recordings), "recordings")))
             # A name that leads nowhere is said before the first stage.
             find_robot(config.robot)
             if config.recognize.model is not None:
@@ -89,14 +91,21 @@ def run_pipeline(
             # Many small matrices: threads inside BLAS cost more than they bring.
             with threadpool_limits(limits=1, user_api="blas"):
                 _run_stages(config, run, inputs, trained_in)
-        except BesmanError as error:
-            run.finish("failed", str(error))
-            raise
-        except BaseException as error:
-            run.finish("failed", f"{type(error).__name__}: {error}")
-            raise
-        run.finish()
+            run.finish()
     return folder
+
+
+@contextmanager
+def _ends_in_order(run: Run) -> Iterator[None]:
+    """Have a run that ends badly say why, and let go of its folder."""
+    try:
+        with last_words(lambda why: run.finish("failed", why)):
+            yield
+    except BaseException as error:
+        # Where nothing can be written, what stopped the run is said all the same.
+        with suppress(FileError):
+            run.finish("failed", describe_error(error))
+        raise
 
 
 STAGES = (
@@ -116,9 +125,7 @@ STAGES = (
 
 def _run_stages(config: PipelineConfig, run: Run, inputs: Inputs, trained_in: Path | None) -> None:
     """Run the stages in their order."""
-    run.truth = _known_truth(config, inputs)
-    save_record(run.truth.blocks, run.folder / "truth.npz")
-
+    run.know(_known_truth(config, inputs))
     markers = load_marker_set(config.label.markers)
     labelled = run.step("label", config.label, inputs.recordings, markers, inputs.teacher)
     segments = run.step("segment", config.segment, labelled)
@@ -158,16 +165,7 @@ def _learn_motions(
     if refine.robustness is not None:
         run.step(f"robustness{arm}", refine.robustness, motions, robot, task)
         run.results[f"refine{arm}"]["robustness"] = run.results.pop(f"robustness{arm}")
-    folder = run.folder / f"exports{arm}"
-    if not _exports_are_current(run, folder, f"refine{arm}"):
-        run.work(f"export{arm}", write_exports, motions, robot, folder)
-
-
-def _exports_are_current(run: Run, folder: Path, stage: str) -> bool:
-    """Tell whether whole exports were written after the motions were stored, also past a crash."""
-    limits = folder / "limits.json"
-    stored = next(run.folder.glob(f"[0-9][0-9]_{stage}/stage.json"))
-    return limits.is_file() and limits.stat().st_mtime_ns >= stored.stat().st_mtime_ns
+    run.export(f"exports{arm}", motions, robot)
 
 
 def _known_truth(config: PipelineConfig, inputs: Inputs) -> Truth:

@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from besman.config.settings import own_file
-from besman.config.yaml_file import load_config
-from besman.exceptions import BesmanError, ConfigError, RunError
+from besman.exceptions import ConfigError, RunError
 from besman.pipeline.config import PipelineConfig
-from besman.pipeline.finished_run import trained_model
+from besman.pipeline.finished_run import read_recipe, trained_model
 from besman.pipeline.pipeline import run_pipeline
 from besman.work.display import Display
+from besman.work.outcome import describe_error
 
 
 @dataclass(frozen=True)
@@ -105,9 +105,7 @@ def retarget_pipeline(
     RunError, ConfigError
         If the folder is not a run or the robot is not there.
     """
-    if not (folder / "pipeline.yaml").is_file():
-        raise RunError(f"{folder}: not a run: pipeline.yaml is missing")
-    config = load_config(folder / "pipeline.yaml", PipelineConfig)
+    config = read_recipe(folder)
     if config.recognize.model is None:
         trained_model(folder)
     changes: dict[str, Any] = {
@@ -185,11 +183,7 @@ def raise_failures(done: tuple[Retargeted, ...]) -> None:
         assert error is not None
         raise error
     if failed:
-        reasons = "; ".join(f"{one.plan.name}: {describe(one.error)}" for one in failed)
+        reasons = "; ".join(
+            f"{one.plan.name}: {describe_error(one.error)}" for one in failed if one.error
+        )
         raise RunError(f"retarget: {len(failed)} of {len(done)} robots failed: {reasons}")
-
-
-def describe(error: Exception | None) -> str:
-    """Say what an error is; one that besman does not know by its kind as well."""
-    text = " ".join(str(error).split())
-    return text if isinstance(error, BesmanError) else f"{type(error).__name__}: {text}"

@@ -87,8 +87,8 @@ class Record:
                 raise ShapeError(
                     f"{type(self).__name__}.{name} must be finite and within {GREATEST:g}"
                 )
-        if "time" in self.finite and np.any(np.diff(np.asarray(self.time)) <= 0):
-            raise ShapeError(f"{type(self).__name__}.time must rise strictly")
+            if name == "time" and np.any(np.diff(values) <= 0):
+                raise ShapeError(f"{type(self).__name__}.time must rise strictly")
 
     def __reduce__(self) -> tuple[Any, ...]:
         values = {one.name: getattr(self, one.name) for one in fields(cast(Any, self))}

@@ -5,8 +5,9 @@ from __future__ import annotations
 import dataclasses
 import types
 import typing
+from collections.abc import Hashable
 from functools import cache
-from typing import Any, Literal, Union
+from typing import Any, Literal, Union, cast
 
 import numpy as np
 
@@ -38,9 +39,11 @@ def check_fields(kind: type[Any], values: dict[str, Any]) -> None:
     unknown = sorted(set(values) - set(known))
     if unknown:
         raise ValueError(f"{kind.__name__} has no field {unknown[0]!r:.60}")
+    # A class is hashable, whatever mypy takes its instances' `__hash__` for.
+    annotated = hints(cast(Hashable, kind))
     for name, field in known.items():
         if name in values:
-            _check(values[name], hints(kind)[name], f"{kind.__name__}.{name}")
+            _check(values[name], annotated[name], f"{kind.__name__}.{name}")
         elif field.default is field.default_factory is dataclasses.MISSING:
             raise ValueError(f"{kind.__name__}.{name} is missing")
 

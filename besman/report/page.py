@@ -11,6 +11,9 @@ from typing import Any
 from besman.config.yaml_file import read_yaml
 from besman.exceptions import RunError
 from besman.io.atomic_files import write_json, write_text
+from besman.pipeline.derived_files import stale_files
+from besman.pipeline.sealed_page import PAGE, seal
+from besman.pipeline.stored_run import StoredRun, open_run, read_object
 from besman.records.files import digest
 from besman.report.confusion import confusion_table
 from besman.report.html_tables import html_table
@@ -20,7 +23,7 @@ from besman.report.recordings import action_section, recording_section
 from besman.report.run_records import ArmRecords, arm_records, load_records
 from besman.report.stage_tables import stage_tables
 from besman.report.terminal import failures, outcome_lines
-from besman.report.timing import read_json, seconds
+from besman.report.timing import seconds
 from besman.work.versions import code_version
 
 # The page stays one file of less than three megabytes.
@@ -45,43 +48,49 @@ def write_page(folder: Path) -> Path:
     RunError
         If the folder is not a run.
     """
-    state = read_json(folder / "run.json")
-    timing = read_json(folder / "timing.json")
-    results = read_json(folder / "results.json")
-    if not (folder / "pipeline.yaml").is_file():
-        raise RunError(f"{folder}: not a run: pipeline.yaml is missing")
+    run = open_run(folder)
+    with run.reading():
+        page = _page(run)
+    write_text(folder / PAGE, seal(page, run.fingerprint()))
+    return folder / PAGE
+
+
+def _page(run: StoredRun) -> str:
+    """Put the page together."""
+    folder = run.folder
+    timing, results = run.read("timing.json"), run.read("results.json")
     config, _ = read_yaml(folder / "pipeline.yaml")
-    overview, rest = _figures(folder, results, config)
+    overview, rest = _figures(run, results, config)
+    stale = stale_files(run)
     body = [
-        _head(state, timing, results, config),
+        _head(run, timing, results, config),
         overview,
-        _videos(folder),
+        _videos(folder, stale),
         stage_tables(timing, results, config),
         confusion_table(results),
         rest,
         _left_out(results),
-        _files(folder),
-        _provenance(folder, state, results),
+        _files(folder, stale),
+        _provenance(run, results),
     ]
-    title = html.escape(f"{state['name']} - besman")
-    page = (
+    title = html.escape(f"{run.state['name']} - besman")
+    return (
         f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{title}</title>'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f"<style>{STYLE}</style></head>\n<body>{''.join(body)}"
         f"<script>{SORT_SCRIPT}</script></body></html>\n"
     )
-    write_text(folder / "report.html", page)
-    return folder / "report.html"
 
 
-def _figures(folder: Path, results: dict[str, Any], config: dict[str, Any]) -> tuple[str, str]:
+def _figures(run: StoredRun, results: dict[str, Any], config: dict[str, Any]) -> tuple[str, str]:
     """Return the overview and all other figures; drawn anew only if a record has changed."""
-    descriptions = sorted(folder.glob("[0-9][0-9]_*/stage.json"))
-    checksums = [read_json(path).get("sha256") for path in descriptions]
+    folder = run.folder
+    checksums = {name: run.checksum(name) for name in run.stages}
     exports = sorted(path.name for path in folder.glob("exports*/*"))
-    key = digest((code_version(), tuple(checksums), tuple(exports), results))
+    key = digest((code_version(), checksums, exports, results))
     kept = folder / "figures.json"
-    if kept.is_file() and (drawn := read_json(kept))["key"] == key:
+    drawn = _drawn(kept)
+    if drawn.get("key") == key:
         return drawn["overview"], drawn["rest"]
     records = load_records(folder)
     arms = arm_records(records, config)
@@ -91,6 +100,16 @@ def _figures(folder: Path, results: dict[str, Any], config: dict[str, Any]) -> t
     rest += "".join(demonstration_table(arm, folder) for arm in arms)
     write_json(kept, {"key": key, "overview": overview, "rest": rest})
     return overview, rest
+
+
+def _drawn(kept: Path) -> dict[str, str]:
+    """Return figures that were drawn before; none where they cannot be read."""
+    try:
+        drawn = read_object(kept)
+    except RunError:
+        return {}
+    names = ("key", "overview", "rest")
+    return drawn if all(isinstance(drawn.get(name), str) for name in names) else {}
 
 
 def _overview(
@@ -111,7 +130,7 @@ def _overview(
 
 
 def _head(
-    state: dict[str, Any], timing: dict[str, Any], results: dict[str, Any], config: dict[str, Any]
+    run: StoredRun, timing: dict[str, Any], results: dict[str, Any], config: dict[str, Any]
 ) -> str:
     """Name, status and the figures one looks for first."""
     cards = [(seconds(timing["total_wall_s"]), "wall time of this run")]
@@ -122,15 +141,15 @@ def _head(
     for suffix, part in (("", config), ("_second", config.get("second_arm") or {})):
         arm = f", {Path(part['robot']).name}" if two else ""
         cards += _arm_cards(results, suffix, arm)
-    status = state["status"]
-    tone = "good" if status == "done" else "bad"
-    error = f'<p class="bad">{html.escape(state["error"])}</p>' if state.get("error") else ""
+    tone = "good" if run.status == "done" else "bad"
+    error = run.state.get("error")
+    said = f'<p class="bad">{html.escape(error)}</p>' if error else ""
     boxes = "".join(
         f'<div class="card"><b>{value}</b>{html.escape(name)}</div>' for value, name in cards
     )
     lines = "".join(f"<li>{html.escape(line)}</li>" for line in outcome_lines(results))
     return (
-        f'<h1>{html.escape(state["name"])} <span class="{tone}">{status}</span></h1>{error}'
+        f'<h1>{html.escape(run.state["name"])} <span class="{tone}">{run.status}</span></h1>{said}'
         f'<div class="cards">{boxes}</div><ul>{lines}</ul>'
     )
 
@@ -155,10 +174,12 @@ def _centimetres(metres: float | None) -> str:
     return "-" if metres is None else f"{100 * metres:.1f} cm"
 
 
-def _videos(folder: Path) -> str:
+def _videos(folder: Path, stale: list[str]) -> str:
     """Show the run's video inside the page if it is small; link the others."""
     shown, links = "", []
     for path in sorted(folder.glob("video*.mp4")):
+        if path.name in stale:
+            continue
         if path.stem in ("video", "video_second") and path.stat().st_size <= _LARGEST_VIDEO:
             content = base64.b64encode(path.read_bytes()).decode()
             shown += captioned(
@@ -190,7 +211,7 @@ def _left_out(results: dict[str, Any]) -> str:
     )
 
 
-def _files(folder: Path) -> str:
+def _files(folder: Path, stale: list[str]) -> str:
     """Link what lies beside the page."""
     about = {
         "replay.html": "person and robot in motion, side by side",
@@ -204,18 +225,18 @@ def _files(folder: Path) -> str:
     items = "".join(
         f'<li><a href="{name}">{name}</a>: {what}</li>'
         for name, what in about.items()
-        if (folder / name).is_file()
+        if (folder / name).is_file() and name not in stale
     )
     return f"<h2>Files beside this page</h2><ul>{items}</ul>"
 
 
-def _provenance(folder: Path, state: dict[str, Any], results: dict[str, Any]) -> str:
+def _provenance(run: StoredRun, results: dict[str, Any]) -> str:
     """Config, versions and figures, folded."""
     parts = {
-        "Configuration, every default written": (folder / "pipeline.yaml").read_text("utf-8"),
+        "Configuration, every default written": (run.folder / "pipeline.yaml").read_text("utf-8"),
         "Figures of the run": json.dumps(results, indent=2),
         "Versions, machine, inputs": json.dumps(
-            {key: state[key] for key in ("versions", "commit", "machine", "inputs")}, indent=2
+            {key: run.state[key] for key in ("versions", "commit", "machine", "inputs")}, indent=2
         ),
     }
     folded = "".join(

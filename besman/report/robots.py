@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from besman.report.timing import read_json, seconds
+from besman.pipeline.stored_run import open_run
+from besman.report.timing import seconds
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -35,8 +36,9 @@ def retargeted_table(done: tuple[Retargeted, ...]) -> Table:
         if one.error is not None:
             table.add_row(one.plan.name, "failed")
         else:
-            results = read_json(folder / "results.json")
-            wall = seconds(read_json(folder / "timing.json")["total_wall_s"])
+            run = open_run(folder)
+            results = run.read("results.json")
+            wall = seconds(run.read("timing.json")["total_wall_s"])
             table.add_row(one.plan.name, *_figures(results), wall)
     return table
 

@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from besman.pipeline.stage_store import RECORD
+from besman.pipeline.stored_run import open_run
 from besman.records import RefinedMotion
 from besman.records.files import load_record
 from besman.records.layers import Side
@@ -47,11 +49,10 @@ class ArmRecords:
 
 
 def load_records(folder: Path) -> dict[str, Any]:
-    """Load the records of the stages that are done, by their names; and ``truth``."""
+    """Load the records of the stages that a run has done, by their names; and ``truth``."""
+    run = open_run(folder)
     found = {
-        place.name[3:]: load_record(place / "record.npz")
-        for place in sorted(folder.glob("[0-9][0-9]_*"))
-        if (place / "record.npz").is_file()
+        name: run.record(name) for name, place in run.stages.items() if (place / RECORD).is_file()
     }
     if (folder / "truth.npz").is_file():
         found["truth"] = load_record(folder / "truth.npz")

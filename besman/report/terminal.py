@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from besman.report.timing import read_json, seconds, stage_rows
+from besman.pipeline.stored_run import StoredRun, open_run
+from besman.report.timing import seconds, stage_rows
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -29,15 +30,19 @@ def print_report(folder: Path, console: Console) -> None:
     RunError
         If the folder is not a run.
     """
+    run = open_run(folder)
+    with run.reading():
+        _print(run, console)
+
+
+def _print(run: StoredRun, console: Console) -> None:
     from rich.box import SIMPLE
     from rich.table import Table
 
-    state = read_json(folder / "run.json")
-    timing = read_json(folder / "timing.json")
-    results = read_json(folder / "results.json")
+    timing, results = run.read("timing.json"), run.read("results.json")
     n = results.get("map", {}).get("n_demonstrations", 0)
     table = Table(
-        title=f"{state['name']}: {state['status']}", caption=_caption(n), box=SIMPLE, pad_edge=False
+        title=f"{run.state['name']}: {run.status}", caption=_caption(n), box=SIMPLE, pad_edge=False
     )
     table.add_column("stage", no_wrap=True)
     for name in ("wall", "CPU", "items", "each", "thesis"):

@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
-
-from besman.exceptions import RunError
-from besman.foreign.json_text import parse_json
 
 # Seconds per experiment of 8 throws: thesis table 7.1. "Imitation learning" covers the choice of
 # demonstrations, their mapping and the motion plans; it stands in the row of the mapping.
@@ -21,22 +17,6 @@ THESIS_HUMAN_SECONDS = {
 }
 # The transferability approach: the real arm, helped by a person.
 THESIS_TRANSFER_SECONDS = 4500.0
-
-
-def read_json(path: Path) -> Any:
-    """Read a JSON file of a run.
-
-    Raises
-    ------
-    RunError
-        If it is missing or damaged.
-    """
-    try:
-        return parse_json(path.read_bytes())
-    except FileNotFoundError:
-        raise RunError(f"{path.parent}: not a run: {path.name} is missing") from None
-    except (OSError, ValueError) as error:
-        raise RunError(f"{path}: cannot be read: {error}") from None
 
 
 def stage_rows(timing: dict[str, Any], n_demonstrations: int) -> list[dict[str, Any]]:

@@ -14,11 +14,13 @@ import numpy as np
 
 from besman.config.yaml_file import read_yaml
 from besman.exceptions import RenderingError, RunError, in_one_line, nearest, why_not_there
+from besman.io.atomic_files import check_folder
 from besman.pictures.camera import CameraView, frame_points
 from besman.pictures.rendering import Renderer
 from besman.pictures.scene_geoms import SceneGeoms, farthest_path, scene_geoms
+from besman.pipeline.derived_files import note_file
+from besman.pipeline.stored_run import open_run
 from besman.records import FloatArray, RefinedMotion
-from besman.records.files import load_record
 from besman.report.panels import BAND, Picture, join_panels, text_band
 from besman.robot.model import Robot, load_robot
 from besman.simulation.episodes import Playback
@@ -109,6 +111,8 @@ def write_video(
     """
     if out is not None and out.suffix != ".mp4":
         raise RenderingError(f"--out: got {out}, expected a name that ends in .mp4")
+    if out is not None:
+        check_folder(out.parent, f"{out}", RenderingError)
     config, motions = _load(folder, second_arm)
     motion = _choose(motions, name)
     if out is None:
@@ -121,18 +125,19 @@ def write_video(
     title = f"{robot.name}, {task.kind}: {motion.plan.name}"
     frames = _frames(panels, robot, task, motion, title, progress)
     _write(frames, _size(len(panels)), out)
+    note_file(folder, out)
     return out
 
 
 def _load(folder: Path, second_arm: bool) -> tuple[dict[str, Any], tuple[RefinedMotion, ...]]:
     """Read a run's config and its refined motions."""
     stage = "refine_second" if second_arm else "refine"
-    found = sorted(folder.glob(f"[0-9][0-9]_{stage}/record.npz"))
     if not (folder / "pipeline.yaml").is_file():
         raise RunError(f"{folder}: not a run: pipeline.yaml is missing")
-    if not found:
+    run = open_run(folder)
+    if stage not in run.stages:
         raise RunError(f"{folder}: no refined motions ({stage}) to show; finish the run first")
-    return read_yaml(folder / "pipeline.yaml")[0], load_record(found[0])
+    return read_yaml(folder / "pipeline.yaml")[0], run.record(stage)
 
 
 def _choose(motions: tuple[RefinedMotion, ...], name: str | None) -> RefinedMotion:

@@ -14,9 +14,11 @@ from xml.etree import ElementTree
 import numpy as np
 import yaml
 
-from besman.exceptions import RobotError, in_one_line, nearest
+from besman.exceptions import BesmanError, RobotError, in_one_line, nearest
+from besman.foreign.numbers import parse_number
+from besman.foreign.urdf_text import joint_ends, link_names
 from besman.robot.model import list_robots, load_robot
-from besman.robot.urdf_file import joint_ends, link_names, read_urdf
+from besman.robot.urdf_file import read_urdf
 
 # URDF has no limits of acceleration; this is what planners take for arms of which nothing is known.
 _ACCELERATION_RAD_S2 = 10.0
@@ -61,20 +63,31 @@ def add_robot(urdf: Path, tip: str, name: str | None = None, folder: Path | None
     name = _check_name(name or str(tree.get("name", "")), urdf)
     content, assumed = _describe(find_chain(tree, tip, urdf), urdf)
     _validate(tree, urdf)
-    path.parent.mkdir(parents=True, exist_ok=True)
     source = os.path.relpath(urdf.resolve(), path.parent.resolve())
     content = {"name": name, "urdf": Path(source).as_posix(), "tip": tip} | content
     content["assumed"] = assumed
     text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True, default_flow_style=None)
-    # Exclusive: a file that came into being in the meantime is not overwritten either.
-    with path.open("x", encoding="utf-8") as file:
-        file.write(_HEADER.format(urdf=urdf.name) + text)
+    _write_new(path, _HEADER.format(urdf=urdf.name) + text)
     try:
         load_robot(path)
-    except RobotError:
+    except BesmanError:
         path.unlink()
         raise
     return path
+
+
+def _write_new(path: Path, text: str) -> None:
+    """Write a file that is not there; one that came into being meanwhile is not overwritten."""
+    made = False
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("x", encoding="utf-8") as file:
+            made = True
+            file.write(text)
+    except OSError as error:
+        if made:
+            path.unlink(missing_ok=True)
+        raise RobotError(f"{path}: cannot be written: {error.strerror}") from None
 
 
 def _check_name(name: str, urdf: Path) -> str:
@@ -186,13 +199,13 @@ def _number(joint: ElementTree.Element, key: str, urdf: Path) -> float:
     element = joint.find("limit")
     text = None if element is None else element.get(key)
     try:
-        value = float(str(text))
+        value = parse_number(str(text))
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
         raise RobotError(
-            f"{urdf}: joint {joint.get('name')}: <limit> {key}: got {text}, expected a number; "
-            "limits of position, velocity and effort are needed"
+            f"{urdf}: joint {joint.get('name')}: <limit> {key}: got {text!r:.60}, expected a "
+            "number; limits of position, velocity and effort are needed"
         )
     return value
 

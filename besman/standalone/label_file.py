@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from besman.exceptions import LabellingError
-from besman.io.recordings.formats import read_recording, write_recording
+from besman.io.atomic_files import check_file, written_aside
+from besman.io.recordings.formats import find_writer, read_recording, write_recording
 from besman.person.marker_set import load_marker_set
 from besman.records import Recording
 from besman.stages.label.methods import DefaultLabelConfig
@@ -62,6 +63,8 @@ def label_file(
     """
     if out.exists():
         raise LabellingError(f"{out}: is there already; give another name with --out")
+    find_writer(out)
+    check_file(out)
     config = DefaultLabelConfig(markers=markers)
     marker_set = load_marker_set(markers)
     recording = read_recording(path)
@@ -159,9 +162,22 @@ def draw_names(named: NamedRecording, path: Path) -> None:
     ------
     LabellingError
         If the ending is another one.
+    FileError
+        If it cannot be written.
     """
     from besman.report.name_figure import name_timeline
 
+    check_figure(path)
+    with written_aside(path) as temporary:
+        name_timeline(named).savefig(temporary, dpi=120, facecolor="white")
+
+
+def check_figure(path: Path) -> None:
+    """Refuse a figure that is neither PNG nor SVG.
+
+    Raises
+    ------
+    LabellingError
+    """
     if path.suffix.lower() not in (".png", ".svg"):
         raise LabellingError(f"{path}: got ending {path.suffix!r}, expected .png or .svg")
-    name_timeline(named).savefig(path, dpi=120, facecolor="white")

@@ -13,7 +13,7 @@ from besman.io.segments_json import segments_path
 from besman.person.marker_set import load_marker_set
 from besman.stages.label.methods import DefaultLabelConfig
 from besman.stages.read.read_inputs import read_inputs
-from besman.stages.recognize.model_files import save_model
+from besman.stages.recognize.model_files import check_model_place, save_model
 from besman.stages.recognize.stage import RecognizeStage
 
 _LONGEST_GAP_S = 0.5
@@ -56,6 +56,7 @@ def train_files(
         If a file cannot be read, nothing is labelled, or a setting does not fit.
     """
     content = dict(parse_setting(setting, "method=hmm") for setting in settings)
+    check_model_place(out)
     stage = parse_config({"recognize": content}, _Training, "besman train").recognize
     teacher = None if learn_from is None else str(learn_from)
     inputs = read_inputs([str(_recording(path)) for path in paths], teacher)

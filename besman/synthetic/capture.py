@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.exceptions import RecordingError
+from besman.io.atomic_files import make_folder, write_text, written_aside
 from besman.io.recordings.qtm_tsv import write_tsv
 from besman.io.segments_json import ThrowEvent, segments_path, write_segments
 from besman.records import LabelledSegments, Recording
@@ -133,17 +134,15 @@ def write_capture(capture: Capture, folder: Path) -> Path:
     for file in (path, segments_path(path), truth, hands):
         if file.exists():
             raise RecordingError(f"{file}: is there already and is not overwritten")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        _write_recording(capture, path)
-        write_segments(capture.truth, segments_path(path), capture.throws or None)
-        if capture.trajectories:
-            content = {"trajectories": list(capture.trajectories)}
-            truth.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-        if capture.body is not None:
-            _write_hands(capture, hands)
-    except OSError as error:
-        raise RecordingError(f"{folder}: cannot be written: {error.strerror}") from None
+    make_folder(folder, kind=RecordingError)
+    # The recording last: where it is, all that belongs to it is there.
+    write_segments(capture.truth, segments_path(path), capture.throws or None)
+    if capture.trajectories:
+        text = json.dumps({"trajectories": list(capture.trajectories)}, indent=1) + "\n"
+        write_text(truth, text, durable=False, kind=RecordingError)
+    if capture.body is not None:
+        _write_hands(capture, hands)
+    _write_recording(capture, path)
     return path
 
 
@@ -173,5 +172,5 @@ def _write_hands(capture: Capture, path: Path) -> None:
     """Write the true hand poses, rounded to a micrometre."""
     assert capture.body is not None
     hands: dict[str, Any] = {side: np.round(pose, 6) for side, pose in capture.body.hands.items()}
-    with path.open("wb") as file:
+    with written_aside(path, kind=RecordingError) as temporary, temporary.open("wb") as file:
         np.savez(file, time=capture.recording.time, **hands)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -15,15 +14,18 @@ from besman.config.stage import Work
 from besman.config.yaml_file import parse_config
 from besman.exceptions import RefinementError, RunError
 from besman.foreign.json_text import parse_json
-from besman.io.atomic_files import write_json
+from besman.io.atomic_files import make_folder, write_json, write_record
 from besman.io.exports import ros_joint_trajectory, write_joint_csv, write_ros_joint_trajectory
 from besman.io.urscript import UR_JOINTS, write_urscript
 from besman.pipeline.finished_run import read_run
-from besman.records.files import digest, load_record, save_record
+from besman.pipeline.stored_run import open_run, read_object
+from besman.records.files import digest, load_record
+from besman.search.kinds import usual_spelling
 from besman.templates.applying import Application
 from besman.templates.learning import TemplateConfig, Tries
 from besman.templates.teaching import Region, prepare_lesson, teach
 from besman.templates.template import Template
+from besman.work.stopping import last_words
 from besman.work.versions import code_version
 
 ENDINGS = (".csv", ".json", ".yaml", ".script")
@@ -81,16 +83,22 @@ def learn_in_run(
     parts = (config, lesson.family, lesson.region, run.robot.content, run.task, code_version())
     key = digest(parts)
     path = folder / "templates" / f"{config.method}.npz"
-    path.parent.mkdir(exist_ok=True)
+    make_folder(path.parent)
     if _key(path) == key:
         return load_record(path), path
     part = path.with_name(f".{config.method}.part.npz")
     known = _episodes(part, key)
-    template = teach(lesson, config, run.labels, work, known, partial(_keep, part, key))
+    with last_words(lambda why: None):
+        template = teach(lesson, config, run.labels, work, known, partial(_keep, part, key))
     # The figures name the key and come last: with them the template is whole.
     path.with_suffix(".json").unlink(missing_ok=True)
-    _replace(path, template)
-    content = {"key": key, "config": config.model_dump(mode="json"), **template_figures(template)}
+    write_record(path, template)
+    content = {
+        "key": key,
+        "motions": open_run(folder, needs_state=False).checksum("refine"),
+        "config": config.model_dump(mode="json"),
+        **template_figures(template),
+    }
     write_json(path.with_suffix(".json"), content)
     part.unlink(missing_ok=True)
     return template, path
@@ -134,11 +142,16 @@ def load_template(folder: Path, method: str | None = None) -> Template:
     Raises
     ------
     RunError
-        If there is none, or it is not clear which.
+        If there is none, it is not clear which, or it is of motions that the run no longer holds.
     """
-    places = {path.stem: path for path in sorted((folder / "templates").glob("[!.]*.npz"))}
-    places = {name: path for name, path in places.items() if path.with_suffix(".json").is_file()}
+    places: dict[str, Path] = {}
+    for path in sorted((folder / "templates").glob("[!.]*.npz")):
+        name = usual_spelling(path.stem)
+        # One learnt since the method bears its present name stands for an older one.
+        if path.with_suffix(".json").is_file() and (name == path.stem or name not in places):
+            places[name] = path
     there = ", ".join(places) or "none"
+    method = None if method is None else usual_spelling(method)
     if method is None and len(places) > 1:
         raise RunError(f"{folder}: several templates: {there}; say which with --method")
     if not places or (method is not None and method not in places):
@@ -146,8 +159,20 @@ def load_template(folder: Path, method: str | None = None) -> Template:
             f"{folder}: no template{f' {method}' if method else ''} here (there: {there}); "
             f"expected one from besman template learn {folder}"
         )
-    template: Template = load_record(places[method] if method else next(iter(places.values())))
+    path = places[method] if method else next(iter(places.values()))
+    _refuse_stale(folder, path)
+    template: Template = load_record(path)
     return template
+
+
+def _refuse_stale(folder: Path, path: Path) -> None:
+    """Refuse a template of motions that the run held once."""
+    of = read_object(path.with_suffix(".json")).get("motions")
+    if of is not None and of != open_run(folder, needs_state=False).checksum("refine"):
+        raise RunError(
+            f"{path}: was learnt of other motions than the run holds now; learn it again: besman "
+            f"template learn {folder}"
+        )
 
 
 def write_application(applied: Application, paths: list[Path]) -> None:
@@ -218,13 +243,4 @@ def _episodes(part: Path, key: str) -> Tries | None:
 
 def _keep(part: Path, key: str, tries: Tries) -> None:
     """Store the episodes so far."""
-    _replace(part, (key, tries))
-
-
-def _replace(path: Path, record: Any) -> None:
-    """Write a record under another name, then rename it."""
-    temporary = path.with_name(f".{path.name}.tmp{os.getpid()}")
-    save_record(record, temporary)
-    with temporary.open("rb") as file:
-        os.fsync(file.fileno())
-    temporary.replace(path)
+    write_record(part, (key, tries))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -11,9 +10,9 @@ import numpy as np
 
 from besman.exceptions import TransferError
 from besman.foreign.json_text import parse_json
-from besman.io.atomic_files import write_json
+from besman.io.atomic_files import make_folder, write_json, write_record
 from besman.records import RefinedMotion
-from besman.records.files import digest, load_record, save_record
+from besman.records.files import digest, load_record
 from besman.transfer.approach import RealTry, TransferConfig
 from besman.transfer.archive import Archive, no_plans
 
@@ -92,11 +91,9 @@ def new_state(motion: RefinedMotion, dimension: int, config: TransferConfig) -> 
 
 def save_state(folder: Path, state: TransferState) -> None:
     """Write a state; whoever is stopped meanwhile leaves the old one."""
-    folder.mkdir(parents=True, exist_ok=True)
-    temporary = folder / f".archive.npz.tmp{os.getpid()}"
-    save_record(state.archive, temporary)
+    make_folder(folder)
     # Before what says how many rows of it count.
-    temporary.replace(folder / "archive.npz")
+    write_record(folder / "archive.npz", state.archive)
     write_json(
         folder / "state.json",
         {

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.exceptions import TransferError, nearest
+from besman.io.atomic_files import make_folder
 from besman.motion.rollout import sample_plan
 from besman.pipeline.finished_run import FinishedRun, read_run
 from besman.records import AnyPlan, RefinedMotion
@@ -17,6 +18,7 @@ from besman.robot.kinematics import forward_kinematics
 from besman.robot.limits import check_limits
 from besman.robot.model import Robot
 from besman.search.protocol import Part
+from besman.simulation.tasks.kinds import KINDS
 from besman.simulation.tasks.stick_throw.throw_and_flight import ThrowConfig
 from besman.simulation.trial import try_plans
 from besman.stages.export.motion_exports import write_exports
@@ -97,7 +99,7 @@ def suggest_try(
         save_state(folder, state)
     number = len(state.tries)
     place = (out or run / "transfer") / file_name(refined.plan.name) / f"try_{number:02d}"
-    place.mkdir(parents=True, exist_ok=True)
+    make_folder(place)
     plan = space.plan_at(state.archive.points[state.tries[-1].row])
     write_exports((_as_motion(refined, plan, finished, number),), finished.robot, place)
     table = (out or run / "transfer") / "results.csv"
@@ -162,10 +164,15 @@ def _throws(run: Path) -> FinishedRun:
     finished = read_run(run)
     if not isinstance(finished.task, ThrowConfig):
         raise TransferError(
-            f"{run}: task {finished.task.kind}: transfer is for throws; allowed: ball_throw, "
-            "stick_throw"
+            f"{run}: task {finished.task.kind}: transfer is for throws; "
+            f"{nearest(finished.task.kind, _throw_kinds())}"
         )
     return finished
+
+
+def _throw_kinds() -> list[str]:
+    """Return the kinds of tasks in which something is thrown."""
+    return [entry.name for entry in KINDS if issubclass(entry.load(), ThrowConfig)]
 
 
 def _choose(run: Path, finished: FinishedRun, motion: str | None) -> RefinedMotion:

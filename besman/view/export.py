@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from besman.exceptions import RunError
-from besman.io.atomic_files import write_text
+from besman.io.atomic_files import check_folder, make_folder, write_text
 from besman.view.assets import read_asset
 from besman.view.run_content import RATE_HZ, RunContent
 
@@ -55,16 +55,14 @@ def write_replay(
     """
     if out.suffix != ".html":
         raise RunError(f"--export: got {out}, expected a name that ends in .html")
+    check_folder(out.parent, f"{out}", RunError)
     first = content.first if motion is None else content.find(motion)
     chosen = list(range(len(content.names))) if motion is None else [first]
     empty = len(_page(content.overview(chosen, first), []))
     chosen, bundles = _fit(content, chosen, first, empty, rate_hz, progress)
     page = _page(content.overview(chosen, first), bundles)
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        write_text(out, page)
-    except OSError as error:
-        raise RunError(f"{out}: cannot be written: {error.strerror}") from None
+    make_folder(out.parent, kind=RunError)
+    write_text(out, page, kind=RunError)
     return len(chosen), len(content.names)
 
 

@@ -10,11 +10,11 @@ import numpy as np
 
 from besman.config.yaml_file import read_yaml
 from besman.exceptions import MappingError, RunError, nearest
+from besman.pipeline.stored_run import StoredRun, open_run
 from besman.records import FloatArray, HandTrajectory, JointTrajectory, RefinedMotion
 from besman.report.motions import selected_segments
 from besman.report.run_records import ArmRecords, arm_records, load_records
 from besman.report.terminal import failures
-from besman.report.timing import read_json
 from besman.robot.model import Robot, load_robot
 from besman.simulation.task import Task
 from besman.simulation.tasks.kinds import load_task
@@ -70,25 +70,23 @@ class RunContent:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        state = read_json(folder / "run.json")
-        if not (folder / "pipeline.yaml").is_file():
-            raise RunError(f"{folder}: not a run: pipeline.yaml is missing")
-        _check_finished(folder, state)
+        run = open_run(folder)
+        _check_finished(run)
         self._config, _ = read_yaml(folder / "pipeline.yaml")
-        self._results = read_json(folder / "results.json")
         self._records = load_records(folder)
-        self._name: str = state["name"]
+        self._name: str = run.state["name"]
         self._arms = _shown_arms(self._records, self._config)
         if not any(arm.trajectories for arm in self._arms):
             raise RunError(f"{folder}: no demonstration was mapped to an arm: nothing to show")
         self._task: Task = load_task(self._config["task"])
         self._sources = [recording.source for recording in self._records["label"]]
         self.names = tuple(dict.fromkeys(name for arm in self._arms for name in arm.demonstrations))
-        self._left_out = {
-            (one["name"], stage): one["reason"]
-            for stage, failed in failures(self._results).items()
-            for one in failed
-        }
+        with run.reading():
+            self._left_out = {
+                (one["name"], stage): one["reason"]
+                for stage, failed in failures(run.read("results.json")).items()
+                for one in failed
+            }
 
     def find(self, name: str) -> int:
         """Return the index of a demonstration.
@@ -244,12 +242,12 @@ class RunContent:
         }
 
 
-def _check_finished(folder: Path, state: dict[str, Any]) -> None:
+def _check_finished(run: StoredRun) -> None:
     """Refuse a run that has not ended well."""
-    if state.get("status") != "done":
-        why = f": {state['error']}" if state.get("error") else ""
+    if run.status != "done":
+        why = f": {run.state['error']}" if run.state.get("error") else ""
         raise RunError(
-            f"{folder}: the run is not finished (status {state.get('status')!r}{why}); "
+            f"{run.folder}: the run is not finished (status {run.status!r}{why}); "
             "expected 'done': run it again, and it goes on where it was"
         )
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
-from besman.exceptions import BesmanError
+from besman.exceptions import BesmanError, StoppedError
 from besman.records import Failure
 
 Item = TypeVar("Item")
@@ -74,7 +74,13 @@ def attempt(function: Callable[[Item], Any], item: Item) -> Outcome:
 
 def failure_of(name: str, error: Exception) -> Failure:
     """Say why an item failed; an error that besman does not know is named by its kind."""
+    return Failure(name=name, reason=describe_error(error).removeprefix(f"{name}: "))
+
+
+def describe_error(error: BaseException) -> str:
+    """Say in one line what an error is; one that besman does not know by its kind as well."""
     text = " ".join(str(error).split())
-    if not isinstance(error, BesmanError):
-        text = f"{type(error).__name__}: {text}"
-    return Failure(name=name, reason=text.removeprefix(f"{name}: "))
+    if isinstance(error, KeyboardInterrupt):
+        return "stopped by Ctrl-C"
+    known = isinstance(error, BesmanError | StoppedError)
+    return text if known else f"{type(error).__name__}: {text}"

@@ -11,7 +11,19 @@ from pathlib import Path
 
 import besman
 
-_LIBRARIES = ("numpy", "scipy", "numba", "pin", "mujoco", "cma", "pydantic")
+# What computes results: arithmetic, kernels, kinematics, distances, simulation, searches, programs.
+_COMPUTE = (
+    "numpy",
+    "scipy",
+    "numba",
+    "pin",
+    "coal",
+    "mujoco",
+    "cma",
+    "cvxpy",
+    "clarabel",
+    "scikit-learn",
+)
 
 
 def code_version() -> str:
@@ -27,12 +39,27 @@ def code_version() -> str:
 def library_versions() -> dict[str, str]:
     """Return the versions of Python, besman and the libraries that results depend on."""
     versions = {"besman": besman.__version__, "python": platform.python_version()}
-    for name in _LIBRARIES:
-        try:
-            versions[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            versions[name] = "not installed"
-    return versions
+    return versions | {name: _version(name) for name in (*_COMPUTE, "pydantic")}
+
+
+def result_versions(others: tuple[str, ...] = ()) -> dict[str, str]:
+    """Return the versions that can change a result: with another one, it is computed again.
+
+    Parameters
+    ----------
+    others : tuple of str
+        Libraries that a stage's method needs besides.
+    """
+    python = ".".join(platform.python_version_tuple()[:2])
+    return {"python": python, **{name: _version(name) for name in (*_COMPUTE, *others)}}
+
+
+@lru_cache(maxsize=64)
+def _version(library: str) -> str:
+    try:
+        return metadata.version(library)
+    except metadata.PackageNotFoundError:
+        return "not installed"
 
 
 def commit() -> str:

@@ -5,12 +5,10 @@ import subprocess
 import sys
 import textwrap
 
-import numpy as np
 import pytest
 
 from besman.config.stage import Items, Stage, Training, Truth, Work
 from besman.exceptions import RunError
-from besman.io.atomic_files import write_json
 from besman.pipeline.run_folder import Run
 from besman.records import Failure, Segments
 from besman.records.files import digest
@@ -102,14 +100,14 @@ def test_the_files_of_a_run(tmp_path):
 KILLED = """
     import os, signal, sys
     sys.path.insert(0, {tests!r})
-    import besman.records.files, besman.pipeline.run_folder, test_run_folder
+    import besman.pipeline.stage_store, test_run_folder
     from pathlib import Path
 
     if {when!r} == "while writing":
         def save(record, path):
             Path(path).write_bytes(b"half")
             os.kill(os.getpid(), signal.SIGKILL)
-        besman.pipeline.run_folder.save_record = save
+        besman.pipeline.stage_store.save_record = save
     else:
         def run(self, segments, *, work):
             os.kill(os.getpid(), signal.SIGKILL)
@@ -158,11 +156,6 @@ def test_a_failed_run_says_so(tmp_path):
     run.finish("failed", "no markers")
     state = json.loads((tmp_path / "r" / "run.json").read_text())
     assert (state["status"], state["error"]) == ("failed", "no markers")
-
-
-def test_json_has_no_nan(tmp_path):
-    write_json(tmp_path / "a.json", {"x": np.float64("nan"), "y": (np.int64(3), np.arange(2.0))})
-    assert json.loads((tmp_path / "a.json").read_text()) == {"x": None, "y": [3, [0.0, 1.0]]}
 
 
 class Told(Cut):

@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import pytest
 from command_line import besman
+from web_session import enter
 
 from besman.exceptions import RunError, WebError
 from besman.records.files import load_record, save_record
@@ -183,19 +184,21 @@ def test_only_who_has_the_address_is_answered(content):
     server = open_view(content)
     server.start()
     base = f"http://127.0.0.1:{server.port}/"
-    assert answer(server.url + "overview")[0] == 200
-    assert answer(server.url + "demonstration?index=0")[0] == 200
+    place, cookie = enter(server.url)
+    inside, own = base + place.strip("/") + "/", {"Cookie": cookie}
+    assert answer(inside + "overview", **own)[0] == 200
+    assert answer(inside + "demonstration?index=0", **own)[0] == 200
     for page in ("", "index.html", "view.js", "web/camera.js"):
-        assert answer(server.url + page)[0] == 200
+        assert answer(inside + page, **own)[0] == 200
     assert answer(base + "overview")[0] == 403
     assert answer(base + "x" * 32 + "/demonstration?index=0")[0] == 403
-    assert answer(server.url + "overview", Host="evil.example")[0] == 403
-    assert answer(server.url + "../run_content.py")[0] in (400, 403, 404)
-    assert answer(server.url + "run_content.py")[0] == 404
-    status, body = answer(server.url + "demonstration?index=-1")
+    assert answer(inside + "overview", **own, Host="evil.example")[0] == 403
+    assert answer(inside + "../run_content.py", **own)[0] in (400, 403, 404)
+    assert answer(inside + "run_content.py", **own)[0] == 404
+    status, body = answer(inside + "demonstration?index=-1", **own)
     assert status == 422
     assert "index: got '-1', expected a whole number from 0" in json.loads(body)["error"]
-    status, body = answer(server.url + "demonstration?index=7")
+    status, body = answer(inside + "demonstration?index=7", **own)
     assert status == 422
     assert "no demonstration 7: there are 3" in json.loads(body)["error"]
     with pytest.raises(WebError, match="is in use"):

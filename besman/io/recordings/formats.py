@@ -7,7 +7,9 @@ texts, the page *My recording* and the tests go through the table; nothing else 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -34,6 +36,7 @@ FORMATS = (
         "qtm_tsv:read_tsv",
         "Qualisys Track Manager, old and new header",
         writer="qtm_tsv:write_tsv",
+        takes_partial=True,
     ),
     Format(
         "C3D",
@@ -43,6 +46,7 @@ FORMATS = (
         "any camera system; units in mm or m, gaps by their residual",
         writer="c3d:write_c3d",
         takes_units=True,
+        takes_partial=True,
     ),
     Format(
         "Xsens MVNX",
@@ -50,6 +54,7 @@ FORMATS = (
         text_begins(rb"<.*mvnx"),
         "mvnx:read_mvnx",
         "Xsens MVN: a suit with segments",
+        takes_partial=True,
     ),
     Format(
         "joint log (CSV with '# urdf' and '# frames')",
@@ -58,6 +63,7 @@ FORMATS = (
         "exoskeleton:read_joint_log",
         "an exoskeleton; its URDF beside it, or the name of one of configs/exoskeleton",
         companions="exoskeleton:find_log_files",
+        takes_partial=True,
     ),
 )
 """All formats there are."""
@@ -70,7 +76,28 @@ WRITTEN_SUFFIXES = tuple(entry.suffixes[0] for entry in FORMATS if entry.writer)
 """Endings of the files that can be written."""
 
 
-def read_recording(path: Path, units: Units | None = None) -> Recording:
+_TAKES_PARTIAL: ContextVar[bool] = ContextVar("takes_partial", default=False)
+
+
+@contextmanager
+def taking_partial_files(partial: bool = True) -> Iterator[None]:
+    """Let `read_recording` take what is there of files that were cut, within a block of code.
+
+    Parameters
+    ----------
+    partial : bool
+        Whether it does; for whoever reads recordings through other functions, as commands do.
+    """
+    before = _TAKES_PARTIAL.set(partial)
+    try:
+        yield
+    finally:
+        _TAKES_PARTIAL.reset(before)
+
+
+def read_recording(
+    path: Path, units: Units | None = None, partial: bool | None = None
+) -> Recording:
     """Read one recording; its content tells the format, whatever the file's ending.
 
     Parameters
@@ -79,6 +106,9 @@ def read_recording(path: Path, units: Units | None = None) -> Recording:
         Of one of `FORMATS`.
     units : "m" or "mm", optional
         What the coordinates are in, if the file does not say so itself, as a C3D file may.
+    partial : bool, optional
+        Take what is there of a file that was cut in transfer, with a warning; if not given, what
+        `taking_partial_files` says, by default not.
 
     Returns
     -------
@@ -104,7 +134,9 @@ def read_recording(path: Path, units: Units | None = None) -> Recording:
         if not head.strip():
             raise RecordingError(f"{path}: the file is empty; expected {KNOWN_FORMATS}")
         raise RecordingError(f"{path}: a format that is not known; expected {KNOWN_FORMATS}")
-    return check_recording(found.read(path, units), path)
+    if partial is None:
+        partial = _TAKES_PARTIAL.get()
+    return check_recording(found.read(path, units, partial), path)
 
 
 def find_companions(path: Path) -> tuple[Path, ...]:
@@ -155,16 +187,24 @@ def write_recording(recording: Recording | LabelledRecording, path: Path) -> Non
             source=recording.source,
             first_frame=recording.first_frame,
         )
+    find_writer(path).write(recording, path)
+
+
+def find_writer(path: Path) -> Format:
+    """Return the format in which a file of this name is written.
+
+    Raises
+    ------
+    RecordingError
+        If the ending is not that of one.
+    """
     ending = path.suffix.lower()
     found = next((one for one in FORMATS if one.writer and one.suffixes[0] == ending), None)
     if found is None:
         raise RecordingError(
             f"{path}: cannot be written: the ending must be {one_of(WRITTEN_SUFFIXES)}"
         )
-    try:
-        found.write(recording, path)
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be written: {error.strerror}") from None
+    return found
 
 
 def find_recordings(paths: Iterable[Path]) -> list[Path]:

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from besman.exceptions import RecordingError, RecordingWarning
 from besman.foreign.numbers import has_odd_digits, parse_number
+from besman.io.atomic_files import written_aside
 from besman.io.recordings.qtm_header import QtmHeader, read_header
 from besman.records import Recording
 from besman.records.recordings import GREATEST_FRAME, RATES_HZ
@@ -96,6 +97,11 @@ def write_tsv(recording: Recording, path: Path) -> None:
         What to write; positions are rounded to a micrometre, gaps are written as ``nan``.
     path : Path
         The file; replaced if it exists.
+
+    Raises
+    ------
+    RecordingError
+        If it cannot be written.
     """
     n_samples, n_markers = recording.positions.shape[:2]
     names = [name or "" for name in recording.names]
@@ -117,7 +123,10 @@ def write_tsv(recording: Recording, path: Path) -> None:
     flat = np.round(recording.positions.reshape(n_samples, -1) * 1000.0, 3) + 0.0
     rows = np.column_stack([frames, (frames - 1) / recording.rate_hz, flat])
     line = "\t".join(["%d", "%.5f"] + ["%.3f"] * (3 * n_markers)) + "\n"
-    with path.open("w", encoding="utf-8", newline="\n") as file:
+    with (
+        written_aside(path, kind=RecordingError) as temporary,
+        temporary.open("w", encoding="utf-8", newline="\n") as file,
+    ):
         file.write("\n".join(header) + "\n")
         for start in range(0, n_samples, _ROWS_AT_ONCE):
             block = rows[start : start + _ROWS_AT_ONCE]

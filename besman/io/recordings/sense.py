@@ -49,8 +49,8 @@ def check_recording(recording: Recording, path: Path) -> Recording:
     Warns
     -----
     RecordingWarning
-        With marker and frame, where samples became gaps (`besman.geometry.spikes`), and where a
-        trajectory jumps for good.
+        With marker and frame, where samples became gaps (a coordinate is missing, or
+        `besman.geometry.spikes`), and where a trajectory jumps for good.
     """
     if len(recording.time) < 2:
         raise RecordingError(f"{path}: a recording of one frame; expected at least two")
@@ -61,7 +61,7 @@ def check_recording(recording: Recording, path: Path) -> Recording:
         raise RecordingError(
             f"{path}: frames {recording.first_frame} to {last}; expected 0 to {GREATEST_FRAME:.0e}"
         )
-    recording = _leave_out_spikes(recording)
+    recording = _leave_out_spikes(_leave_out_halves(recording))
     _check_distances(recording, path)
     return recording
 
@@ -92,6 +92,18 @@ def _check_names(recording: Recording, path: Path) -> None:
             raise RecordingError(f"{path}: trajectory {index}: name {name!r:.60} {fault}")
 
 
+def _leave_out_halves(recording: Recording) -> Recording:
+    """Make gaps of samples of which a coordinate is missing, and say so."""
+    missing = np.isnan(recording.positions)
+    seen_in_part = missing.any(axis=2) & ~missing.all(axis=2)
+    if not seen_in_part.any():
+        return recording
+    _warn_of_gaps(recording, seen_in_part, "without all three coordinates")
+    return replace(
+        recording, positions=np.where(seen_in_part[:, :, None], np.nan, recording.positions)
+    )
+
+
 def _leave_out_spikes(recording: Recording) -> Recording:
     """Make gaps of samples that no body makes; say so, and where a trajectory jumps for good."""
     named = np.array([name is not None for name in recording.names])
@@ -105,16 +117,22 @@ def _leave_out_spikes(recording: Recording) -> Recording:
         )
     if not faults.spikes.any():
         return recording
-    count = _count(int(faults.spikes.sum()), "sample")
-    _warn(
-        f"{recording.source}: {count} that no body makes became gaps: "
-        f"{_list(_places(recording, faults.spikes))}"
-    )
+    _warn_of_gaps(recording, faults.spikes, "that no body makes")
     positions = np.where(faults.spikes[:, :, None], np.nan, recording.positions)
     orientations = recording.orientations
     if orientations is not None:
         orientations = _hold(orientations, faults.spikes)
     return replace(recording, positions=positions, orientations=orientations)
+
+
+def _warn_of_gaps(recording: Recording, left_out: npt.NDArray[np.bool_], what: str) -> None:
+    """Say which samples became gaps."""
+    count = int(left_out.sum())
+    became = "became a gap" if count == 1 else "became gaps"
+    _warn(
+        f"{recording.source}: {_count(count, 'sample')} {what} {became}: "
+        f"{_list(_places(recording, left_out))}"
+    )
 
 
 def _hold(
@@ -179,5 +197,5 @@ def _list(places: Sequence[str]) -> str:
 
 
 def _warn(message: str) -> None:
-    # The line that reads the recording is two calls above `check_recording`.
-    warnings.warn(message, RecordingWarning, stacklevel=5)
+    # The line that reads the recording calls `check_recording` by way of `read_recording`.
+    warnings.warn(message, RecordingWarning, stacklevel=6)

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from besman.exceptions import RunError
-from besman.io.atomic_files import write_json
+from besman.io.atomic_files import folder_aside, write_json
 from besman.io.exports import (
     read_joint_csv,
     read_ros_joint_trajectory,
@@ -22,6 +23,12 @@ from besman.io.urscript import CYCLE_S, UR_JOINTS, read_urscript, write_urscript
 from besman.records import FloatArray, RefinedMotion
 from besman.work.work import Work
 
+if TYPE_CHECKING:
+    from besman.robot.model import Robot
+
+_LIMITS = "limits.json"
+_ENDINGS = (".csv", ".ros.json", ".ros.yaml", ".script")
+
 # Rounding of what is written: nine digits; six decimals in URScript.
 _AGREEMENT_RAD = 1e-6
 # Writing holds Python's lock; processes are started in the time of so many motions.
@@ -29,12 +36,14 @@ _PROCESSES_FROM = 40
 
 
 def write_exports(
-    motions: tuple[RefinedMotion, ...], robot: Any, folder: Path, work: Work = Work()
+    motions: tuple[RefinedMotion, ...], robot: Robot, folder: Path, work: Work = Work()
 ) -> None:
     """Write every refined motion as CSV, ROS 2 message and, for UR arms, URScript; read all back.
 
     Beside them ``limits.json`` says what each motion asks of the arm: samples beyond a limit, the
     greatest shares of the limits, the least distance to itself, its pedestal and the floor.
+
+    The folder then holds these motions and no others; what is no export stays in it.
 
     Parameters
     ----------
@@ -42,30 +51,48 @@ def write_exports(
     robot : Robot
         With the tool that the motions were refined with.
     folder : Path
-        Made if need be.
+        Made if need be; the folder above is there.
     work : Work
         Threads, processes and progress.
 
     Raises
     ------
     RunError
-        If a file that was written does not hold the motion.
+        If a file that was written does not hold the motion, or two motions have one name.
+    FileError
+        If a file cannot be written.
     """
-    folder.mkdir(exist_ok=True)
-    # Written last: where it is, the exports are whole.
-    (folder / "limits.json").unlink(missing_ok=True)
-    export = partial(_export, robot=robot, folder=folder)
-    reports = work.map(
-        export, motions, name=lambda motion: motion.plan.name, processes=_PROCESSES_FROM, local=True
-    )
-    content = {"robot": robot.name, "tool": robot.tool.name, "rate_hz": 1000}
-    write_json(folder / "limits.json", content | {"motions": dict(reports)})
+    names = Counter(export_name(motion.plan.name) for motion in motions)
+    for name in (name for name, n in names.items() if n > 1):
+        twice = [one.plan.name for one in motions if export_name(one.plan.name) == name]
+        raise RunError(f"{folder}: {' and '.join(twice)} would both be written as {name}")
+    with folder_aside(folder, keep=lambda name: not is_export(Path(name))) as temporary:
+        export = partial(_export, robot=robot, folder=temporary)
+        reports = work.map(
+            export,
+            motions,
+            name=lambda motion: motion.plan.name,
+            processes=_PROCESSES_FROM,
+            local=True,
+        )
+        content = {"robot": robot.name, "tool": robot.tool.name, "rate_hz": 1000}
+        write_json(temporary / _LIMITS, content | {"motions": dict(reports)})
 
 
-def _export(motion: RefinedMotion, robot: Any, folder: Path) -> tuple[str, dict[str, Any]]:
+def export_name(motion: str) -> str:
+    """Return a motion's name for files: ``FILE_SEGMENT`` of ``FILE.ENDING:SEGMENT``."""
+    source, _, segment = motion.rpartition(":")
+    return f"{Path(source).stem}_{segment}"
+
+
+def is_export(path: Path) -> bool:
+    """Tell by its name whether a file is one that `write_exports` writes."""
+    return path.name == _LIMITS or path.name.endswith(_ENDINGS)
+
+
+def _export(motion: RefinedMotion, robot: Robot, folder: Path) -> tuple[str, dict[str, Any]]:
     """Write one motion and read it back; return its name and what it asks of the arm."""
-    source, _, segment = motion.plan.name.rpartition(":")
-    name = f"{Path(source).stem}_{segment}"
+    name = export_name(motion.plan.name)
     for path, held, every in _write_motion(motion, folder, name):
         rows = np.minimum(np.arange(len(held)) * every, len(motion.time) - 1)
         if np.max(np.abs(held - motion.positions[rows])) > _AGREEMENT_RAD:
@@ -95,7 +122,7 @@ def _write_motion(
     return held
 
 
-def _report(robot: Any, table: Path) -> dict[str, Any]:
+def _report(robot: Robot, table: Path) -> dict[str, Any]:
     """Say what a written motion asks of the arm."""
     from besman.robot.limits import check_limits
 

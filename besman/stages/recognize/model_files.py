@@ -9,6 +9,7 @@ from typing import Any
 
 from besman.exceptions import RecognitionError, RunError
 from besman.foreign.json_text import parse_json
+from besman.io.atomic_files import check_folder, make_folder, write_text, written_aside
 from besman.records.files import load_record, save_record
 from besman.stages.recognize.model import RecognitionModel
 from besman.stages.recognize.model_check import check_model
@@ -37,18 +38,32 @@ def save_model(model: RecognitionModel, path: Path) -> tuple[Path, Path]:
     RecognitionError
         If one of the files is there already or cannot be written.
     """
+    check_model_place(path)
     arrays, about = _places(path)
-    for file in (arrays, about):
+    make_folder(arrays.parent, kind=RecognitionError)
+    with written_aside(arrays, kind=RecognitionError) as temporary:
+        save_record(model, temporary)
+    try:
+        content = {**describe_model(model), "sha256": _checksum(arrays)}
+        write_text(about, json.dumps(content, indent=2) + "\n", kind=RecognitionError)
+    except RecognitionError:
+        arrays.unlink(missing_ok=True)
+        raise
+    return arrays, about
+
+
+def check_model_place(path: Path) -> None:
+    """See before the work that a model can be written after it.
+
+    Raises
+    ------
+    BesmanError
+        If one of its files is there already, or its folder may not be written.
+    """
+    for file in _places(path):
         if file.exists():
             raise RecognitionError(f"{file}: is there already and is not overwritten")
-    try:
-        arrays.parent.mkdir(parents=True, exist_ok=True)
-        save_record(model, arrays)
-        content = {**describe_model(model), "sha256": _checksum(arrays)}
-        about.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise RecognitionError(f"{arrays}: cannot be written: {error.strerror}") from None
-    return arrays, about
+    check_folder(path.parent, f"{path}", RecognitionError)
 
 
 def load_model(path: Path) -> RecognitionModel:

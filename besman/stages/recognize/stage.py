@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, ClassVar, Literal, get_args
 
 import numpy as np
 from pydantic import BeforeValidator, Field, field_validator
@@ -295,6 +295,8 @@ class DtwConfig(_TrainedStage):
         How far warped time may run ahead or behind.
     """
 
+    libraries: ClassVar[tuple[str, ...]] = ("tslearn",)
+
     method: Literal["dtw"] = "dtw"
     band_points: int = Field(default=5, ge=0)
 
@@ -313,6 +315,8 @@ class HmmConfig(_TrainedStage):
         Hidden states.
     """
 
+    libraries: ClassVar[tuple[str, ...]] = ("hmmlearn",)
+
     method: Literal["hmm"] = "hmm"
     n_states: int = Field(default=1, ge=1)
 
@@ -330,6 +334,8 @@ class LstmConfig(_TrainedStage):
     n_cells, batch_size, patience, max_epochs : int
         See `besman.classifiers.lstm.LstmClassifier`.
     """
+
+    libraries: ClassVar[tuple[str, ...]] = ("torch",)
 
     method: Literal["lstm"] = "lstm"
     n_cells: int = Field(default=25, ge=1)

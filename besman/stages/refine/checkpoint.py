@@ -6,7 +6,6 @@ generations tried are all there is to keep, whatever the search keeps in its mem
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,8 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.exceptions import RunError
+from besman.io.atomic_files import make_folder, write_record
 from besman.records import Record, freeze
-from besman.records.files import load_record, save_record
+from besman.records.files import load_record
 from besman.simulation.trial import Trial
 
 FloatArray = npt.NDArray[np.float64]
@@ -80,11 +80,8 @@ class Checkpoint:
         """Keep a generation; a reader sees all of it or nothing."""
         if self._folder is None:
             return
-        self._folder.mkdir(exist_ok=True)
-        path = self._path(index)
-        temporary = path.with_name(f".{path.name}.tmp{os.getpid()}")
-        save_record(generation, temporary)
-        temporary.replace(path)
+        make_folder(self._folder)
+        write_record(self._path(index), generation, durable=False)
 
     def _path(self, index: int) -> Path:
         assert self._folder is not None

@@ -13,7 +13,6 @@ from besman.records.files import save_record
 from besman.simulation.tasks.kinds import load_task
 from besman.simulation.trial import Trial
 from besman.stages.refine.checkpoint import Checkpoint, Generation
-from besman.stages.refine.methods import METHODS
 from besman.stages.refine.stage import CmaEsConfig
 from besman.work.work import Work
 
@@ -73,23 +72,6 @@ def test_without_a_folder_nothing_is_kept(tmp_path):
         Checkpoint(folder, "a").save(0, Generation(np.zeros((1, 2)), ()))
         assert Checkpoint(folder, "a").load() == []
     assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_an_ended_search_goes_on_as_if_it_had_not_been(robot, make_plan, tmp_path, method):
-    plans, config = (make_plan(0.54, target=FAR),), config_of(method)
-    (whole,) = refined(config, plans, robot)
-    (kept,) = refined(config, plans, robot, tmp_path)
-    assert_same(kept, whole)
-    (own,) = tmp_path.iterdir()
-    generations = sorted(own.iterdir())
-    for path in generations[2:]:
-        path.unlink()
-    before = [path.read_bytes() for path in generations[:2]]
-    (resumed,) = refined(config, plans, robot, tmp_path)
-    assert_same(resumed, whole)
-    assert sorted(own.iterdir()) == generations
-    assert [path.read_bytes() for path in generations[:2]] == before
 
 
 def test_what_is_finished_is_not_tried_again(robot, make_plan, tmp_path, monkeypatch):
