@@ -8,6 +8,17 @@ from besman.pipeline.retarget import Retargeted
 from besman.report.robots import retargeted_table
 
 
+STATE = {
+    "name": "a",
+    "status": "done",
+    "error": None,
+    "versions": {},
+    "machine": {},
+    "inputs": {},
+    "commit": "installed",
+}
+
+
 def plan(tmp_path, name, miss):
     folder = tmp_path / name
     folder.mkdir()
@@ -21,7 +32,8 @@ def plan(tmp_path, name, miss):
         "refine": {"n_success": 2, "n_motions": 3, "miss_m": {"median": miss, "max": miss}},
     }
     (folder / "results.json").write_text(json.dumps(results))
-    (folder / "run.json").write_text(json.dumps({"status": "done"}))
+    (folder / "pipeline.yaml").write_text("name: a\n")
+    (folder / "run.json").write_text(json.dumps(STATE))
     (folder / "timing.json").write_text(json.dumps({"total_wall_s": 12.0, "stages": []}))
     return SimpleNamespace(name=name, folder=folder)
 
