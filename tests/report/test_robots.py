@@ -7,7 +7,6 @@ from rich.console import Console
 from besman.pipeline.retarget import Retargeted
 from besman.report.robots import retargeted_table
 
-
 STATE = {
     "name": "a",
     "status": "done",
