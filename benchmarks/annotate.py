@@ -21,6 +21,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from PIL import Image
@@ -100,8 +101,10 @@ def annotate(*arguments: str) -> Iterator[tuple[str, float]]:
         server.wait()
 
 
-def open_page(browser: Browser, url: str) -> Page:
-    page = browser.new_context(viewport={"width": 1440, "height": 900}).new_page()
+def open_page(browser: Browser, url: str, state: Any = None) -> Page:
+    """Open an address; of one that was used up, the page with the state of who used it."""
+    viewport = {"width": 1440, "height": 900}
+    page = browser.new_context(viewport=viewport, storage_state=state).new_page()
     page.goto(url)
     page.wait_for_selector("html[data-ready]", timeout=120_000)
     return page
@@ -115,12 +118,13 @@ def until(page: Page, expression: str) -> None:
 def measure_speed(browser: Browser, path: Path, repeats: int) -> dict[str, float]:
     """Measure one recording: usable, drag, playback."""
     with annotate(str(path)) as (url, command_s):
-        usable = []
+        usable, state = [], None
         for _ in range(repeats):
-            page = open_page(browser, url)
+            page = open_page(browser, url, state)
+            url, state = page.url, page.context.storage_state()
             usable.append(page.evaluate("performance.getEntriesByName('usable')[0].startTime"))
             page.context.close()
-        page = open_page(browser, url)
+        page = open_page(browser, url, state)
         until(page, "besman.proposals.loaded.get('') !== 'coming'")
         page.wait_for_timeout(1000)
         page.evaluate("besman.zoomAll()")

@@ -1,8 +1,8 @@
 """Templates of a run: where its motions for unseen contexts come down, simulated.
 
-python benchmarks/templates.py RUN [--method creps ...] [--seed 0 ...] [--json FILE]
+python benchmarks/templates.py [RUN] [--method c_reps ...] [--seed 0 ...] [--json FILE]
 
-RUN is a finished run, for example of `besman run ur5_stick_throw`. It is not changed.
+RUN is a finished run, which is not changed; without one, `ur5_stick_throw` is run first.
 """
 
 from __future__ import annotations
@@ -10,15 +10,19 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import tempfile
 import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from besman.config.resources import find_resource
 from besman.config.stage import Work
 from besman.exceptions import PlanError
+from besman.pipeline.config import load_pipeline
 from besman.pipeline.finished_run import read_run
+from besman.pipeline.pipeline import run_pipeline
 from besman.simulation.trial import try_plans
 from besman.templates.applying import apply_template
 from besman.templates.files import parse_settings
@@ -85,8 +89,8 @@ def measure(
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("run", type=Path)
-    parser.add_argument("--method", nargs="+", default=["creps", "ccma_es"])
+    parser.add_argument("run", nargs="?", type=Path)
+    parser.add_argument("--method", nargs="+", default=["c_reps", "c_cma_es"])
     parser.add_argument("--seed", type=int, nargs="+", default=[0])
     parser.add_argument("--episodes", type=int, default=3000)
     parser.add_argument("--targets", type=int, default=200)
@@ -94,6 +98,15 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=os.cpu_count())
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        if options.run is None:
+            config = load_pipeline(find_resource("pipelines", "ur5_stick_throw"))
+            options.run = run_pipeline(config, Path(folder) / "run", jobs=options.jobs)
+        _measure_all(options)
+
+
+def _measure_all(options: argparse.Namespace) -> None:
+    """Print a line for each method and seed."""
     rows = []
     for method in options.method:
         for seed in options.seed:

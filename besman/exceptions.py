@@ -1,8 +1,13 @@
 """Errors a user can meet. Every message is one line: what, where, got, expected, allowed."""
 
 import difflib
+import re
 import signal
 from collections.abc import Iterable
+
+# Where a C++ library found the fault in its own source: nothing that a user can act on.
+_IN_SOURCE = re.compile(r"(From file|in function|at line):|at line \d+ in /")
+_LABEL = re.compile(r"^(message|Error|Exception):\s*")
 
 LONGEST_MESSAGE = 4000
 """Characters of a message that are shown."""
@@ -149,3 +154,48 @@ def nearest(name: str, allowed: Iterable[str]) -> str:
     close = difflib.get_close_matches(str(name)[:100], names, n=1, cutoff=0.5)
     listed = ", ".join(names) if names else "nothing"
     return (f"did you mean {close[0]!r}? " if close else "") + f"allowed: {listed}"
+
+
+def in_one_line(error: BaseException | Iterable[str]) -> str:
+    """Say in one line what an error of another library means, however many lines it has.
+
+    Parameters
+    ----------
+    error : exception, or lines of text
+        What was raised, or what a library wrote.
+
+    Returns
+    -------
+    str
+        All that was said but for places in the library's own source; the kind of the error where
+        that is nothing, or no more than a key.
+    """
+    text = str(error) if isinstance(error, BaseException) else "\n".join(error)
+    said = ""
+    for line in text.splitlines():
+        line = _LABEL.sub("", " ".join(line.split()))
+        if not line or _IN_SOURCE.match(line):
+            continue
+        ends = said.endswith((".", ",", ":", ";", "(", "[")) or line.startswith((")", "]"))
+        said += f"{' ' if ends else '; '}{line}" if said else line
+    if isinstance(error, BaseException) and (not said or isinstance(error, KeyError)):
+        return f"{type(error).__name__}{': ' if said else ''}{said}"
+    return said
+
+
+def why_not_there(error: ImportError, library: str, requirement: str) -> str:
+    """Say that a library is not installed, or else why it cannot be loaded.
+
+    Parameters
+    ----------
+    error : ImportError
+        What came of importing it.
+    library : str
+        Its name, as it is installed.
+    requirement : str
+        What to install.
+    """
+    module = library.replace("-", "_")
+    if isinstance(error, ModuleNotFoundError) and (error.name or "").split(".")[0] == module:
+        return f"{library} is not installed; pip install '{requirement}'"
+    return f"{library} cannot be loaded: {in_one_line(error)}"

@@ -53,10 +53,10 @@ def test_names_of_the_code_exist(page):
 def test_the_method_names_every_stage():
     text = (DOCS / "method.md").read_text()
     assert len(NAME.findall(text)) > 50
-    for package in ("labelling", "segmentation", "recognition", "hierarchy", "mapping", "robot"):
-        assert f"besman.{package}." in text
-    for package in ("imitation", "refinement", "transfer"):
-        assert f"besman.{package}." in text
+    for stage in ("label", "segment", "recognize", "compose", "select", "map", "refine"):
+        assert f"besman.stages.{stage}." in text
+    for room in ("robot", "motion", "search", "classifiers", "transfer"):
+        assert f"besman.{room}." in text
     assert not found("besman.stages.segment.vmci.no_such_function")
 
 
@@ -70,6 +70,20 @@ def test_every_package_has_a_page():
     text = "".join(path.read_text() for path in (DOCS / "reference/api").glob("*.rst"))
     packages = {path.parent.name for path in (TOP / "besman").glob("*/__init__.py")}
     assert packages == set(re.findall(r"\.\. package:: besman\.(\w+)", text))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: path.name)
+def test_tables_of_the_program_are_shown_and_filled(page):
+    shown = re.findall(r"`{3}{table-of} (\S+)\n(.*?)`{3}", page.read_text(), flags=re.DOTALL)
+    if not shown:
+        return
+    table_of = extension("table_of")
+    for name, content in shown:
+        columns = table_of.columns_of(content.splitlines())
+        assert all(title for _, title in columns)
+        rows = table_of.rows_of(name, [attribute for attribute, _ in columns])
+        assert len(rows) > 1
+        assert all(len(row) == len(columns) and row[0] for row in rows)
 
 
 def test_tables_of_the_thesis_are_shown_and_filled():
@@ -147,7 +161,9 @@ def test_methods_are_named_as_in_a_pipeline():
         getattr(extension("configuration"), n) for n in ("sections_of", "method_of")
     )
     names = [method_of(config) for config in inside(PipelineConfig.model_fields["refine"])]
-    assert names == ["cma_es", "reps", "pi2", "pi2_cma", "cem"]
+    from besman.search.kinds import SEARCH_NAMES
+
+    assert names == list(SEARCH_NAMES)
 
 
 def test_every_command_and_option_is_described():

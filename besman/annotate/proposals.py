@@ -18,9 +18,10 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.classifiers.draw_examples import Candidate
+from besman.classifiers.kinds import classifier_kind
 from besman.exceptions import RecognitionError
 from besman.records import FloatArray, LabelledRecording, LabelledSegments
-from besman.records.layers import IDLE, Side
+from besman.records.layers import Side
 from besman.stages.recognize.examples import find_candidates
 from besman.stages.recognize.model import (
     Examples,
@@ -190,7 +191,7 @@ def _name(
     model: RecognitionModel, recording: LabelledRecording, rows: npt.NDArray[np.int64]
 ) -> list[Name]:
     """Name stretches by one model."""
-    if model.method in ("hmm", "lstm"):
+    if classifier_kind(model.method).learns_parameters:
         labels, uncertainty = name_segments(model, recording, rows)
         return [
             Name(label, float(np.clip(1 - u, 0, 1)))
@@ -209,8 +210,3 @@ def _name(
             confidence *= model.threshold / near
         names.append(Name(model.classes[places[0]], round(confidence, 4)))
     return names
-
-
-def is_rest(name: Name | None) -> bool:
-    """Tell whether a stretch is named as one that needs no segment."""
-    return name is not None and name.label == IDLE

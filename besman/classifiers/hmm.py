@@ -106,7 +106,8 @@ class HmmClassifier(ProbabilisticClassifier):
 
 
 def _gaussian_hmm(n_states: int, **settings: Any) -> Any:
-    return import_extra("hmmlearn.hmm", "hmm", "sequences").GaussianHMM(n_states, **settings)
+    # Itself, not the extra: that leaves it out where there is no wheel, and pip builds it.
+    return import_extra("hmmlearn.hmm", "hmm", "hmmlearn").GaussianHMM(n_states, **settings)
 
 
 def _proper(probabilities: FloatArray) -> FloatArray:

@@ -121,7 +121,7 @@ class LstmClassifier(ProbabilisticClassifier):
 
 
 def _torch() -> Any:
-    return import_extra("torch", "lstm", "lstm")
+    return import_extra("torch", "lstm", "besman[lstm]")
 
 
 def _network(torch: Any, n_channels: int, n_cells: int, n_classes: int) -> Any:

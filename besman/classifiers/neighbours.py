@@ -78,7 +78,7 @@ class DtwNeighbour(SequenceClassifier):
     def _apart(self, X: npt.ArrayLike) -> FloatArray:
         """Return distances to all examples, shape (S, N)."""
         sequences = self._check_test(X)
-        metrics = import_extra("tslearn.metrics", "dtw", "sequences")
+        metrics = import_extra("tslearn.metrics", "dtw", "besman[sequences]")
         return np.asarray(
             metrics.cdist_dtw(
                 sequences,

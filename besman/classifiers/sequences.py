@@ -11,26 +11,24 @@ from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from besman.exceptions import RecognitionError
+from besman.exceptions import RecognitionError, why_not_there
 
 FloatArray = npt.NDArray[np.float64]
 
 
-def import_extra(name: str, method: str, extra: str) -> Any:
+def import_extra(name: str, method: str, requirement: str) -> Any:
     """Import a library that only one method needs.
 
     Raises
     ------
     RecognitionError
-        If it is not installed.
+        If it is not installed, or cannot be loaded.
     """
     try:
         return importlib.import_module(name)
-    except ImportError:
-        library = name.split(".")[0]
-        raise RecognitionError(
-            f"method {method} needs {library}, which is not installed: pip install besman[{extra}]"
-        ) from None
+    except ImportError as error:
+        why = why_not_there(error, name.split(".")[0], requirement)
+        raise RecognitionError(f"method {method}: {why}") from None
 
 
 # scikit-learn has no types.

@@ -23,6 +23,7 @@ from besman.cli.robots import robots
 from besman.cli.terminal import complain
 from besman.cli.view import view
 from besman.exceptions import BesmanError, RecordingWarning, StoppedError
+from besman.io.recordings.formats import taking_partial_files
 from besman.work.stopping import stops_on_signals
 
 app = typer.Typer(
@@ -74,8 +75,14 @@ def info() -> None:
 @app.callback()
 def _options(
     debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="A warning about a recording is an error.")
+    ] = False,
+    partial: Annotated[
+        bool, typer.Option("--partial", help="Take what is there of recordings that were cut.")
+    ] = False,
 ) -> None:
-    """Options of every command; `main` takes --debug wherever it stands."""
+    """Options of every command; `main` takes them wherever they stand."""
 
 
 def _show_warning(
@@ -91,18 +98,31 @@ def _show_warning(
     complain("warning", f"{kind}{message}")
 
 
+def _take(option: str) -> bool:
+    """Take an option out of the arguments, wherever it stands; tell whether it was there."""
+    is_there = option in sys.argv
+    sys.argv = [argument for argument in sys.argv if argument != option]
+    return is_there
+
+
 def main() -> None:
     """Run the command line; a user's error is one line and exit code 2."""
-    debug = "--debug" in sys.argv
-    sys.argv = [argument for argument in sys.argv if argument != "--debug"]
+    debug, strict, partial = _take("--debug"), _take("--strict"), _take("--partial")
     warnings.showwarning = _show_warning
     try:
-        with stops_on_signals(_say_stopped):
+        with (
+            warnings.catch_warnings(),
+            taking_partial_files(partial),
+            stops_on_signals(_say_stopped),
+        ):
+            if strict:
+                warnings.simplefilter("error", RecordingWarning)
             app()
-    except BesmanError as error:
+    except (BesmanError, RecordingWarning) as error:
         if debug:
             raise
-        complain("error", str(error))
+        said = "" if isinstance(error, BesmanError) else " (--strict: a warning is an error)"
+        complain("error", f"{error}{said}")
         sys.exit(2)
     except StoppedError as error:
         _say_stopped(error)

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from besman.exceptions import ConfigError, nearest
+from besman.foreign.paths import is_file
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 
@@ -47,12 +48,14 @@ def find_resource(kind: str, name: str, suffix: str = ".yaml") -> Path:
         If there is no such file; the message lists what there is.
     """
     path = Path(name)
-    if path.suffix == suffix and path.is_file():
+    if path.suffix == suffix and is_file(path):
         return path
     first, *rest = kind.split("/")
     folder = resource_folder(first).joinpath(*rest)
     found = folder / f"{name}{suffix}"
-    if "/" not in name and "\\" not in name and found.is_file():
+    if "/" not in name and "\\" not in name and is_file(found):
         return found
     names = [entry.stem for entry in folder.glob(f"*{suffix}")]
-    raise ConfigError(f"{kind}: no file and no resource named {name!r}; {nearest(name, names)}")
+    raise ConfigError(
+        f"{kind}: no file and no resource named {name!r:.200}; {nearest(name, names)}"
+    )

@@ -6,8 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Generic, NamedTuple, ParamSpec, Protocol, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
 
+from besman.config.ranges import check_values
 from besman.records import LabelledRecording, LabelledSegments
 from besman.work.work import Work
 
@@ -31,9 +32,19 @@ Result = TypeVar("Result", covariant=True)
 
 
 class Config(BaseModel):
-    """A frozen config section; unknown keys are errors."""
+    """A frozen config section; unknown keys are errors, and so are values out of all sense.
+
+    See `besman.config.ranges`.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    @field_validator("*", mode="after")
+    @classmethod
+    def _is_in_range(cls, value: Any, info: ValidationInfo) -> Any:
+        """Hold a value against the range of its key."""
+        check_values(str(info.field_name), value)
+        return value
 
 
 class Items(NamedTuple):

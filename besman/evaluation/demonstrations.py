@@ -13,7 +13,6 @@ from besman.exceptions import RecognitionError
 from besman.records import LabelledRecording, LabelledSegments, Recording
 from besman.records.layers import IDLE, complete_truth
 
-_ARMS = ("right", "left")
 _HANDS = ("hand_top", "wrist")
 _JOINTS = ("elbow", "shoulder")
 

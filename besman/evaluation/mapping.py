@@ -28,7 +28,7 @@ from besman.robot.config import RobotConfig
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.limits import check_limits, resample_trajectory
 from besman.robot.model import Robot, find_robot, load_robot
-from besman.stages.map.map_demonstrations import Mapping
+from besman.stages.map.mapping import Mapping
 from besman.stages.map.stage import MapConfig
 from besman.work.outcome import Notes
 from besman.work.work import Work

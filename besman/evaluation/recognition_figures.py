@@ -66,23 +66,12 @@ def _curves(rows: list[dict[str, Any]], title: str) -> str | None:
     figure = new_figure(6, 4)
     axes = figure.add_subplot()
     methods = list(dict.fromkeys(row["method"] for row in rows))
+    both = any(row["object_features"] for row in rows)
     for method, with_objects in dict.fromkeys((r["method"], r["object_features"]) for r in rows):
         own = [r for r in rows if (r["method"], r["object_features"]) == (method, with_objects)]
-        x = np.array([row["examples_per_class"] for row in own])
-        y = 100 * np.array([row["accuracy"] for row in own])
-        spread = 100 * np.array([row["accuracy_std"] for row in own])
         colour = COLOURS[methods.index(method) % len(COLOURS)]
         label = method.replace("_", " ") + (", with object" if with_objects else "")
-        line = "-" if with_objects or not any(r["object_features"] for r in rows) else "--"
-        axes.plot(x, y, line, color=colour, marker="o", markersize=3, label=label)
-        axes.fill_between(
-            x, y - spread, np.minimum(y + spread, 100), color=colour, alpha=0.12, linewidth=0
-        )
-        thesis = [(r["examples_per_class"], r["thesis_accuracy"]) for r in own]
-        known = [(n, 100 * value) for n, value in thesis if value is not None]
-        if known and line == "-":
-            at = np.array(known)
-            axes.scatter(at[:, 0], at[:, 1], color=colour, marker="x", s=40, zorder=3)
+        _curve(axes, own, colour, label, dashed=both and not with_objects)
     axes.set_ylim(min(60, *axes.get_ylim()), 101)
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set_xlabel("examples per class")
@@ -92,6 +81,23 @@ def _curves(rows: list[dict[str, Any]], title: str) -> str | None:
     axes.legend(fontsize=8, frameon=False, loc="lower right")
     style(axes)
     return svg(figure)
+
+
+def _curve(axes: Any, rows: list[dict[str, Any]], colour: str, label: str, dashed: bool) -> None:
+    """Draw the accuracy of one method, its spread and, if not dashed, crosses for the thesis."""
+    x = np.array([row["examples_per_class"] for row in rows])
+    y = 100 * np.array([row["accuracy"] for row in rows])
+    spread = 100 * np.array([row["accuracy_std"] for row in rows])
+    line = "--" if dashed else "-"
+    axes.plot(x, y, line, color=colour, marker="o", markersize=3, label=label)
+    axes.fill_between(
+        x, y - spread, np.minimum(y + spread, 100), color=colour, alpha=0.12, linewidth=0
+    )
+    thesis = [(row["examples_per_class"], row["thesis_accuracy"]) for row in rows]
+    known = [(n, 100 * value) for n, value in thesis if value is not None]
+    if known and not dashed:
+        at = np.array(known)
+        axes.scatter(at[:, 0], at[:, 1], color=colour, marker="x", s=40, zorder=3)
 
 
 def _settings(rows: list[dict[str, Any]], title: str) -> str | None:

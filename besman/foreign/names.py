@@ -27,9 +27,27 @@ def fault_of_name(name: str) -> str | None:
     """
     if len(name) > LONGEST:
         return f"has {len(name)} characters, more than {LONGEST}"
-    if name.isprintable():
+    return fault_of_characters(name)
+
+
+def fault_of_characters(text: str) -> str | None:
+    """Say which control character a text has, None if none; it may be of any length."""
+    if text.isprintable():
         return None
-    for one in name:
+    for one in text:
         if unicodedata.category(one) in _REFUSED or one in _TURNS_TEXT:
             return f"has the control character U+{ord(one):04X}"
     return None
+
+
+def fault_of_part_name(name: str) -> str | None:
+    """Say what is wrong with the name of a joint, link or tool, None if nothing is.
+
+    It names columns of tables and bodies in other programs, so that it is not empty and begins like
+    no formula.
+    """
+    if not name.strip():
+        return "is empty"
+    if name[0] in "=+-@":
+        return f"begins with {name[0]!r}, as a formula of a spreadsheet does"
+    return fault_of_name(name)

@@ -40,7 +40,8 @@ class YamlTextError(ValueError):
         self.line = line
 
 
-class _Loader(yaml.SafeLoader):
+# PyYAML has no types.
+class _Loader(yaml.SafeLoader):  # type: ignore[misc]
     """The safe loader with plain values only, every error with its line."""
 
     def __init__(self, text: str) -> None:
@@ -55,7 +56,7 @@ class _Loader(yaml.SafeLoader):
                 f"lists and mappings lie in each other more than {DEEPEST} levels deep",
                 self.peek_event().start_mark.line + 1,
             )
-        node: yaml.Node | None = super().compose_node(parent, index)  # type: ignore[no-untyped-call]
+        node: yaml.Node | None = super().compose_node(parent, index)
         self.depth -= 1
         return node
 
@@ -68,7 +69,7 @@ class _Loader(yaml.SafeLoader):
         if node.tag.endswith(":int") and len(str(node.value)) > MOST_DIGITS + 1:
             raise YamlTextError(f"an integer of {len(node.value)} digits", line)
         try:
-            return super().construct_object(node, deep)  # type: ignore[no-untyped-call]
+            return super().construct_object(node, deep)
         except YamlTextError:
             raise
         except _ERRORS as error:
@@ -113,7 +114,7 @@ def parse_yaml(text: str) -> tuple[Any, yaml.Node | None]:
         return loader.construct_document(node), node
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
-        problem = error.problem or error.context or "cannot be read"
+        problem = ": ".join(filter(None, (error.context, error.problem))) or "cannot be read"
         raise YamlTextError(problem, mark.line + 1 if mark else 0) from None
     except yaml.YAMLError as error:
         raise YamlTextError(" ".join(str(error).split())) from None

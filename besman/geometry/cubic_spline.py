@@ -6,12 +6,14 @@ import numpy as np
 import numpy.typing as npt
 
 FloatArray = npt.NDArray[np.float64]
+# Points may be counted.
+Numbers = FloatArray | npt.NDArray[np.intp]
 
 # Of more points than this, to load SciPy's compiled solver takes less time than to do without.
 _MANY = 50_000
 
 
-def interpolate_cubic(x: FloatArray, y: FloatArray, at: FloatArray) -> FloatArray:
+def interpolate_cubic(x: Numbers, y: FloatArray, at: Numbers) -> FloatArray:
     """Evaluate the cubic spline through points; its first two and last two pieces are one cubic.
 
     The values are those of ``scipy.interpolate.CubicSpline``.
@@ -28,11 +30,12 @@ def interpolate_cubic(x: FloatArray, y: FloatArray, at: FloatArray) -> FloatArra
     -------
     array, shape (A, K)
     """
+    x, at = np.asarray(x, dtype=np.float64), np.asarray(at, dtype=np.float64)
     if len(x) > _MANY:
         from scipy.interpolate import CubicSpline
 
         return np.asarray(CubicSpline(x, y)(at))
-    dx = np.diff(x)[:, np.newaxis].astype(np.float64)
+    dx = np.diff(x)[:, np.newaxis]
     secants = np.diff(y, axis=0) / dx
     slopes = _find_slopes(dx, secants)
     bend = (slopes[:-1] + slopes[1:] - 2.0 * secants) / dx

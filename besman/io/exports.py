@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
 from pathlib import Path
 from typing import Any
@@ -11,9 +12,14 @@ import numpy as np
 
 from besman.exceptions import RecordingError
 from besman.foreign.json_text import parse_json
+from besman.foreign.names import fault_of_name
+from besman.foreign.numbers import has_odd_digits
 from besman.io.atomic_files import write_text, written_aside
 from besman.io.csv_cells import quote_text
 from besman.records import FloatArray
+
+# Nothing of an arm is larger, in rad and s.
+_GREATEST = 1e6
 
 
 def write_joint_csv(
@@ -60,9 +66,21 @@ def read_joint_csv(path: Path) -> tuple[FloatArray, FloatArray, FloatArray, Floa
     Raises
     ------
     RecordingError
-        If the columns are not those of `write_joint_csv`.
+        If the file cannot be read, or the columns are not those of `write_joint_csv`.
     """
-    table = np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2)
+    try:
+        text = path.read_text(encoding="utf-8")
+        if has_odd_digits(text.partition("\n")[2]):
+            raise ValueError("digits that are none")
+        table = np.loadtxt(io.StringIO(text), delimiter=",", skiprows=1, ndmin=2)
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be read: {error.strerror}") from None
+    except ValueError as error:
+        reason = str(error).splitlines()[0]
+        raise RecordingError(f"{path}: expected a table of numbers: {reason}") from None
+    _check_numbers(path, table)
+    if not len(table) or not np.all(np.diff(table[:, 0]) > 0):
+        raise RecordingError(f"{path}: expected rows with times that rise strictly")
     n_joints, rest = divmod(table.shape[1] - 1, 3)
     if rest:
         raise RecordingError(
@@ -151,8 +169,8 @@ def read_ros_joint_trajectory(
     RecordingError
         If the file is no such message, or its times do not rise.
     """
-    text = path.read_text(encoding="utf-8")
     try:
+        text = path.read_text(encoding="utf-8")
         message = _from_yaml(text) if path.suffix == ".yaml" else parse_json(text)
         points = message["points"]
         stamps = [point["time_from_start"] for point in points]
@@ -160,14 +178,27 @@ def read_ros_joint_trajectory(
         keys = ("positions", "velocities", "accelerations")
         columns = [np.array([point[key] for point in points], float) for key in keys]
         names = tuple(map(str, message["joint_names"]))
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be read: {error.strerror}") from None
     except (ValueError, KeyError, TypeError) as error:
         raise RecordingError(f"{path}: expected a JointTrajectory, got {error!r}") from None
+    _check_numbers(path, time, *columns)
+    for name in names:
+        fault = fault_of_name(name)
+        if fault is not None:
+            raise RecordingError(f"{path}: joint_names: {name!r:.60} {fault}")
     shape = (len(time), len(names))
     if any(column.shape != shape for column in columns):
         raise RecordingError(f"{path}: expected {shape[1]} numbers a point for every joint")
     if not np.all(np.diff(time) > 0):
         raise RecordingError(f"{path}: expected time_from_start to rise strictly")
     return time, columns[0], columns[1], columns[2], names
+
+
+def _check_numbers(path: Path, *columns: FloatArray) -> None:
+    """Refuse numbers that no arm has: NaN, and what is beyond any angle and its derivatives."""
+    if any(not np.all(np.abs(column) <= _GREATEST) for column in columns):
+        raise RecordingError(f"{path}: expected finite numbers within {_GREATEST:g}")
 
 
 def _from_yaml(text: str) -> dict[str, Any]:

@@ -16,16 +16,13 @@ from besman.foreign.names import fault_of_name
 from besman.io.atomic_files import write_text
 from besman.records import LabelledRecording, LabelledSegments, Recording
 from besman.records.layers import LAYERS, is_layer
+from besman.records.recordings import FARTHEST_M, GREATEST_FRAME
 
 SEGMENTS_SUFFIX = "_manually_segmented.json"
 _KEYS = ("start index", "end index", "label")
 _LAYER = "layer"
 _ALLOWED = (*_KEYS, _LAYER)
 _PART = "_part"
-GREATEST_FRAME = 10**9
-"""Number of a frame, or seconds on a clock: no recording counts farther."""
-# Where something was thrown from and to.
-_FARTHEST_M = 1000.0
 
 
 class _Row(NamedTuple):
@@ -175,7 +172,7 @@ def read_throws(path: Path) -> tuple[ThrowEvent, ...]:
     except (KeyError, TypeError, ValueError):
         raise RecordingError(
             f"{path}: events: expected 'throws', a list of objects with {', '.join(names)}: frame, "
-            f"times in s that rise, places within {_FARTHEST_M:g} m"
+            f"times in s that rise, places within {FARTHEST_M:g} m"
         ) from None
 
 
@@ -322,6 +319,6 @@ def _read_number(value: Any) -> float:
 def _read_point(values: Any) -> tuple[float, float, float]:
     """Check three coordinates."""
     x, y, z = (_read_number(value) for value in values)
-    if max(abs(x), abs(y), abs(z)) > _FARTHEST_M:
+    if max(abs(x), abs(y), abs(z)) > FARTHEST_M:
         raise ValueError
     return x, y, z

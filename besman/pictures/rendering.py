@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from besman.exceptions import RenderingError
+from besman.exceptions import RenderingError, in_one_line
 from besman.pictures.arm_visuals import HIDDEN_GROUP, arm_visuals
 from besman.pictures.camera import CameraView
 from besman.pictures.scene_geoms import SceneGeoms
@@ -175,8 +175,7 @@ def _open_context(width: int, height: int) -> Any:
 
 def _cannot(error: Exception) -> RenderingError:
     """Say that, and why, there are no pictures."""
-    reason = str(error).splitlines()[0] if str(error) else type(error).__name__
     return RenderingError(
-        f"video: this machine cannot draw without a screen (EGL: {reason}); expected the system's "
-        "libegl1, libegl-mesa0 and libgl1-mesa-dri, or a graphics driver with EGL"
+        f"video: this machine cannot draw without a screen (EGL: {in_one_line(error)}); expected "
+        "the system's libegl1, libegl-mesa0 and libgl1-mesa-dri, or a graphics driver with EGL"
     )

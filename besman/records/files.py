@@ -14,7 +14,12 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel
 
-from besman.exceptions import RunError
+from besman.exceptions import BesmanError, RunError
+from besman.foreign.json_text import parse_json
+from besman.foreign.names import fault_of_characters
+from besman.records.frozen import Record
+from besman.records.npz import ERRORS, Arrays
+from besman.records.schema import check_fields
 
 _TREE = "__tree__"
 
@@ -36,8 +41,8 @@ _RECORDS = {
     "besman.hierarchy.actions:LevelModel": "besman.stages.compose.actions",
     "besman.labelling.record:NameDecision": "besman.stages.label.named_recording",
     "besman.labelling.record:NamedRecording": "besman.stages.label.named_recording",
-    "besman.mapping.embodiment:Correction": "besman.stages.map.map_demonstrations",
-    "besman.mapping.embodiment:Mapping": "besman.stages.map.map_demonstrations",
+    "besman.mapping.embodiment:Correction": "besman.stages.map.mapping",
+    "besman.mapping.embodiment:Mapping": "besman.stages.map.mapping",
     "besman.recognition.model:Recipe": "besman.stages.recognize.model",
     "besman.recognition.model:RecognitionModel": "besman.stages.recognize.model",
     "besman.refinement.checkpoint:Generation": "besman.stages.refine.checkpoint",
@@ -75,20 +80,30 @@ def save_record(record: Any, path: Path) -> None:
             )
 
 
-def load_record(path: Path) -> Any:
+def load_record(path: Path, most_bytes: int | None = None) -> Any:
     """Read what `save_record` wrote.
+
+    Parameters
+    ----------
+    path : Path
+    most_bytes : int, optional
+        Refuse a file whose arrays are larger together.
 
     Raises
     ------
     RunError
-        If the file is missing, damaged or names a type that is not a record of besman.
+        If the file is missing, damaged, names a type that is not a record of besman, or holds
+        fields that are none of the record's, of another type or shape, or not finite where they
+        must be.
     """
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            tree = json.loads(str(archive[_TREE]))
-            return _decode(tree, archive)
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile, EOFError) as error:
-        raise RunError(f"{path}: cannot be read as a record: {error}") from None
+        with Arrays(path, most_bytes) as arrays:
+            found = _decode(parse_json(str(arrays[_TREE])), arrays)
+        _check_texts(found)
+        return found
+    except (*ERRORS, BesmanError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise RunError(f"{path}: cannot be read as a record: {reason}") from None
 
 
 def digest(content: Any) -> str:
@@ -129,28 +144,59 @@ def _encode(value: Any, arrays: dict[str, np.ndarray]) -> Any:
     raise RunError(f"a {type(value).__name__} is no part of a record")
 
 
-def _decode(tree: Any, archive: Any) -> Any:
-    """Undo `_encode`."""
-    if not isinstance(tree, dict):
+def _decode(tree: Any, arrays: Arrays) -> Any:
+    """Undo `_encode`; what it never writes is a `ValueError` or `TypeError`."""
+    if tree is None or isinstance(tree, str | int):
         return tree
+    if not isinstance(tree, dict):
+        raise ValueError(f"unknown entry {tree!r:.60}")
     if "array" in tree:
-        return archive[tree["array"]]
+        return arrays[tree["array"]]
     if "float" in tree:
         return float.fromhex(tree["float"])
     if "tuple" in tree:
-        return tuple(_decode(item, archive) for item in tree["tuple"])
+        return tuple(_decode(item, arrays) for item in _list(tree["tuple"]))
     if "dict" in tree:
-        return {key: _decode(item, archive) for key, item in tree["dict"]}
+        return {str(key): _decode(item, arrays) for key, item in _list(tree["dict"])}
     if "record" in tree:
-        fields = {name: _decode(item, archive) for name, item in tree["fields"].items()}
-        return _record_type(tree["record"])(**fields)
-    raise ValueError(f"unknown entry {sorted(tree)}")
+        return _decode_record(tree, arrays)
+    raise ValueError(f"unknown entry {sorted(tree)!r:.60}")
+
+
+def _check_texts(value: Any) -> None:
+    """Refuse texts outside of records that a terminal would obey."""
+    if isinstance(value, str):
+        fault = fault_of_characters(value)
+        if fault is not None:
+            raise ValueError(f"{value!r:.60} {fault}")
+    elif isinstance(value, tuple | dict):
+        for item in value.items() if isinstance(value, dict) else value:
+            _check_texts(item)
+
+
+def _decode_record(tree: dict[str, Any], arrays: Arrays) -> Any:
+    """Make a record of what a file says of its fields."""
+    kind = _record_type(tree["record"])
+    if not isinstance(tree.get("fields"), dict):
+        raise ValueError(f"{kind.__name__} has no fields")
+    fields = {name: _decode(item, arrays) for name, item in tree["fields"].items()}
+    check_fields(kind, fields)
+    record: Record = kind(**fields)
+    record.check()
+    return record
+
+
+def _list(value: Any) -> list[Any]:
+    """Return a list of the tree."""
+    if not isinstance(value, list):
+        raise ValueError(f"got {value!r:.60}, expected a list")
+    return value
 
 
 def _record_type(name: str) -> Any:
     """Find a record's class by its name in files, whatever else the file says."""
-    if name not in _RECORDS:
-        raise ValueError(f"{name} is not a record of besman")
+    if not isinstance(name, str) or name not in _RECORDS:
+        raise ValueError(f"{name!r:.60} is not a record of besman")
     return getattr(importlib.import_module(_RECORDS[name]), name.partition(":")[2])
 
 

@@ -12,6 +12,9 @@ from besman.exceptions import BesmanError
 
 FloatArray = npt.NDArray[np.float64]
 
+GREATEST = 1e12
+"""No quantity that is stored is larger, in SI units."""
+
 
 class ShapeError(BesmanError):
     """An array of a record that has the wrong shape."""
@@ -54,13 +57,38 @@ class Record:
     stored_as : str
         Name of the class in files. It never changes, wherever the class moves to; those with a
         module in them say where it stood when the first files were written.
+    finite : tuple of str
+        Fields without which a record of a file is of no use: numbers, none missing.
     """
 
     stored_as: ClassVar[str]
+    finite: ClassVar[tuple[str, ...]] = ()
 
-    def __init_subclass__(cls, *, stored_as: str, **more: Any) -> None:
+    def __init_subclass__(
+        cls, *, stored_as: str, finite: tuple[str, ...] = (), **more: Any
+    ) -> None:
         super().__init_subclass__(**more)
         cls.stored_as = stored_as
+        cls.finite = (*cls.finite, *finite)
+
+    def check(self) -> None:
+        """Refuse values that no file of besman has; called for what is read from one.
+
+        Raises
+        ------
+        ShapeError
+            If a field of `finite` holds a number that is none, or larger than any quantity in SI
+            units, or `time` does not rise.
+        """
+        for name in self.finite:
+            values = np.asarray(getattr(self, name))
+            # NaN is not below anything.
+            if not np.all(np.abs(values) <= GREATEST):
+                raise ShapeError(
+                    f"{type(self).__name__}.{name} must be finite and within {GREATEST:g}"
+                )
+            if name == "time" and np.any(np.diff(values) <= 0):
+                raise ShapeError(f"{type(self).__name__}.time must rise strictly")
 
     def __reduce__(self) -> tuple[Any, ...]:
         values = {one.name: getattr(self, one.name) for one in fields(cast(Any, self))}

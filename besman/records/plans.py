@@ -12,7 +12,11 @@ from besman.records.frozen import FloatArray, Record, freeze
 
 
 @dataclass(frozen=True, eq=False)
-class MotionPlan(Record, stored_as="besman.records:MotionPlan"):
+class MotionPlan(
+    Record,
+    stored_as="besman.records:MotionPlan",
+    finite=("weights", "start", "goal", "duration", "start_velocity", "goal_velocity"),
+):
     """A joint-space dynamical movement primitive. Its movement starts and ends at rest.
 
     Attributes
@@ -107,7 +111,11 @@ class MotionPlan(Record, stored_as="besman.records:MotionPlan"):
 
 
 @dataclass(frozen=True, eq=False)
-class CartesianPlan(Record, stored_as="besman.records:CartesianPlan"):
+class CartesianPlan(
+    Record,
+    stored_as="besman.records:CartesianPlan",
+    finite=("weights", "start", "goal", "duration", "joints", "orientation_weight_m_rad"),
+):
     """A dynamical movement primitive of the tool's pose, followed by inverse kinematics.
 
     It starts and ends at rest. See `besman.motion.cartesian_dmp` and `.joint_path`.

@@ -12,9 +12,22 @@ import numpy.typing as npt
 
 from besman.records.frozen import FloatArray, Record, ShapeError, freeze
 
+FARTHEST_M = 1000.0
+"""Greatest absolute coordinate: no camera sees farther."""
+
+RATES_HZ = (1.0, 10_000.0)
+"""Least and greatest frames per second."""
+
+GREATEST_FRAME = 10**9
+"""Greatest number of a frame, and of seconds on a clock: no recording counts farther."""
+
 
 @dataclass(frozen=True, eq=False)
-class Recording(Record, stored_as="besman.records:Recording"):
+class Recording(
+    Record,
+    stored_as="besman.records:Recording",
+    finite=("time",),
+):
     """What the cameras delivered.
 
     Attributes
@@ -55,9 +68,18 @@ class Recording(Record, stored_as="besman.records:Recording"):
                 f"got {len(self.names)}"
             )
 
+    def check(self) -> None:
+        """Refuse what no camera delivers, as `besman.records.frozen.Record.check` says."""
+        super().check()
+        _check_sense(self)
+
 
 @dataclass(frozen=True, eq=False)
-class LabelledRecording(Record, stored_as="besman.records:LabelledRecording"):
+class LabelledRecording(
+    Record,
+    stored_as="besman.records:LabelledRecording",
+    finite=("time",),
+):
     """A recording whose trajectories carry the names of a marker set.
 
     Attributes
@@ -99,6 +121,11 @@ class LabelledRecording(Record, stored_as="besman.records:LabelledRecording"):
                 f"got {len(self.markers)}"
             )
 
+    def check(self) -> None:
+        """Refuse what no camera delivers, as `besman.records.frozen.Record.check` says."""
+        super().check()
+        _check_sense(self)
+
     def marker(self, name: str) -> FloatArray:
         """Return the positions of one marker, shape (T, 3), metres."""
         if name not in self.markers:
@@ -108,3 +135,14 @@ class LabelledRecording(Record, stored_as="besman.records:LabelledRecording"):
                 f"{self.source}: no marker {name!r}; {nearest(name, self.markers)}"
             )
         return self.positions[:, self.markers.index(name)]
+
+
+def _check_sense(recording: Recording | LabelledRecording) -> None:
+    """Refuse a rate or coordinates that no camera has."""
+    kind, (slowest, fastest) = type(recording).__name__, RATES_HZ
+    if not slowest <= recording.rate_hz <= fastest:
+        raise ShapeError(
+            f"{kind}.rate_hz must be {slowest:g} to {fastest:g}, got {recording.rate_hz:g}"
+        )
+    if np.any(np.abs(recording.positions) > FARTHEST_M):
+        raise ShapeError(f"{kind}.positions must be within {FARTHEST_M:g} m")

@@ -12,7 +12,11 @@ from besman.records.plans import AnyPlan
 
 
 @dataclass(frozen=True, eq=False)
-class RefinedMotion(Record, stored_as="besman.records:RefinedMotion"):
+class RefinedMotion(
+    Record,
+    stored_as="besman.records:RefinedMotion",
+    finite=("time", "positions", "velocities", "accelerations"),
+):
     """A motion plan after the search, and what it does in simulation.
 
     Attributes

@@ -38,6 +38,11 @@ class Segments(Record, stored_as="besman.records:Segments"):
     def __post_init__(self) -> None:
         freeze(self, {"bounds": ("S", 2), "border_probability": ("T",)}, bounds=np.int64)
 
+    def check(self) -> None:
+        """Refuse bounds that are none, as `besman.records.frozen.Record.check` says."""
+        super().check()
+        check_rows(self.bounds, "Segments.bounds")
+
 
 @dataclass(frozen=True, eq=False)
 class LabelledSegments(Record, stored_as="besman.records:LabelledSegments"):
@@ -77,6 +82,11 @@ class LabelledSegments(Record, stored_as="besman.records:LabelledSegments"):
                     f"LabelledSegments.{name} must have {len(self.bounds)} entries, got {got}"
                 )
 
+    def check(self) -> None:
+        """Refuse bounds that are none, as `besman.records.frozen.Record.check` says."""
+        super().check()
+        check_rows(self.bounds, "LabelledSegments.bounds")
+
     def take(self, rows: Sequence[int] | npt.NDArray[np.int64]) -> LabelledSegments:
         """Return some of the segments, in the order of `rows`, shape (K,)."""
         chosen = [int(row) for row in rows]
@@ -111,3 +121,15 @@ class Actions(Record, stored_as="besman.records:Actions"):
             raise ShapeError(
                 f"Actions.levels must have {len(self.fitness)} entries, got {len(self.levels)}"
             )
+
+
+def check_rows(bounds: npt.NDArray[np.int64], where: str) -> None:
+    """Refuse bounds, shape (S, 2), that begin before the first row or end before they begin.
+
+    Raises
+    ------
+    ShapeError
+        Names `where`.
+    """
+    if np.any(bounds[:, 0] < 0) or np.any(bounds[:, 1] <= bounds[:, 0]):
+        raise ShapeError(f"{where} must be half-open rows from 0, each end after its start")

@@ -10,7 +10,11 @@ from besman.records.frozen import FloatArray, Record, freeze
 
 
 @dataclass(frozen=True, eq=False)
-class HandTrajectory(Record, stored_as="besman.records:HandTrajectory"):
+class HandTrajectory(
+    Record,
+    stored_as="besman.records:HandTrajectory",
+    finite=("time", "poses"),
+):
     """The hand of one selected demonstration.
 
     Attributes
@@ -42,7 +46,20 @@ class HandTrajectory(Record, stored_as="besman.records:HandTrajectory"):
 
 
 @dataclass(frozen=True, eq=False)
-class JointTrajectory(Record, stored_as="besman.records:JointTrajectory"):
+class JointTrajectory(
+    Record,
+    stored_as="besman.records:JointTrajectory",
+    finite=(
+        "time",
+        "positions",
+        "velocities",
+        "accelerations",
+        "poses",
+        "position_error",
+        "orientation_error",
+        "time_stretch",
+    ),
+):
     """A movement of one robot arm.
 
     Attributes

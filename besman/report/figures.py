@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 COLOURS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#999999", "#f0e442")
 INK = "#7a7f87"
 LONGEST_CURVE = 2000
+_SVG_DPI = 72
 
 
 def new_figure(width: float, height: float) -> Figure:
@@ -50,12 +51,25 @@ def style(axes: object) -> None:
 def svg(figure: Figure) -> str:
     """Return a figure as SVG text without a date, so that the same figure gives the same bytes."""
     from matplotlib import rc_context
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
 
-    text = io.StringIO()
+    canvas, text = FigureCanvasSVG(figure), io.StringIO()
     with rc_context({"svg.hashsalt": "besman", "svg.fonttype": "none"}):
-        figure.savefig(text, format="svg", metadata={"Date": None})
+        _settle_layout(figure)
+        canvas.print_svg(text, metadata={"Date": None})  # type: ignore[no-untyped-call]
     content = text.getvalue()
     return content[content.index("<svg") :]
+
+
+def _settle_layout(figure: Figure) -> None:
+    """Place a figure's parts for good; `Figure.savefig` would draw all of them for that too."""
+    engine, dots_per_inch = figure.get_layout_engine(), figure.dpi
+    if engine is None:
+        return
+    figure.dpi = _SVG_DPI
+    engine.execute(figure)
+    figure.dpi = dots_per_inch
+    figure.set_layout_engine("none")
 
 
 def label_colours(labels: Sequence[str]) -> dict[str, str]:

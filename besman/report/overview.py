@@ -11,7 +11,6 @@ from besman.person.body import find_body
 from besman.records import FloatArray, LabelledRecording, RefinedMotion
 from besman.records.layers import Side
 from besman.report.figures import COLOURS, INK, new_figure, style, svg
-from besman.robot.kinematics import fill_frames, forward_kinematics
 from besman.robot.model import Robot
 
 _POSTURES = 8
@@ -128,11 +127,13 @@ def _draw_robot(axes: Any, robot: Robot, motion: RefinedMotion, placement: Float
 
 def _joints(robot: Robot, positions: FloatArray) -> FloatArray:
     """Return base, joints and tool centre point of one configuration, shape (n + 1, 3), metres."""
-    n = robot.n
-    rotations, origins = np.empty((n, 3, 3)), np.empty((n, 3))
-    chain = robot.chain
-    fill_frames(chain.placements, chain.axes, np.array(positions), rotations, origins)
-    return np.vstack([origins, forward_kinematics(chain, positions)[:3, 3]])
+    # Loaded with the robot, while the compiled kinematics are not.
+    import pinocchio
+
+    data = robot.model.createData()
+    pinocchio.framesForwardKinematics(robot.model, data, np.asarray(positions))
+    joints = [data.oMi[index + 1].translation for index in range(robot.n)]
+    return np.vstack([*joints, data.oMf[robot.tip_frame].translation])
 
 
 def _instants(first: int, last: int) -> list[tuple[int, float]]:

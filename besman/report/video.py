@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 from besman.config.yaml_file import read_yaml
-from besman.exceptions import RenderingError, RunError, nearest
+from besman.exceptions import RenderingError, RunError, in_one_line, nearest, why_not_there
 from besman.io.atomic_files import check_folder
 from besman.pictures.camera import CameraView, frame_points
 from besman.pictures.rendering import Renderer
@@ -272,12 +272,11 @@ def _encoder() -> Any:
         import imageio_ffmpeg
 
         imageio_ffmpeg.get_ffmpeg_exe()
-    except ImportError:
-        raise RenderingError(
-            "video: imageio-ffmpeg is not installed; pip install 'besman[video]'"
-        ) from None
+    except ImportError as error:
+        why = why_not_there(error, "imageio-ffmpeg", "besman[video]")
+        raise RenderingError(f"video: {why}") from None
     except RuntimeError as error:
-        raise RenderingError(f"video: no ffmpeg: {str(error).splitlines()[0]}") from None
+        raise RenderingError(f"video: no ffmpeg: {in_one_line(error)}") from None
     return imageio_ffmpeg
 
 
@@ -302,7 +301,7 @@ def _write(frames: Iterator[Picture], size: tuple[int, int], out: Path) -> None:
         writer.close()
         temporary.replace(out)
     except OSError as error:
-        raise RenderingError(f"{out}: cannot be written: {error}") from None
+        raise RenderingError(f"{out}: cannot be written: {in_one_line(error)}") from None
     finally:
         with suppress(OSError):
             temporary.unlink(missing_ok=True)

@@ -13,31 +13,11 @@ FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 
-def self_distance(chain: Chain, positions: npt.ArrayLike) -> FloatArray:
-    """Compute the least distance between parts of the arm that must not touch.
-
-    Parameters
-    ----------
-    chain : Chain
-        The arm with its capsules.
-    positions : array, shape (..., n)
-        Joint angles, rad.
-
-    Returns
-    -------
-    array, shape (...)
-        Metres; below zero where capsules overlap.
-    """
-    return distances(chain, positions)[..., 0]
-
-
-def floor_distance(chain: Chain, positions: npt.ArrayLike) -> FloatArray:
-    """Compute the least height of the moving parts above the floor, metres, shape (...)."""
-    return distances(chain, positions)[..., 1]
-
-
 def distances(chain: Chain, positions: npt.ArrayLike) -> FloatArray:
-    """Compute self-distance and distance to the floor together.
+    """Compute how near an arm is to itself and to the floor.
+
+    The first is the least distance between parts that must not touch, below zero where capsules
+    overlap, the second the least height of the moving parts.
 
     Parameters
     ----------

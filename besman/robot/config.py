@@ -4,9 +4,22 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import Field, field_validator
+from pydantic import AfterValidator, Field, field_validator
 
 from besman.config.stage import Config, NotNegative
+from besman.foreign.names import fault_of_part_name
+
+
+def _check_part_name(name: str) -> str:
+    """Refuse names that a table or a terminal would obey."""
+    fault = fault_of_part_name(name)
+    if fault is not None:
+        raise ValueError(f"the name {fault}")
+    return name
+
+
+PartName = Annotated[str, AfterValidator(_check_part_name)]
+"""Name of a robot, joint, link or tool: it names columns of tables and bodies in other programs."""
 
 Triple = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -27,7 +40,7 @@ class JointConfig(Config):
         Angle of the home configuration, degrees.
     """
 
-    name: str
+    name: PartName
     position_deg: tuple[float, float]
     velocity_deg_s: float
     acceleration_rad_s2: float
@@ -127,7 +140,7 @@ class CapsuleConfig(Config):
         Metres.
     """
 
-    link: str
+    link: PartName
     ends_m: tuple[Triple, Triple]
     radius_m: Annotated[float, Field(gt=0)]
 
@@ -162,14 +175,14 @@ class RobotConfig(Config):
         What no source states, in words; ``besman robots check`` lists it.
     """
 
-    name: str
+    name: PartName
     urdf: str
-    tip: str
+    tip: PartName
     joints: Annotated[tuple[JointConfig, ...], Field(min_length=1)]
     mounting: MountingConfig = MountingConfig()
-    inertia: dict[str, InertiaConfig] = Field(default_factory=dict)
+    inertia: dict[PartName, InertiaConfig] = Field(default_factory=dict)
     capsules: tuple[CapsuleConfig, ...] = ()
-    ignored_pairs: tuple[tuple[str, str], ...] = ()
-    tools: Annotated[dict[str, ToolConfig], Field(min_length=1)]
+    ignored_pairs: tuple[tuple[PartName, PartName], ...] = ()
+    tools: Annotated[dict[PartName, ToolConfig], Field(min_length=1)]
     default_tool: str
     assumed: tuple[str, ...] = ()

@@ -120,6 +120,10 @@ def _newton_euler(
     velocities: FloatArray,
     accelerations: FloatArray,
 ) -> FloatArray:  # pragma: no cover
+    """Compute the torques (samples, n) by recursion outwards and back; see `inverse_dynamics`.
+
+    In one piece: with one recursion in a function of its own it is slower.
+    """
     samples, n = positions.shape
     torques = np.empty((samples, n))
     R = np.empty((n, 3, 3))

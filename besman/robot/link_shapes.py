@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio
 
-from besman.exceptions import RobotError, nearest
+from besman.exceptions import RobotError, in_one_line, nearest
 from besman.robot.capsules import fit_capsule, fit_capsules
 from besman.robot.config import RobotConfig
 
@@ -88,7 +88,7 @@ def _collision_shapes(
         plain = pinocchio.buildModelFromXML(text)
         shapes = pinocchio.buildGeomFromUrdfString(plain, text, pinocchio.GeometryType.COLLISION)
     except (ValueError, RuntimeError) as error:
-        raise RobotError(f"{urdf}: collision meshes: {str(error).splitlines()[0]}") from None
+        raise RobotError(f"{urdf}: collision meshes: {in_one_line(error)}") from None
     found = []
     for item in shapes.geometryObjects:
         link = plain.frames[item.parentFrame]

@@ -14,6 +14,8 @@ import numpy as np
 from besman.config.resources import resource_folder
 from besman.config.yaml_file import load_config
 from besman.exceptions import RobotError, nearest
+from besman.foreign.names import fault_of_characters
+from besman.foreign.paths import is_file
 from besman.geometry.frames import quaternion_to_rotation
 from besman.records.files import digest
 from besman.robot.config import JointConfig, RobotConfig, ToolConfig
@@ -92,12 +94,14 @@ def find_robot(name_or_path: str | Path) -> Path:
         If there is no such robot.
     """
     path = Path(name_or_path)
-    if path.suffix in {".yaml", ".yml"} and path.is_file():
+    if path.suffix in {".yaml", ".yml"} and is_file(path):
         return path
     found = resource_folder("robots") / str(name_or_path) / "robot.yaml"
-    if len(path.parts) == 1 and found.is_file():
+    if len(path.parts) == 1 and is_file(found):
         return found
-    raise RobotError(f"no robot {str(name_or_path)!r}; {nearest(str(name_or_path), list_robots())}")
+    raise RobotError(
+        f"no robot {str(name_or_path)!r:.200}; {nearest(str(name_or_path), list_robots())}"
+    )
 
 
 def load_robot(name_or_path: str | Path, tool: str | None = None) -> Robot:
@@ -201,6 +205,8 @@ def find_urdf(source: str, path: Path) -> tuple[Path, Path]:
         If there is no such file.
     """
     prefix, colon, inside = source.partition(":")
+    if fault_of_characters(source) is not None:
+        raise RobotError(f"{path}: urdf: {source!r:.200} is no path")
     if not colon:
         urdf = path.parent / source
         beside = urdf.resolve().is_relative_to(path.resolve().parent)
@@ -212,8 +218,8 @@ def find_urdf(source: str, path: Path) -> tuple[Path, Path]:
         raise RobotError(
             f"{path}: urdf: got {source!r}, expected a relative path or '{_PACKAGE}:PATH'"
         )
-    if not urdf.is_file():
-        raise RobotError(f"{path}: urdf: no file {urdf}")
+    if not is_file(urdf):
+        raise RobotError(f"{path}: urdf: no file {str(urdf)!r:.200}")
     return urdf, folder
 
 
@@ -230,7 +236,13 @@ def _build(
     config: RobotConfig, tool_name: str, urdf: Path, mesh_folder: Path, path: Path, source: str
 ) -> Robot:
     """Assemble the robot from its checked config."""
-    from besman.robot import pinocchio_model
+    try:
+        from besman.robot import pinocchio_model
+    except ImportError as error:
+        raise RobotError(
+            f"robot {config.name}: Pinocchio cannot be loaded: {error}; "
+            "libgomp.so.1, which it needs, is in the system's package libgomp1 or libgomp"
+        ) from None
 
     limits = _limits(config.joints)
     tool = _tool(tool_name, config.tools[tool_name])

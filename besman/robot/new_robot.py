@@ -14,9 +14,11 @@ from xml.etree import ElementTree
 import numpy as np
 import yaml
 
-from besman.exceptions import RobotError, nearest
+from besman.exceptions import BesmanError, RobotError, in_one_line, nearest
+from besman.foreign.numbers import parse_number
+from besman.foreign.urdf_text import joint_ends, link_names
 from besman.robot.model import list_robots, load_robot
-from besman.robot.urdf_file import joint_ends, link_names, read_urdf
+from besman.robot.urdf_file import read_urdf
 
 # URDF has no limits of acceleration; this is what planners take for arms of which nothing is known.
 _ACCELERATION_RAD_S2 = 10.0
@@ -68,7 +70,7 @@ def add_robot(urdf: Path, tip: str, name: str | None = None, folder: Path | None
     _write_new(path, _HEADER.format(urdf=urdf.name) + text)
     try:
         load_robot(path)
-    except RobotError:
+    except BesmanError:
         path.unlink()
         raise
     return path
@@ -110,11 +112,12 @@ def _validate(tree: ElementTree.Element, urdf: Path) -> None:
     try:
         robot = yourdfpy.URDF.load(io.BytesIO(text), build_scene_graph=False, load_meshes=False)
         robot.validate()
-        faults = [str(error) for error in robot.errors]
+        faults = [in_one_line(error) for error in robot.errors]
     except (ValueError, TypeError, KeyError, AttributeError, IndexError) as error:
-        faults = [str(error) or type(error).__name__]
+        faults = [in_one_line(error)]
     if faults:
-        raise RobotError(f"{urdf}: cannot be used as URDF: {'; '.join(faults[:3])}")
+        more = f"; and {len(faults) - 3} more" if len(faults) > 3 else ""
+        raise RobotError(f"{urdf}: cannot be used as URDF: {'; '.join(faults[:3])}{more}")
 
 
 def find_chain(tree: ElementTree.Element, tip: str, urdf: Path) -> list[ElementTree.Element]:
@@ -196,13 +199,13 @@ def _number(joint: ElementTree.Element, key: str, urdf: Path) -> float:
     element = joint.find("limit")
     text = None if element is None else element.get(key)
     try:
-        value = float(str(text))
+        value = parse_number(str(text))
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
         raise RobotError(
-            f"{urdf}: joint {joint.get('name')}: <limit> {key}: got {text}, expected a number; "
-            "limits of position, velocity and effort are needed"
+            f"{urdf}: joint {joint.get('name')}: <limit> {key}: got {text!r:.60}, expected a "
+            "number; limits of position, velocity and effort are needed"
         )
     return value
 

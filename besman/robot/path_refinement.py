@@ -5,20 +5,17 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from besman.robot.band_system import solve_band
 from besman.robot.collision import least_distances, place_capsules
 from besman.robot.ik_kernel import pose_error, remove_spin
 from besman.robot.kinematics import compiled, fill_frames, fill_jacobian, fill_tip
 from besman.robot.parts import Chain
+from besman.robot.path_smoothness import add_time, time_cost
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
-# What else counts, in metres of pose error: a speed at its limit, an acceleration at its limit,
-# one unit of speed or acceleration beyond what the movement needs, touching itself.
-_SPEED_M = 1e-4
-_PULL_M = 1e-4
-_RUSH_M = 0.02
-_JERK_M = 1e-3
+# What touching itself counts, in metres of pose error; see `besman.robot.path_smoothness` for more.
 _TOUCH_M = 0.05
 # Twice what most of the movement needs is no jump.
 _RUSH = 1.3
@@ -139,95 +136,6 @@ def _pose_cost(error: FloatArray, weights: FloatArray) -> float:
     if off > LINEAR_RAD:
         turn = LINEAR_RAD * (2.0 * off - LINEAR_RAD)
     return float(weights[0] ** 2 * place + weights[1] ** 2 * turn)
-
-
-@compiled
-def _time_cost(angles: FloatArray, scales: FloatArray, rush: FloatArray) -> float:
-    """Sum the squares of speeds, accelerations and jumps."""
-    n_poses, n = angles.shape
-    total = 0.0
-    for index in range(1, n_poses):
-        for j in range(n):
-            speed = (angles[index, j] - angles[index - 1, j]) * scales[0, j]
-            total += (_SPEED_M * speed) ** 2 + (_RUSH_M * max(0.0, abs(speed) - rush[0])) ** 2
-            if index > 1:
-                pull = angles[index, j] - 2.0 * angles[index - 1, j] + angles[index - 2, j]
-                pull *= scales[1, j]
-                total += (_PULL_M * pull) ** 2 + (_JERK_M * max(0.0, abs(pull) - rush[1])) ** 2
-    return total
-
-
-@compiled
-def _add_time(
-    angles: FloatArray, scales: FloatArray, rush: FloatArray, band: FloatArray, downhill: FloatArray
-) -> None:
-    """Add speeds, accelerations and jumps to the normal equations; row and lower diagonal."""
-    n_poses, n = angles.shape
-    for index in range(1, n_poses):
-        for j in range(n):
-            here, last = index * n + j, (index - 1) * n + j
-            speed = (angles[index, j] - angles[index - 1, j]) * scales[0, j]
-            weight, pulled = _SPEED_M**2, _SPEED_M**2 * speed
-            if abs(speed) > rush[0]:
-                weight += _RUSH_M**2
-                pulled += _RUSH_M**2 * (speed - np.sign(speed) * rush[0])
-            weight, pulled = weight * scales[0, j] ** 2, pulled * scales[0, j]
-            band[here, 0] += weight
-            band[last, 0] += weight
-            band[here, n] -= weight
-            downhill[here] -= pulled
-            downhill[last] += pulled
-            if index > 1:
-                first = last - n
-                pull = angles[index, j] - 2.0 * angles[index - 1, j] + angles[index - 2, j]
-                pull *= scales[1, j]
-                weight, pulled = _PULL_M**2, _PULL_M**2 * pull
-                if abs(pull) > rush[1]:
-                    weight += _JERK_M**2
-                    pulled += _JERK_M**2 * (pull - np.sign(pull) * rush[1])
-                weight, pulled = weight * scales[1, j] ** 2, pulled * scales[1, j]
-                band[here, 0] += weight
-                band[last, 0] += 4.0 * weight
-                band[first, 0] += weight
-                band[here, n] -= 2.0 * weight
-                band[last, n] -= 2.0 * weight
-                band[here, 2 * n] += weight
-                downhill[here] -= pulled
-                downhill[last] += 2.0 * pulled
-                downhill[first] -= pulled
-
-
-@compiled
-def _solve_band(band: FloatArray, vector: FloatArray, width: int) -> None:
-    """Solve a symmetric positive definite band system in place by Cholesky.
-
-    Parameters
-    ----------
-    band : array, shape (N, width + 1)
-        Row i holds the entries (i, i), (i, i - 1), ... (i, i - width); overwritten.
-    vector : array, shape (N,)
-        Right side; overwritten by the solution.
-    width : int
-        Number of lower diagonals.
-    """
-    size = len(vector)
-    for i in range(size):
-        for j in range(max(0, i - width), i + 1):
-            total = band[i, i - j]
-            for k in range(max(0, i - width), j):
-                total -= band[i, i - k] * band[j, j - k]
-            if i == j:
-                band[i, 0] = np.sqrt(max(total, 1e-30))
-            else:
-                band[i, i - j] = total / band[j, 0]
-        total = vector[i]
-        for k in range(max(0, i - width), i):
-            total -= band[i, i - k] * vector[k]
-        vector[i] = total / band[i, 0]
-    for i in range(size - 1, -1, -1):
-        vector[i] /= band[i, 0]
-        for k in range(max(0, i - width), i):
-            vector[k] -= band[i, i - k] * vector[i]
 
 
 @compiled
@@ -361,7 +269,7 @@ def _fill_trial(
                 angles[index, j] >= high[j] and downhill[here] > 0.0
             ):
                 damped[here, 0] += 1e12
-    _solve_band(damped, step, 2 * n)
+    solve_band(damped, step, 2 * n)
     greatest = 0.0
     for here in range(len(step)):
         greatest = max(greatest, abs(step[here]))
@@ -399,7 +307,7 @@ def _refine(
     trial, trial_errors, errors = angles.copy(), np.empty((n_poses, 6)), np.empty((n_poses, 6))
     cost, damping = np.inf, 1e-3
     for _ in range(rounds + 1):
-        new_cost = _time_cost(trial, scales, rush) + _evaluate(
+        new_cost = time_cost(trial, scales, rush) + _evaluate(
             placements, axes, tip, joints, ends, radii, pairs, weights, home, free_spin,
             targets, trial, trial_errors,
         )  # fmt: skip
@@ -419,7 +327,7 @@ def _refine(
                 placements, axes, tip, joints, ends, radii, pairs, weights, home, free_spin,
                 angles, errors, band, downhill,
             )  # fmt: skip
-            _add_time(angles, scales, rush, band, downhill)
+            add_time(angles, scales, rush, band, downhill)
         else:
             damping *= 8.0
             if damping > 1e7:

@@ -11,7 +11,8 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio
 
-from besman.exceptions import RobotError, nearest
+from besman.exceptions import RobotError, in_one_line, nearest
+from besman.foreign.error_stream import catch_error_stream
 from besman.robot.config import RobotConfig
 from besman.robot.link_shapes import link_capsules
 from besman.robot.parts import Chain, JointLimits, Tool, read_only
@@ -53,11 +54,14 @@ def build_model(
     RobotError
         If the URDF cannot be used, or a joint or link is not in it.
     """
+    text = _amend(config, tree, path)
     try:
-        full = pinocchio.buildModelFromXML(_amend(config, tree, path))
+        # What is wrong is written there, not raised.
+        with catch_error_stream() as said:
+            full = pinocchio.buildModelFromXML(text)
     except (ValueError, RuntimeError) as error:
-        line = str(error).splitlines()[0] if str(error) else "not valid"
-        raise RobotError(f"{urdf}: cannot be used as URDF: {line}") from None
+        why = in_one_line(said) or in_one_line(error)
+        raise RobotError(f"{urdf}: cannot be used as URDF: {why}") from None
     names = [joint.name for joint in config.joints]
     model = _reduce(full, names, path)
     if not model.existFrame(config.tip):

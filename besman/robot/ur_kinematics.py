@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from besman.robot.axis_turns import SINGULAR, dot_product, rotate, turn_between, turn_to_height
 from besman.robot.kinematics import compiled
 from besman.robot.parts import Chain
 
@@ -27,10 +28,6 @@ BoolArray = npt.NDArray[np.bool_]
 N_BRANCHES = 8
 _PARALLEL = 1e-6
 _MEET_M = 1e-6
-# Sine of joint 5 (and other shares) below which a branch is singular: that joint is left open.
-_SINGULAR = 1e-7
-# What rounding (of the model, too) may push a pose beyond the reach, as a share of it.
-_ROUNDING = 1e-7
 _TURN = 2.0 * np.pi
 
 
@@ -126,79 +123,6 @@ def solve_branches(
 
 
 @compiled
-def _rotate(axis: FloatArray, angle: float, vector: FloatArray, result: FloatArray) -> None:
-    """Write a vector (3,) turned about a unit axis into `result` (Rodrigues)."""
-    c, s = np.cos(angle), np.sin(angle)
-    along = (axis[0] * vector[0] + axis[1] * vector[1] + axis[2] * vector[2]) * (1.0 - c)
-    x = axis[1] * vector[2] - axis[2] * vector[1]
-    y = axis[2] * vector[0] - axis[0] * vector[2]
-    z = axis[0] * vector[1] - axis[1] * vector[0]
-    u, v, w = vector[0], vector[1], vector[2]
-    result[0] = c * u + s * x + along * axis[0]
-    result[1] = c * v + s * y + along * axis[1]
-    result[2] = c * w + s * z + along * axis[2]
-
-
-@compiled
-def _turn_between(axis: FloatArray, first: FloatArray, second: FloatArray) -> tuple[float, float]:
-    """Return the angle about an axis from one vector to another, and the lesser's length."""
-    a = axis[0] * first[0] + axis[1] * first[1] + axis[2] * first[2]
-    b = axis[0] * second[0] + axis[1] * second[1] + axis[2] * second[2]
-    dot = first_square = second_square = 0.0
-    for k in range(3):
-        u, v = first[k] - a * axis[k], second[k] - b * axis[k]
-        dot += u * v
-        first_square += u * u
-        second_square += v * v
-    sine = (
-        axis[0] * (first[1] * second[2] - first[2] * second[1])
-        + axis[1] * (first[2] * second[0] - first[0] * second[2])
-        + axis[2] * (first[0] * second[1] - first[1] * second[0])
-    )
-    return np.arctan2(sine, dot), np.sqrt(min(first_square, second_square))
-
-
-@compiled
-def _solve_height(
-    axis: FloatArray, vector: FloatArray, along: FloatArray, height: float
-) -> tuple[float, float, int]:
-    """Turn a vector about an axis until its component along another direction is `height`.
-
-    Returns
-    -------
-    first, second : float
-        Both angles, rad.
-    state : int
-        1 solved, 0 no angle does, -1 every angle does.
-    """
-    shared = axis[0] * vector[0] + axis[1] * vector[1] + axis[2] * vector[2]
-    lean = axis[0] * along[0] + axis[1] * along[1] + axis[2] * along[2]
-    a = -shared * lean
-    for k in range(3):
-        a += vector[k] * along[k]
-    b = (
-        along[0] * (axis[1] * vector[2] - axis[2] * vector[1])
-        + along[1] * (axis[2] * vector[0] - axis[0] * vector[2])
-        + along[2] * (axis[0] * vector[1] - axis[1] * vector[0])
-    )
-    wanted = height - shared * lean
-    radius = np.sqrt(a * a + b * b)
-    if radius < _SINGULAR:
-        return 0.0, 0.0, (-1 if abs(wanted) < _SINGULAR else 0)
-    ratio = wanted / radius
-    if abs(ratio) > 1.0 + _ROUNDING:
-        return 0.0, 0.0, 0
-    middle, half = np.arctan2(b, a), np.arccos(min(max(ratio, -1.0), 1.0))
-    return middle + half, middle - half, 1
-
-
-@compiled
-def _dot(first: FloatArray, second: FloatArray) -> float:
-    """Return the inner product of two vectors (3,)."""
-    return float(first[0] * second[0] + first[1] * second[1] + first[2] * second[2])
-
-
-@compiled
 def _solve_elbow(
     axes: FloatArray,
     points: FloatArray,
@@ -217,29 +141,31 @@ def _solve_elbow(
     upper, lower, place, arm, offset = work[0], work[1], work[2], work[3], work[4]
     for k in range(3):
         offset[k] = points[5, k] - points[3, k]
-    _rotate(along, total, offset, place)
+    rotate(along, total, offset, place)
     for k in range(3):
         place[k] = wrist[k] - place[k] - points[1, k]
         upper[k] = points[2, k] - points[1, k]
         lower[k] = points[3, k] - points[2, k]
-    shift = _dot(upper, along)
-    reach = _dot(place, along)
-    depth = _dot(lower, along)
+    shift = dot_product(upper, along)
+    reach = dot_product(place, along)
+    depth = dot_product(lower, along)
     for k in range(3):
         upper[k] -= shift * along[k]
         place[k] -= reach * along[k]
         lower[k] -= depth * along[k]
-    height = 0.5 * (_dot(place, place) - _dot(upper, upper) - _dot(lower, lower))
-    first, second, state = _solve_height(along, lower, upper, height)
+    height = 0.5 * (
+        dot_product(place, place) - dot_product(upper, upper) - dot_product(lower, lower)
+    )
+    first, second, state = turn_to_height(along, lower, upper, height)
     if state < 1:
         return False, False
     bend = first if elbow == 0 else second
-    _rotate(along, bend, lower, arm)
+    rotate(along, bend, lower, arm)
     for k in range(3):
         arm[k] += upper[k]
-    swing, size = _turn_between(along, arm, place)
-    singular = size < _SINGULAR
-    signs = (1.0, np.sign(_dot(along, axes[2])), np.sign(_dot(along, axes[3])))
+    swing, size = turn_between(along, arm, place)
+    singular = size < SINGULAR
+    signs = (1.0, np.sign(dot_product(along, axes[2])), np.sign(dot_product(along, axes[3])))
     if singular:
         swing = nearby[1]
     answer[1] = swing
@@ -260,12 +186,12 @@ def _total_turn(axes: FloatArray, turn: FloatArray, answer: FloatArray, work: Fl
         across[k] = -along[least] * along[k]
     across[least] += 1.0
     # Backwards through joints 5 and 6, forwards with the tool, backwards through joint 1.
-    _rotate(axes[4], -answer[4], across, first)
-    _rotate(axes[5], -answer[5], first, second)
+    rotate(axes[4], -answer[4], across, first)
+    rotate(axes[5], -answer[5], first, second)
     for k in range(3):
         first[k] = turn[k, 0] * second[0] + turn[k, 1] * second[1] + turn[k, 2] * second[2]
-    _rotate(axes[0], -answer[0], first, second)
-    angle, _ = _turn_between(along, across, second)
+    rotate(axes[0], -answer[0], first, second)
+    angle, _ = turn_between(along, across, second)
     return float(angle)
 
 
@@ -302,26 +228,26 @@ def _solve_wrist(
     along, away, side, seen, vector, back = axes[1], work[0], work[1], work[2], work[3], work[4]
     for k in range(3):
         away[k] = wrist[k] - points[0, k]
-    height = _dot(points[5], along) - _dot(points[0], along)
-    first, second, state = _solve_height(axes[0], away, along, height)
+    height = dot_product(points[5], along) - dot_product(points[0], along)
+    first, second, state = turn_to_height(axes[0], away, along, height)
     if state == 0:
         return False, False
     singular = state < 0
     # The angle turns the wrist back into the plane: joint 1 turns the plane to the wrist.
     answer[0] = nearby[0] if singular else (-first if branch & 1 == 0 else -second)
-    _rotate(axes[0], -answer[0], away, back)
+    rotate(axes[0], -answer[0], away, back)
     for k in range(3):
         back[k] += points[0, k]
-    _rotate(axes[0], answer[0], along, side)
+    rotate(axes[0], answer[0], along, side)
     for k in range(3):
         seen[k] = turn[0, k] * side[0] + turn[1, k] * side[1] + turn[2, k] * side[2]
-    first, second, state = _solve_height(axes[4], axes[5], along, _dot(axes[5], seen))
+    first, second, state = turn_to_height(axes[4], axes[5], along, dot_product(axes[5], seen))
     if state < 1:
         return False, False
     answer[4] = first if branch & 2 == 0 else second
-    _rotate(axes[4], -answer[4], along, vector)
-    answer[5], size = _turn_between(axes[5], seen, vector)
-    if size < _SINGULAR:
+    rotate(axes[4], -answer[4], along, vector)
+    answer[5], size = turn_between(axes[5], seen, vector)
+    if size < SINGULAR:
         singular = True
         answer[5] = nearby[5]
     return True, singular
@@ -337,8 +263,8 @@ def _reach_elbow(
     left it.
     """
     along, vector, wrist, offset, place, link = axes[1], work[3], work[4], work[7], work[8], work[9]
-    _, size = _turn_between(axes[5], along, vector)
-    if size >= _SINGULAR:
+    _, size = turn_between(axes[5], along, vector)
+    if size >= SINGULAR:
         return total
     lengths = np.zeros(4)
     for k in range(3):
@@ -350,10 +276,10 @@ def _reach_elbow(
                 link[k] = points[which, k] - points[which - 1, k]
             else:
                 link[k] = offset[k] if which == 0 else place[k]
-        lengths[which] = np.sqrt(max(_dot(link, link) - _dot(link, along) ** 2, 0.0))
-    if lengths[0] * lengths[1] < _SINGULAR:
+        lengths[which] = np.sqrt(max(dot_product(link, link) - dot_product(link, along) ** 2, 0.0))
+    if lengths[0] * lengths[1] < SINGULAR:
         return total
-    toward, _ = _turn_between(along, offset, place)
+    toward, _ = turn_between(along, offset, place)
     double = 2.0 * lengths[0] * lengths[1]
     shared = lengths[0] ** 2 + lengths[1] ** 2
     distance = np.sqrt(max(shared - double * np.cos(total - toward), 0.0))
@@ -364,7 +290,7 @@ def _reach_elbow(
     away = np.arccos(min(max((shared - wanted**2) / double, -1.0), 1.0))
     off = total - toward - _TURN * np.rint((total - toward) / _TURN)
     changed = toward + (away if off > 0.0 else -away)
-    answer[5] += np.sign(_dot(axes[5], vector)) * (total - changed)
+    answer[5] += np.sign(dot_product(axes[5], vector)) * (total - changed)
     return float(changed)
 
 
@@ -384,6 +310,48 @@ def _fit(angles: FloatArray, low: FloatArray, high: FloatArray, near: FloatArray
 
 
 @compiled
+def _find_meeting(points: FloatArray, tip: FloatArray) -> FloatArray:
+    """Return where axes 5 and 6 meet, seen from the tool, shape (3,)."""
+    meeting = np.zeros(3)
+    for k in range(3):
+        for row in range(3):
+            meeting[k] += tip[row, k] * (points[5, row] - tip[row, 3])
+    return meeting
+
+
+@compiled
+def _see_target(
+    target: FloatArray, tip: FloatArray, meeting: FloatArray, turn: FloatArray, wrist: FloatArray
+) -> None:
+    """Write the tool's rotation from where all angles are zero, and where axes 5, 6 shall meet."""
+    for row in range(3):
+        wrist[row] = target[row, 3]
+        for k in range(3):
+            wrist[row] += target[row, k] * meeting[k]
+            turn[row, k] = 0.0
+            for column in range(3):
+                turn[row, k] += target[row, column] * tip[k, column]
+
+
+@compiled
+def _look_beside(
+    positions: FloatArray,
+    valid: BoolArray,
+    singular: BoolArray,
+    beside: int,
+    branch: int,
+    home: FloatArray,
+) -> tuple[FloatArray, bool]:
+    """Return what a branch should be near to, and whether the pose beside tells open joints."""
+    if not 0 <= beside < len(positions):
+        return home, False
+    for one in range(branch, branch + 2):
+        if valid[beside, one]:
+            return positions[beside, one], not singular[beside, branch >> 1]
+    return home, False
+
+
+@compiled
 def _solve_path(
     axes: FloatArray,
     points: FloatArray,
@@ -392,36 +360,22 @@ def _solve_path(
     low: FloatArray,
     high: FloatArray,
     home: FloatArray,
-) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+) -> tuple[FloatArray, BoolArray]:
     """Solve every pose for its eight branches; see `solve_branches`."""
     n_poses = len(targets)
     positions, valid = np.empty((n_poses, N_BRANCHES, 6)), np.zeros((n_poses, N_BRANCHES), np.bool_)
     singular, answer = np.zeros((n_poses, N_BRANCHES // 2), np.bool_), np.empty(6)
-    turn, wrist, work, local = np.empty((3, 3)), np.empty(3), np.empty((12, 3)), np.empty(3)
-    for k in range(3):
-        # Where axes 5 and 6 meet, seen from the tool.
-        local[k] = 0.0
-        for row in range(3):
-            local[k] += tip[row, k] * (points[5, row] - tip[row, 3])
+    turn, wrist, work = np.empty((3, 3)), np.empty(3), np.empty((12, 3))
+    meeting = _find_meeting(points, tip)
     for step in range(2 * n_poses):
         # Forwards; then backwards over what is singular at the beginning.
         index = step if step < n_poses else 2 * n_poses - 1 - step
         beside = index - 1 if step < n_poses else index + 1
         if step >= n_poses and not np.any(singular[index]):
             continue
-        for row in range(3):
-            wrist[row] = targets[index, row, 3]
-            for k in range(3):
-                wrist[row] += targets[index, row, k] * local[k]
-                turn[row, k] = 0.0
-                for column in range(3):
-                    turn[row, k] += targets[index, row, column] * tip[k, column]
+        _see_target(targets[index], tip, meeting, turn, wrist)
         for branch in range(0, N_BRANCHES, 2):
-            near = positions[beside, branch] if 0 <= beside < n_poses else home
-            if 0 <= beside < n_poses and not valid[beside, branch]:
-                near = positions[beside, branch + 1] if valid[beside, branch + 1] else home
-            known = 0 <= beside < n_poses and (valid[beside, branch] or valid[beside, branch + 1])
-            told = known and not singular[beside, branch >> 1]
+            near, told = _look_beside(positions, valid, singular, beside, branch, home)
             if step >= n_poses and not (singular[index, branch >> 1] and told):
                 continue
             found, is_open = _solve_wrist(

@@ -14,7 +14,6 @@ from besman.search.load_cma import load_cma
 FloatArray = npt.NDArray[np.float64]
 
 Optimizer = Literal["cma_es", "differential_evolution"]
-OPTIMIZERS: tuple[Optimizer, ...] = ("cma_es", "differential_evolution")
 
 _SIGMA = 0.7
 _MEMBERS_PER_DIMENSION = 5

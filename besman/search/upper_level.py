@@ -18,7 +18,11 @@ Features = Literal["affine", "quadratic"]
 
 
 @dataclass(frozen=True, eq=False)
-class UpperLevelPolicy(Record, stored_as="besman.refinement.upper_level:UpperLevelPolicy"):
+class UpperLevelPolicy(
+    Record,
+    stored_as="besman.refinement.upper_level:UpperLevelPolicy",
+    finite=("gain", "covariance", "centre", "scale"),
+):
     """A Gaussian over points; its mean is linear in features of the context.
 
     Attributes

@@ -109,12 +109,6 @@ class Perturbation:
     noise_seed: tuple[int, ...] = (0,)
 
 
-def no_perturbation(n: int) -> Perturbation:
-    """Return the perturbation of an arm with n joints that changes nothing."""
-    one, none = np.ones(n), np.zeros(n)
-    return Perturbation(1.0, 1.0, one, one, none, none, none, none, none, none)
-
-
 def draw_perturbation(spreads: Spreads, robot: Robot, seed: Sequence[int]) -> Perturbation:
     """Draw a perturbation.
 

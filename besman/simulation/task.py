@@ -1,6 +1,6 @@
 """What every simulated task is: a scene, what it costs, and when it has succeeded.
 
-A kind of task is one file: a subclass of `Task` with its sections, and its line in
+A kind of task is one file: a subclass of `Task` with its sections, and its entry in
 `besman.simulation.tasks.kinds`. All else, from the search to the report, sees the methods here.
 """
 
@@ -23,6 +23,7 @@ FloatArray = npt.NDArray[np.float64]
 
 TimeStep = Annotated[float, Field(gt=0, le=0.005)]
 Triple = tuple[float, float, float]
+PlacedBy = Literal["target", "start_pose", "goal_pose"]
 
 
 class SimulationConfig(Config):
@@ -128,6 +129,10 @@ class Task(Config):
     needs: ClassVar[str] = "target"
     """What a motion plan must bring along, for the message when it does not."""
 
+    placed_by: ClassVar[tuple[PlacedBy, ...]] = ("target",)
+    """Fields of a motion plan that say where the task's things stand: for templates the first one
+    does, and the others move with it."""
+
     worst: ClassVar[dict[str, float]] = {}
     """What a measure costs that is not finite."""
 
@@ -135,6 +140,11 @@ class Task(Config):
     def success_radius_m(self) -> float:
         """Greatest distance between outcome and target, metres."""
         return self.success.success_radius_m
+
+    @property
+    def fixed_by(self) -> str:
+        """The setting that keeps the task's things where they are, whatever the plan; or ""."""
+        return ""
 
     @property
     @abstractmethod
@@ -179,7 +189,7 @@ class Task(Config):
 
     def wanted(self, plan: AnyPlan) -> FloatArray:
         """Return the numbers without which a plan does not fit the task: NaN if it lacks them."""
-        return plan.target
+        return np.concatenate([getattr(plan, name) for name in self.placed_by])
 
     def target(self, plan: AnyPlan) -> FloatArray:
         """Return what the outcome is compared with, shape (3,), metres in the robot's world."""

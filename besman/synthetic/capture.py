@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -144,11 +144,6 @@ def write_capture(capture: Capture, folder: Path) -> Path:
         _write_hands(capture, hands)
     _write_recording(capture, path)
     return path
-
-
-def write_dataset(captures: Iterable[Capture], folder: Path) -> list[Path]:
-    """Write captures as they come; see `write_capture`."""
-    return [write_capture(capture, folder) for capture in captures]
 
 
 def truth_path(recording_path: Path) -> Path:

@@ -135,7 +135,7 @@ def log_joints(capture: Capture, person: Person) -> Capture:
         root (metres, z up), by forward kinematics from the logged angles, kept within its limits.
     """
     from besman.config.resources import find_resource
-    from besman.io.recordings.exoskeleton import link_poses, load_exoskeleton_model
+    from besman.io.recordings.exoskeleton_kinematics import link_poses, load_exoskeleton_model
 
     assert capture.body is not None
     urdf = find_resource("configs/exoskeleton", URDF, ".urdf")

@@ -18,15 +18,6 @@ from besman.synthetic.throw_motion import Pose
 FloatArray = npt.NDArray[np.float64]
 
 OBJECT_ROTATION_ACTIONS = ("lift", "turn_clockwise", "turn_counterclockwise", "place")
-OBJECT_ROTATION_BLOCKS = (
-    "lift",
-    "re-grasp_down",
-    "re-grasp_up",
-    "hold",
-    "turn_clockwise",
-    "turn_counterclockwise",
-    "place",
-)
 HOLD = "hold"
 # The frame's middle from the middle between the shoulders, as shares of the reach.
 HELD = np.array([0.60, 0.0, -0.12])

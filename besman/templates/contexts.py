@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import ClassVar, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -13,8 +13,7 @@ import numpy.typing as npt
 from besman.exceptions import RefinementError, nearest
 from besman.geometry.quaternions import from_rotation_vector, multiply
 from besman.records import AnyPlan
-from besman.simulation.tasks.kinds import GraspBoxConfig, ReachConfig
-from besman.simulation.tasks.stick_throw.throw_and_flight import ThrowConfig
+from besman.simulation.task import PlacedBy, Task
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -61,7 +60,7 @@ class ContextKind(ABC):
 
 
 class TargetContext(ContextKind):
-    """Where on the floor something is to land: x and y in the robot's world, metres."""
+    """Where something is to come, on the floor as a rule: x and y in the robot's world, metres."""
 
     allowed = ("x", "y")
     usual = ("x", "y")
@@ -84,50 +83,60 @@ class ObjectContext(ContextKind):
 
     x, y and z in the robot's world, metres, and how far it is turned to the left about the
     vertical, degrees, against the demonstrated pose.
+
+    Parameters
+    ----------
+    poses : tuple of str
+        Fields of a plan; the first is where the thing stands, the others are moved with it.
     """
 
     allowed = ("x", "y", "z", "turn_deg")
     usual = ("x", "y")
     margins: ClassVar[dict[str, float]] = {"x": 0.05, "y": 0.05, "z": 0.05, "turn_deg": 15.0}
 
+    def __init__(self, poses: Sequence[PlacedBy] = ("goal_pose",)) -> None:
+        self._poses = tuple(poses)
+
     def of(self, plan: AnyPlan, names: Sequence[str]) -> FloatArray:
-        """Return the coordinates of the plan's end pose."""
-        values = dict(zip("xyz", plan.goal_pose[:3], strict=True)) | {"turn_deg": 0.0}
+        """Return the coordinates of the pose that counts."""
+        at = getattr(plan, self._poses[0])
+        values = dict(zip("xyz", at[:3], strict=True)) | {"turn_deg": 0.0}
         return np.array([values[name] for name in names])
 
     def place(self, plan: Plan, names: Sequence[str], context: npt.ArrayLike) -> Plan:
-        """Return the plan with another end pose."""
-        pose = plan.goal_pose.copy()
+        """Return the plan with its poses moved and turned together."""
+        before = getattr(plan, self._poses[0])[:3]
+        after, angle = before.copy(), 0.0
         for name, value in zip(names, np.asarray(context, dtype=np.float64), strict=True):
             if name == "turn_deg":
-                turned = from_rotation_vector(np.array([0.0, 0.0, np.radians(value)]))
-                pose[3:] = multiply(turned, pose[3:])
+                angle = np.radians(value)
             else:
-                pose["xyz".index(name)] = value
-        return replace(plan, goal_pose=pose)
+                after["xyz".index(name)] = value
+        turn = from_rotation_vector(np.array([0.0, 0.0, angle]))
+        level = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        moved: dict[str, Any] = {}
+        for field in self._poses:
+            pose = getattr(plan, field).copy()
+            pose[:2] = level @ (pose[:2] - before[:2]) + after[:2]
+            pose[2] += after[2] - before[2]
+            moved[field] = np.concatenate([pose[:3], multiply(turn, pose[3:])])
+        return replace(plan, **moved)
 
 
-def context_kind(task: object) -> ContextKind:
-    """Return what the context of a task is.
+def context_kind(task: Task) -> ContextKind:
+    """Return what the context of a task is: where that stands which its plans are placed by.
 
     Raises
     ------
     RefinementError
-        If templates are not made for the task, or its things stand at a fixed place.
+        If the task's things stand at a fixed place.
     """
-    if isinstance(task, ThrowConfig):
-        return TargetContext()
-    if isinstance(task, GraspBoxConfig) and task.box.place_m is not None:
+    if task.fixed_by:
         raise RefinementError(
-            "task grasp_box: box.place_m fixes the place of the box; expected null, so that it "
-            "stands where the context says"
+            f"task {task.kind}: {task.fixed_by} fixes where its things are; expected null, so that "
+            "they are where the context says"
         )
-    if isinstance(task, GraspBoxConfig | ReachConfig):
-        return ObjectContext()
-    raise RefinementError(
-        f"task {getattr(task, 'kind', task)}: no templates for it; allowed: ball_throw, "
-        "grasp_box, reach, stick_throw"
-    )
+    return TargetContext() if task.placed_by == ("target",) else ObjectContext(task.placed_by)
 
 
 def parse_names(text: str | None) -> tuple[str, ...]:

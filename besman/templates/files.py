@@ -20,6 +20,7 @@ from besman.io.urscript import UR_JOINTS, write_urscript
 from besman.pipeline.finished_run import read_run
 from besman.pipeline.stored_run import open_run, read_object
 from besman.records.files import digest, load_record
+from besman.search.kinds import usual_spelling
 from besman.templates.applying import Application
 from besman.templates.learning import TemplateConfig, Tries
 from besman.templates.teaching import Region, prepare_lesson, teach
@@ -143,9 +144,14 @@ def load_template(folder: Path, method: str | None = None) -> Template:
     RunError
         If there is none, it is not clear which, or it is of motions that the run no longer holds.
     """
-    places = {path.stem: path for path in sorted((folder / "templates").glob("[!.]*.npz"))}
-    places = {name: path for name, path in places.items() if path.with_suffix(".json").is_file()}
+    places: dict[str, Path] = {}
+    for path in sorted((folder / "templates").glob("[!.]*.npz")):
+        name = usual_spelling(path.stem)
+        # One learnt since the method bears its present name stands for an older one.
+        if path.with_suffix(".json").is_file() and (name == path.stem or name not in places):
+            places[name] = path
     there = ", ".join(places) or "none"
+    method = None if method is None else usual_spelling(method)
     if method is None and len(places) > 1:
         raise RunError(f"{folder}: several templates: {there}; say which with --method")
     if not places or (method is not None and method not in places):

@@ -12,6 +12,7 @@ from besman.config.stage import Work
 from besman.exceptions import RefinementError
 from besman.records import AnyPlan, RefinedMotion
 from besman.robot.model import Robot
+from besman.search.protocol import Part
 from besman.simulation.task import Task
 from besman.simulation.trial import Trial, try_plans
 from besman.stages.refine.plan_space import Units
@@ -84,7 +85,8 @@ def prepare_lesson(
     Raises
     ------
     RefinementError
-        If no motion succeeded, or names do not belong to the task.
+        If no motion succeeded, names do not belong to the task, or it is the same to the task
+        where a motion is placed.
     """
     kind = context_kind(task)
     names = kind.choose(names)
@@ -95,15 +97,46 @@ def prepare_lesson(
             "to start from"
         )
     contexts = np.array([kind.of(plan, names) for plan in good])
+    if not np.isfinite(contexts).all():
+        raise RefinementError(
+            f"template: task {task.kind} is placed by {' and '.join(task.placed_by)} of a motion; "
+            f"{good[0].name} has none"
+        )
     margins = np.array([kind.margins[name] for name in names])
     ends = np.array([contexts.min(axis=0) - margins, contexts.max(axis=0) + margins])
     for at, name in enumerate(names):
         ends[:, at] = region.get(name, ends[:, at])
     apart = (contexts - ends.mean(axis=0)) / (ends[1] - ends[0])
     base = good[int(np.argmin(np.linalg.norm(apart, axis=1)))]
+    _check_effect(base, robot, task, kind, names, ends)
     units = Units(**config.units.model_dump())
-    family = PlanFamily(base, names, config.search, config.n_shapes, units)
+    search = config.search or usual_search(task)
+    family = PlanFamily(base, names, search, config.n_shapes, units)
     return Lesson(robot, task, kind, family, ends)
+
+
+def usual_search(task: Task) -> tuple[Part, ...]:
+    """Return what of a motion plan depends on the context of a task, if nothing else is said."""
+    start: tuple[Part, ...] = ("start",) if "start_pose" in task.placed_by else ()
+    return (*start, "goal", "duration")
+
+
+def _check_effect(
+    base: AnyPlan,
+    robot: Robot,
+    task: Task,
+    kind: ContextKind,
+    names: tuple[str, ...],
+    ends: FloatArray,
+) -> None:
+    """Refuse a task to which every context is the same."""
+    one, two = (task.place(kind.place(base, names, context), robot) for context in ends)
+    same_scene = task.scene(one, robot) == task.scene(two, robot)
+    if same_scene and np.array_equal(task.target(one), task.target(two)):
+        raise RefinementError(
+            f"template: task {task.kind}: neither its target nor its scene depends on "
+            f"{', '.join(names)} of a motion's {task.placed_by[0]}; expected one that does"
+        )
 
 
 def teach(

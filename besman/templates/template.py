@@ -63,7 +63,11 @@ class PlanFamily(Record, stored_as="besman.templates.template:PlanFamily"):
 
 
 @dataclass(frozen=True, eq=False)
-class Template(Record, stored_as="besman.templates.template:Template"):
+class Template(
+    Record,
+    stored_as="besman.templates.template:Template",
+    finite=("region",),
+):
     """A behaviour template.
 
     Attributes

@@ -20,7 +20,11 @@ _RELEASE_UNITS = np.array([0.1, 0.1, 0.1, 0.3, 0.3, 0.3])
 
 
 @dataclass(frozen=True, eq=False)
-class Archive(Record, stored_as="besman.transfer.archive:Archive"):
+class Archive(
+    Record,
+    stored_as="besman.transfer.archive:Archive",
+    finite=("points",),
+):
     """N simulated motion plans.
 
     Attributes

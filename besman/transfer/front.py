@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from besman.exceptions import TransferError
+from besman.exceptions import TransferError, why_not_there
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -58,10 +58,9 @@ def nsga2(
         from pymoo.core.evaluator import Evaluator
         from pymoo.core.problem import Problem
         from pymoo.problems.static import StaticProblem
-    except ImportError:
-        raise TransferError(
-            "transfer: pymoo is not installed; expected: pip install 'besman[transfer]'"
-        ) from None
+    except ImportError as error:
+        why = why_not_there(error, "pymoo", "besman[transfer]")
+        raise TransferError(f"transfer: {why}") from None
     points = np.clip(np.asarray(first, dtype=np.float64), *bounds)
     n_objectives = costs(points[:1]).shape[1]
     problem = Problem(n_var=points.shape[1], n_obj=n_objectives, xl=bounds[0], xu=bounds[1])

@@ -1,29 +1,30 @@
 """A small server for pages on this machine: loopback only, and only for who has the address.
 
-The address carries a token as its first part, ``http://127.0.0.1:PORT/TOKEN/``, so that what a page
-loads by relative addresses carries it too. Every request is checked for the token and for its Host,
-which another site's page cannot forge (DNS rebinding). Nothing is looked up on disk by a name out
-of a request: assets are a fixed list, everything else is the work of the page's own routes.
+The address carries a token, ``http://127.0.0.1:PORT/TOKEN/``, that opens the page once: it is
+exchanged for a cookie (`besman.web.access`). Every request is checked for the cookie and for its
+Host, which another site's page cannot forge (DNS rebinding). Nothing is looked up on disk by a name
+out of a request: assets are a fixed list, everything else is the work of the page's own routes.
 """
 
 from __future__ import annotations
 
 import errno
-import hmac
 import json
 import os
-import secrets
 import sys
 import threading
 import traceback
 import webbrowser
 from collections.abc import Callable, Mapping
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from http.server import BaseHTTPRequestHandler
 from pathlib import Path
 from typing import Any, NamedTuple
 from urllib.parse import parse_qsl, unquote, urlsplit
 
 from besman.exceptions import BesmanError, StoppedError, WebError
+from besman.foreign.json_text import parse_json
+from besman.web.access import Access
+from besman.web.connections import BoundedServer
 
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; "
@@ -74,12 +75,15 @@ class Request(NamedTuple):
         Raises
         ------
         WebError
-            If it is none.
+            If it is none, or holds text that is no Unicode.
         """
         try:
-            return json.loads(self.body)
+            content = parse_json(self.body)
+            # Half of a surrogate pair can be escaped in JSON, but not written to a file.
+            json.dumps(content, ensure_ascii=False).encode()
         except ValueError as error:
             raise WebError(f"the request's body is not JSON: {error}") from None
+        return content
 
     def whole(self, name: str) -> int:
         """Return a number of the address, from 0 on.
@@ -101,6 +105,7 @@ class Answer(NamedTuple):
     body: bytes | memoryview
     kind: str = "application/octet-stream"
     status: int = 200
+    headers: tuple[tuple[str, str], ...] = ()
 
 
 Route = Callable[[Request], Answer]
@@ -150,8 +155,6 @@ class LoopbackServer:
 
     Attributes
     ----------
-    url : str
-        The page's address, with its token.
     port : int
 
     Raises
@@ -167,11 +170,14 @@ class LoopbackServer:
         port: int | None = None,
         largest_body: int = _LARGEST_BODY,
     ) -> None:
-        self._token = secrets.token_urlsafe(24)
-        self._server = _open_server(port, _Site(dict(assets), dict(routes), self._token))
-        self._server.site.largest_body = largest_body
+        self._site = _Site(dict(assets), dict(routes), largest_body)
+        self._server = _open_server(port, self._site)
         self.port = int(self._server.server_address[1])
-        self.url = f"http://{_HOST}:{self.port}/{self._token}/"
+
+    @property
+    def url(self) -> str:
+        """An address that opens the page once, another one each time; see `Access`."""
+        return f"http://{_HOST}:{self.port}/{self._site.access.new_token()}/"
 
     def start(self) -> None:
         """Serve in a thread of its own, until `stop`."""
@@ -197,19 +203,15 @@ class LoopbackServer:
 class _Site:
     """What the handler of a request needs to know."""
 
-    def __init__(self, assets: dict[str, Path], routes: dict[str, Route], token: str) -> None:
-        self.assets, self.routes, self.token = assets, routes, token
-        self.largest_body = _LARGEST_BODY
+    def __init__(
+        self, assets: dict[str, Path], routes: dict[str, Route], largest_body: int
+    ) -> None:
+        self.assets, self.routes, self.largest_body = assets, routes, largest_body
+        self.access = Access()
 
 
-class _Server(ThreadingHTTPServer):
-    daemon_threads = True
+class _Server(BoundedServer):
     site: _Site
-
-    def handle_error(self, request: Any, client_address: Any) -> None:
-        """Say nothing of a browser that went away in the middle of an answer."""
-        if not isinstance(sys.exc_info()[1], ConnectionError | TimeoutError):
-            super().handle_error(request, client_address)
 
 
 def _open_server(port: int | None, site: _Site) -> _Server:
@@ -253,12 +255,23 @@ class _Handler(BaseHTTPRequestHandler):
         """Answer a POST."""
         self._answer("POST")
 
+    def handle_one_request(self) -> None:
+        """Read a request and answer it, when one comes."""
+        self.server.note(self.connection, "idle")
+        try:
+            self.rfile.peek(1)  # type: ignore[attr-defined]
+        except (OSError, ValueError):
+            self.close_connection = True
+            return
+        self.server.note(self.connection, "reading")
+        super().handle_one_request()
+
     def log_message(self, format: str, *args: Any) -> None:
         """Say nothing: requests are no news to the user."""
 
     def _answer(self, method: str) -> None:
         try:
-            answer = self._refuse() or self._find(method)
+            answer = self._open(method) or self._find(method)
         except BesmanError as error:
             answer = json_answer({"error": str(error)}, 422)
         except (ConnectionError, TimeoutError):
@@ -270,8 +283,8 @@ class _Handler(BaseHTTPRequestHandler):
             answer = json_answer({"error": f"besman failed: {error!r}; see the terminal"}, 500)
         self._send(answer)
 
-    def _refuse(self) -> Answer | None:
-        """Return an answer to who may not ask, None to who may."""
+    def _open(self, method: str) -> Answer | None:
+        """Return an answer to who may not ask or comes with a token, None to who may ask."""
         port = self.server.server_address[1]
         own = tuple(f"{name}:{port}" for name in (_HOST, "localhost"))
         host = self.headers.get("Host", "")
@@ -280,16 +293,29 @@ class _Handler(BaseHTTPRequestHandler):
         origin = self.headers.get("Origin")
         if origin is not None and origin.removeprefix("http://") not in own:
             return self._close(403, f"Origin {origin!r} may not ask this server")
-        token = urlsplit(self.path).path.split("/")[1:2]
-        if not hmac.compare_digest("".join(token).encode(), self.server.site.token.encode()):
-            return self._close(403, "the address lacks its token; open the one that besman printed")
-        return None
+        try:
+            path = urlsplit(self.path).path
+        except ValueError as error:
+            return self._close(400, f"{self.path!r:.80} is no address: {error}")
+        access = self.server.site.access
+        first, _, rest = path.removeprefix("/").partition("/")
+        if first == access.place and access.admits(self.headers.get("Cookie", "")):
+            return None
+        cookie = access.exchange(first) if (method, rest) == ("GET", "") else None
+        if cookie is None:
+            return self._close(
+                403,
+                "the address lacks its token, or was used already: each opens the page once; "
+                "open the one that besman printed, or start it again",
+            )
+        where = (("Location", f"/{access.place}/"), ("Set-Cookie", cookie))
+        return Answer(b"", "text/plain", 303, where)
 
     def _find(self, method: str) -> Answer:
         """Return the asset or what the route answers."""
         site = self.server.site
         address = urlsplit(self.path)
-        name = unquote(address.path.partition(site.token)[2].removeprefix("/"))
+        name = unquote(address.path.removeprefix(f"/{site.access.place}/"))
         if ".." in name.replace("\\", "/").split("/"):
             return self._close(400, "'..' is not allowed in an address")
         if method == "GET" and name in site.assets:
@@ -310,6 +336,7 @@ class _Handler(BaseHTTPRequestHandler):
             if self.headers.get("Content-Type", "").partition(";")[0] != "application/json":
                 return self._close(415, "expected application/json")
             body = self.rfile.read(int(length))
+        self.server.note(self.connection, "working")
         return route(Request(dict(parse_qsl(address.query)), body))
 
     def _close(self, status: int, message: str) -> Answer:
@@ -318,11 +345,12 @@ class _Handler(BaseHTTPRequestHandler):
         return json_answer({"error": message}, status)
 
     def _send(self, answer: Answer) -> None:
+        self.server.note(self.connection, "sending")
         self.send_response(answer.status)
         headers = {"Content-Type": answer.kind, "Content-Length": str(len(answer.body)), **_HEADERS}
         if self.close_connection:
             headers["Connection"] = "close"
-        for name, value in headers.items():
+        for name, value in (*headers.items(), *answer.headers):
             self.send_header(name, value)
         self.end_headers()
         self.wfile.write(answer.body)

@@ -1,11 +1,13 @@
 """Directive ``table-of``: a table of the program, such as that of formats, as a table of a page.
 
 The argument is ``module:NAME`` of a sequence; each line of the content is an attribute of its
-entries and the title of that column, ``about: what it is``.
+entries and the title of that column, ``about: what it is``. An attribute in backquotes is shown as
+code.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pkgutil import resolve_name
 from typing import Any
 
@@ -16,10 +18,18 @@ from sphinx.util.docutils import SphinxDirective
 def rows_of(name: str, attributes: list[str]) -> list[list[str]]:
     """Return the cells of every entry; several values in one cell are joined by commas."""
 
-    def cell(value: Any) -> str:
-        return ", ".join(value) if isinstance(value, tuple | list) else str(value)
+    def cell(entry: Any, attribute: str) -> str:
+        value = getattr(entry, attribute.strip("`"))
+        values = [str(one) for one in (value if isinstance(value, tuple | list) else (value,))]
+        return ", ".join(f"`{one}`" if attribute.startswith("`") else one for one in values)
 
-    return [[cell(getattr(one, each)) for each in attributes] for one in resolve_name(name)]
+    return [[cell(one, each) for each in attributes] for one in resolve_name(name)]
+
+
+def columns_of(content: Iterable[str]) -> list[tuple[str, str]]:
+    """Return attribute and title of each column."""
+    parts = [line.partition(":") for line in content if line.strip()]
+    return [(attribute.strip(), title.strip()) for attribute, _, title in parts]
 
 
 class TableOf(SphinxDirective):
@@ -30,14 +40,18 @@ class TableOf(SphinxDirective):
 
     def run(self) -> list[nodes.Node]:
         """Write one line for each entry; cells are text of a page, with names in backquotes."""
-        columns = [line.partition(":")[::2] for line in self.content if line.strip()]
-        shown, group = nodes.table(), nodes.tgroup(cols=len(columns))
+        columns = columns_of(self.content)
+        titles = [title for _, title in columns]
+        rows = rows_of(self.arguments[0], [attribute for attribute, _ in columns])
+        shown = nodes.table(classes=["colwidths-auto"])
+        group = nodes.tgroup(cols=len(columns))
         shown += group
-        group += [nodes.colspec(colwidth=1) for _ in columns]
+        for cells in zip(titles, *rows, strict=True):
+            group += nodes.colspec(colwidth=max(len(cell) for cell in cells))
         head, body = nodes.thead(), nodes.tbody()
         group += [head, body]
-        head += self._line([title.strip() for _, title in columns])
-        for values in rows_of(self.arguments[0], [each.strip() for each, _ in columns]):
+        head += self._line(titles)
+        for values in rows:
             body += self._line(values)
         return [shown]
 

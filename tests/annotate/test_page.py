@@ -258,9 +258,9 @@ def test_what_is_labelled_here_trains_a_model(
 
 
 def test_two_tabs_on_one_file(serve, annotate, recording_path, segments_path):
-    url = serve(recording_path, labels=("a", "b")).url
-    page = annotate(url, expect_errors=True)
-    other = annotate(url, expect_errors=True)
+    server = serve(recording_path, labels=("a", "b"))
+    page = annotate(server.url, expect_errors=True)
+    other = annotate(server.url, expect_errors=True)
     # It is to learn of the other's save by its own, not by looking from time to time.
     other.evaluate("besman.saving.look = async () => {}, null")
     press(page, "Enter", "1")
@@ -574,3 +574,25 @@ def test_digits_stay_with_their_labels_when_the_page_is_loaded_again(
     after = page.evaluate("besman.labels")
     assert after == [label for label in before if label in after]
     assert {"zoom", "aim"} <= set(after)
+
+
+def test_a_label_that_may_be_a_slip_is_said_and_can_be_taken_back(serve, annotate, recording_path):
+    page = annotate(serve(recording_path, labels=("throw", "idle")).url)
+    until(page, "besman.proposals.queue().length > 0")
+    page.evaluate("besman.select(besman.proposals.queue()[0].id)")
+    for label, said in (
+        ("thorw", "new label: thorw. Was throw meant? Ctrl+Z takes it back"),
+        ("strike_out", "new label: strike_out"),
+    ):
+        press(page, "l")
+        page.keyboard.type(label)
+        press(page, "Enter")
+        assert said in page.inner_text("body")
+        press(page, "Control+z")
+    assert rows(page) == []
+    near = """async () => {
+        const {editDistance, nearestLabel} = await import("./labels.js");
+        return [editDistance("throw", "thorw"), editDistance("", "abc"), editDistance("a", "a"),
+                nearestLabel("Throw", ["idle", "throw"]), nearestLabel("x", ["idle"])];
+    }"""
+    assert page.evaluate(near) == [2, 3, 0, "throw", None]

@@ -4,6 +4,7 @@ import shutil
 
 import numpy as np
 import pytest
+from web_session import session
 
 from besman.annotate.session import Session
 from besman.exceptions import AnnotationError, RecordingError
@@ -12,13 +13,14 @@ from besman.io.segments_json import read_segments
 from besman.records import Recording
 
 
-def ask(server, method, name, content=None, token=None, **headers):
+def ask(server, method, name, content=None, **headers):
     connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=30)
-    token = server.url.split("/")[3] if token is None else token
+    place, cookie = session(server)
+    headers = {"Cookie": cookie} | headers
     body = None if content is None else json.dumps(content)
     if body is not None:
         headers["Content-Type"] = "application/json"
-    connection.request(method, f"/{token}/{name}", body, headers)
+    connection.request(method, f"{place}{name}", body, headers)
     answer = connection.getresponse()
     data = answer.read()
     is_json = answer.headers["Content-Type"] == "application/json"
@@ -48,9 +50,9 @@ def test_without_token_or_with_a_foreign_host_nothing_is_told_or_written(
 ):
     server = serve(recording_path)
     rows = {"recording": 0, "segments": [[0, 9, "a", ""]], "revision": ""}
-    for token, headers in (("", {}), ("x" * 32, {}), (None, {"Host": "evil.example"})):
-        assert ask(server, "GET", "session", None, token, **headers)[0] == 403
-        assert ask(server, "POST", "save", rows, token, **headers)[0] == 403
+    for headers in ({"Cookie": ""}, {"Cookie": "besman=x"}, {"Host": "evil.example"}):
+        assert ask(server, "GET", "session", None, **headers)[0] == 403
+        assert ask(server, "POST", "save", rows, **headers)[0] == 403
     assert ask(server, "GET", "../server.py")[0] == 400
     assert not segments_path.exists()
 

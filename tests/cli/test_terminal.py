@@ -14,7 +14,14 @@ from besman.cli import main as cli
 from besman.cli.terminal import complain, open_terminal, say
 from besman.exceptions import RecordingWarning
 
-FOREIGN = ["[/]", "[red]stop[/red]", "[link=file:///x]y[/link]", ":smile:", "\x1b[31mred", "a\x07\x9b"]
+FOREIGN = [
+    "[/]",
+    "[red]stop[/red]",
+    "[link=file:///x]y[/link]",
+    ":smile:",
+    "\x1b[31mred",
+    "a\x07\x9b",
+]
 
 
 @pytest.mark.parametrize("text", FOREIGN)

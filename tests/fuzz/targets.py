@@ -261,14 +261,10 @@ def add_robot(folder: Path):
 
 
 def settings(folder: Path):
-    from besman.config.settings import apply_settings
-    from besman.config.yaml_file import parse_config, read_yaml
-    from besman.pipeline.config import PipelineConfig
+    from besman.pipeline.config import load_pipeline
 
-    content, lines = read_yaml(TOP / "pipelines" / "ur5_stick_throw.yaml")
     text = (folder / "settings.txt").read_bytes().decode("utf-8", "surrogateescape")
-    apply_settings(content, tuple(text.split("\n")), PipelineConfig)
-    return parse_config(content, PipelineConfig, "pipeline", lines)
+    return load_pipeline(TOP / "pipelines" / "ur5_stick_throw.yaml", tuple(text.split("\n")))
 
 
 def load_model(folder: Path):
@@ -279,7 +275,8 @@ def load_model(folder: Path):
     found = load(folder / "m.npz")
     describe_model(found)
     values = np.linspace(-1, 1, 2 * 15).reshape(2, 5, 3)
-    if (found.recipe.n_points, len(found.centre)) == values.shape[1:]:
+    # Warping time is compiled first, for ten seconds.
+    if (found.recipe.n_points, len(found.centre)) == values.shape[1:] and found.method != "dtw":
         classify_features(found, values)
     return found
 
@@ -305,6 +302,22 @@ def ros(ending: str) -> Files:
     values = np.ones((4, 2))
     message = ros_joint_trajectory(time, values, values, values, ("a", "b"))
     return _made(lambda folder: write_ros_joint_trajectory(folder / f"a.{ending}", message))
+
+
+def read_joint_csv(folder: Path):
+    from besman.io.exports import read_joint_csv as read
+
+    return *read(folder / "a.csv"), ()
+
+
+@cache
+def joint_csv() -> Files:
+    from besman.io.exports import write_joint_csv
+
+    time, values = np.arange(6) / 10, np.ones((6, 2))
+    return _made(
+        lambda folder: write_joint_csv(folder / "a.csv", time, values, values, values, ("a", "b"))
+    )
 
 
 _SETTINGS = (
@@ -333,6 +346,7 @@ TARGETS = {
         share=8,
         **_READ,
     ),
+    "joint csv": Target(joint_csv, {"a.csv": mutations.table}, read_joint_csv, sense.of_arrays, 1),
     "segments": Target(
         segments,
         {"a_manually_segmented.json": mutations.json_file, "a_truth.json": mutations.json_file},

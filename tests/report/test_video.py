@@ -5,6 +5,7 @@ import pytest
 
 from besman.cli import main as cli
 from besman.exceptions import RenderingError, RunError
+from besman.pictures import rendering
 from besman.records.files import load_record
 from besman.report import video
 from besman.report.panels import BAND, join_panels, text_band
@@ -27,8 +28,18 @@ def can_draw():
     return True
 
 
+def test_a_video_has_room_for_up_to_three_panels():
+    height = 448 + 2 * BAND
+    assert [video._size(n) for n in (1, 2, 3)] == [(640, height), (1280, height), (1296, height)]
+
+
 @pytest.mark.slow
-def test_a_video_has_its_size_its_frames_and_something_that_moves(small_run, motions, tmp_path):
+def test_a_video_has_its_size_its_frames_and_something_that_moves(
+    small_run, motions, tmp_path, monkeypatch
+):
+    # A third as wide and high: without graphics hardware drawing is what takes time.
+    monkeypatch.setattr(video, "_WIDTHS", {1: 208, 2: 208, 3: 144})
+    monkeypatch.setattr(video, "_HEIGHT", 144)
     motion = max(motions, key=lambda one: len(one.milestones))
     out = tmp_path / "new" / "throw.mp4"
     done = []
@@ -44,8 +55,8 @@ def test_a_video_has_its_size_its_frames_and_something_that_moves(small_run, mot
     about = next(reader)
     shown = video._shown(motion)
     n = len(shown)
-    width = {1: 640, 2: 1280, 3: 1296}[n]
-    assert about["size"] == (width, 448 + 2 * BAND)
+    width = {1: 208, 2: 416, 3: 432}[n]
+    assert about["size"] == (width, 144 + 2 * BAND)
     assert about["fps"] == 25
     frames = [np.frombuffer(frame, np.uint8).reshape(-1, width, 3) for frame in reader]
     robot, task = load_robot("ur5", "stick_holder"), load_task("stick_throw")
@@ -100,6 +111,22 @@ def test_without_the_encoder_the_command_says_what_to_install(small_run, monkeyp
     said = capsys.readouterr().err
     assert "video: imageio-ffmpeg is not installed; pip install 'besman[video]'" in said
     assert "Traceback" not in said
+
+
+def test_an_encoder_that_does_not_start_is_said_with_its_reason(small_run, monkeypatch, capsys):
+    def refuse():
+        raise RuntimeError("No ffmpeg exe could be found.\nInstall ffmpeg, or set a variable.")
+
+    monkeypatch.setattr("imageio_ffmpeg.get_ffmpeg_exe", refuse)
+    assert besman("video", small_run) == 2
+    said = capsys.readouterr().err
+    assert "video: no ffmpeg: No ffmpeg exe could be found. Install ffmpeg, or set a" in said
+
+
+def test_graphics_that_do_not_start_are_said_with_their_reason():
+    error = RuntimeError("EGLError(\n\terr = EGL_NOT_INITIALIZED,\n\tresult = 0\n)")
+    said = str(rendering._cannot(error))
+    assert "(EGL: EGLError( err = EGL_NOT_INITIALIZED, result = 0 )); expected" in said
 
 
 def test_without_graphics_the_command_says_so_before_a_run(tmp_path, monkeypatch, capsys):

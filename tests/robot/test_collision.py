@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from besman.robot.collision import distances, floor_distance, segment_distance, self_distance
+from besman.robot.collision import distances, segment_distance
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.model import load_robot
 
@@ -63,20 +63,20 @@ def test_distances_agree_with_coal():
             )
             for a, b in chain.capsule_pairs
         )  # fmt: skip
-        assert self_distance(chain, angles) == pytest.approx(nearest, abs=1e-5)
+        assert distances(chain, angles)[0] == pytest.approx(nearest, abs=1e-5)
 
 
 def test_home_is_clear_and_a_folded_arm_is_not():
-    assert self_distance(ROBOT.chain, ROBOT.home) > 0.02
+    assert distances(ROBOT.chain, ROBOT.home)[0] > 0.02
     folded = np.array([0.0, -1.5, 3.0, 0.0, 0.0, 0.0])
-    assert self_distance(ROBOT.chain, folded) < 0.0
+    assert distances(ROBOT.chain, folded)[0] < 0.0
 
 
 def test_the_floor_is_met_when_the_arm_hangs_on_a_low_base():
     down = np.array([0.0, np.pi / 2, 0.0, 0.0, 0.0, 0.0])
-    lowest = floor_distance(ROBOT.chain, down)
+    lowest = distances(ROBOT.chain, down)[1]
     assert lowest < forward_kinematics(ROBOT.chain, down)[2, 3]
-    assert floor_distance(ROBOT.chain, ROBOT.home) > 1.0
+    assert distances(ROBOT.chain, ROBOT.home)[1] > 1.0
 
 
 def test_shapes():

@@ -181,7 +181,8 @@ def test_what_cannot_be_turned_to_does_not_draw_the_position_off():
 
 
 def test_the_refined_path_is_a_minimum_as_another_solver_finds_it():
-    from besman.robot import path_refinement as refinement
+    from besman.robot import path_smoothness as smoothness
+    from besman.robot.path_refinement import LINEAR_RAD
 
     rng = np.random.default_rng(4)
     joints = smooth_joints(rng, ROBOT, 8)
@@ -204,13 +205,13 @@ def test_the_refined_path_is_a_minimum_as_another_solver_finds_it():
                 (poses[:, :3, 3] - reached[:, :3, 3]).ravel(),
                 (0.1 * Rotation.from_matrix(turn).as_rotvec()).ravel(),
                 (1e-3 * (angles - ROBOT.home)).ravel(),
-                (refinement._SPEED_M * np.diff(angles, axis=0) / speed).ravel(),
-                (refinement._PULL_M * np.diff(angles, 2, axis=0) / pull).ravel(),
+                (smoothness._SPEED_M * np.diff(angles, axis=0) / speed).ravel(),
+                (smoothness._PULL_M * np.diff(angles, 2, axis=0) / pull).ravel(),
             ]
         )
 
     # Nothing here is fast or near enough, nor turned so far, that other terms would count.
-    assert errors[:, 1].max() < refinement.LINEAR_RAD
+    assert errors[:, 1].max() < LINEAR_RAD
     peer = least_squares(residuals, joints.ravel(), xtol=1e-14, ftol=1e-14, gtol=1e-14)
     cost = np.sum(residuals(found.ravel()) ** 2)
     assert cost == pytest.approx(2 * peer.cost, rel=1e-4)

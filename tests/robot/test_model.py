@@ -1,4 +1,5 @@
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -6,6 +7,7 @@ import pinocchio
 import pytest
 import yaml
 
+import besman.robot
 from besman.config.resources import resource_folder
 from besman.config.yaml_file import load_config
 from besman.exceptions import ConfigError, RobotError
@@ -186,6 +188,17 @@ def test_names_that_are_not_there():
     assert find_robot("ur5") == UR5
 
 
+def test_pinocchio_that_cannot_be_loaded(monkeypatch):
+    # As on a machine without GCC's OpenMP library.
+    monkeypatch.setitem(sys.modules, "besman.robot.pinocchio_model", None)
+    monkeypatch.delattr(besman.robot, "pinocchio_model", raising=False)
+    message = (
+        "robot ur5: Pinocchio cannot be loaded: .*pinocchio_model.*; libgomp.so.1, .* libgomp1"
+    )
+    with pytest.raises(RobotError, match=message):
+        load_robot("ur5")
+
+
 def test_two_robots_with_one_name(tmp_path):
     path = write_robot(tmp_path, lambda content: content.update(name="ur5"))
     with pytest.raises(RobotError, match=r"name: 'ur5' is the robot .*expected another name"):
@@ -225,6 +238,10 @@ def test_an_own_urdf(tmp_path):
     [
         (BOX_ARM.replace("TYPE", "prismatic"), "joint b: only hinges"),
         (BOX_ARM.replace("TYPE", "fixed"), "joints: no joint 'b'"),
+        (
+            BOX_ARM.replace("TYPE", "hinge"),
+            r"used as URDF: Joint \[b\] has no known type",
+        ),
         ("<robot", "not valid XML"),
         ("<robot name='a'></robot>", "cannot be used as URDF"),
         ('<!DOCTYPE a [<!ENTITY b "c">]><robot/>', "entities are not allowed"),

@@ -81,8 +81,12 @@ def test_elsewhere_with_meshes_in_the_same_folder(tmp_path):
     (tmp_path / "urdf").mkdir()
     shape = '<mesh filename="package://meshes/no.stl"/>'
     urdf = write_urdf(tmp_path / "urdf", SHAPE=shape)
-    with pytest.raises(RobotError, match="collision meshes"):
+    with pytest.raises(RobotError, match="collision meshes: Could not load resource") as caught:
         add_robot(urdf, "hand", "own", tmp_path)
+    # Which mesh, and where it was looked for.
+    assert f'Unable to open file "{tmp_path / "meshes" / "no.stl"}"' in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert "assimp.cpp" not in str(caught.value)
     assert not (tmp_path / "robot.yaml").exists()
     (tmp_path / "meshes").mkdir()
     write_box(tmp_path / "meshes" / "no.stl")

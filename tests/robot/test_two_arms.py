@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from besman.robot.collision import self_distance
+from besman.robot.collision import distances
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.model import load_robot
 
@@ -41,4 +41,4 @@ def test_the_other_arm_is_in_the_way():
     names = LEFT.chain.capsule_links
     others = {frozenset((names[a], names[b])) for a, b in LEFT.chain.capsule_pairs}
     assert frozenset(("left_wrist_yaw_link", "right_wrist_yaw_link")) in others
-    assert self_distance(LEFT.chain, free) > self_distance(LEFT.chain, across)
+    assert distances(LEFT.chain, free)[0] > distances(LEFT.chain, across)[0]

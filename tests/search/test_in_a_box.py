@@ -1,9 +1,10 @@
 import threading
+from typing import get_args
 
 import numpy as np
 import pytest
 
-from besman.search.in_a_box import OPTIMIZERS, make_box_search
+from besman.search.in_a_box import Optimizer, make_box_search
 
 LOW, HIGH = np.full(3, -4.0), np.full(3, 4.0)
 BEST = np.array([1.0, -2.0, 0.5])
@@ -26,7 +27,7 @@ def run(optimizer, seed=0, generations=60, start=(0.0, 0.0, 0.0)):
     return np.concatenate(tried)
 
 
-@pytest.mark.parametrize("optimizer", OPTIMIZERS)
+@pytest.mark.parametrize("optimizer", get_args(Optimizer))
 def test_finds_the_least_of_a_bowl_inside_the_box(optimizer):
     tried = run(optimizer)
     assert bowl(tried).min() < 1e-2
@@ -34,14 +35,14 @@ def test_finds_the_least_of_a_bowl_inside_the_box(optimizer):
     assert np.all(tried <= HIGH)
 
 
-@pytest.mark.parametrize("optimizer", OPTIMIZERS)
+@pytest.mark.parametrize("optimizer", get_args(Optimizer))
 def test_the_same_seed_tries_the_same_points(optimizer):
     assert run(optimizer, generations=5).tobytes() == run(optimizer, generations=5).tobytes()
     other = run(optimizer, seed=3, generations=5)
     assert other.tobytes() != run(optimizer, generations=5).tobytes()
 
 
-@pytest.mark.parametrize("optimizer", OPTIMIZERS)
+@pytest.mark.parametrize("optimizer", get_args(Optimizer))
 def test_ends_by_itself_when_nothing_is_left_to_gain(optimizer):
     assert len(run(optimizer, generations=2000)) < 2000 * 8
 

@@ -7,10 +7,10 @@ from scipy.integrate import solve_ivp
 
 from besman.robot.dynamics import body_inertias
 from besman.simulation.perturbation import (
+    Perturbation,
     Spreads,
     draw_perturbation,
     follow_with_play,
-    no_perturbation,
     perturb_controls,
     perturb_model,
 )
@@ -33,6 +33,12 @@ ARRAYS = (
     "body_pos",
     "geom_solref",
 )
+
+
+def no_perturbation(n):
+    """The perturbation of an arm with n joints that changes nothing."""
+    one, none = np.ones(n), np.zeros(n)
+    return Perturbation(1.0, 1.0, one, one, none, none, none, none, none, none)
 
 
 def draw(robot, seed=0, **spreads):

@@ -55,5 +55,5 @@ def test_first_points_are_moved_into_the_bounds():
 
 def test_without_pymoo_it_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "pymoo.algorithms.moo.nsga2", None)
-    with pytest.raises(TransferError, match=r"expected: pip install 'besman\[transfer\]'"):
+    with pytest.raises(TransferError, match=r"is not installed; pip install 'besman\[transfer\]'"):
         found()

@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import pytest
 from command_line import besman
+from web_session import enter
 
 from besman.exceptions import RunError, WebError
 from besman.records.files import load_record, save_record
@@ -18,11 +19,6 @@ from besman.view.live import open_view
 from besman.view.run_content import RunContent
 
 HOSTILE = "</script><script>hit=1</script><img src=x onerror=hit=1>'\"&.tsv"
-
-
-@pytest.fixture(scope="module")
-def content(small_run):
-    return RunContent(small_run)
 
 
 @pytest.fixture(scope="module")
@@ -59,10 +55,8 @@ def renamed(name):
     return f"{HOSTILE}:{name.rpartition(':')[2]}"
 
 
-def test_the_file_needs_nothing_else_and_is_small(content, tmp_path):
-    path = tmp_path / "deep" / "replay.html"
-    assert export.write_replay(content, path) == (3, 3)
-    text = path.read_text("utf-8")
+def test_the_file_needs_nothing_else_and_is_small(content, replay, tmp_path):
+    text = replay.read_text("utf-8")
     assert len(text) < 300_000
     assert not re.findall(r"https?://|url\(|@import", text)
     assert re.findall(r"<(?:script|img|iframe|link)[^>]*(?:src|href)=[^>]*>", text) == [
@@ -73,15 +67,13 @@ def test_the_file_needs_nothing_else_and_is_small(content, tmp_path):
     assert policy.startswith("default-src 'none'; script-src 'sha256-")
     assert "unsafe" not in policy
     assert "connect-src" not in policy
-    again = tmp_path / "again.html"
-    export.write_replay(RunContent(content.folder), again)
-    assert again.read_bytes() == path.read_bytes()
+    again = tmp_path / "deep" / "again.html"
+    assert export.write_replay(RunContent(content.folder), again) == (3, 3)
+    assert again.read_bytes() == replay.read_bytes()
 
 
-def test_the_file_asks_for_nothing(content, tmp_path, open_page):
-    path = tmp_path / "replay.html"
-    export.write_replay(content, path)
-    page = open_page(path.as_uri(), offline=True)
+def test_the_file_asks_for_nothing(replay, open_page):
+    page = open_page(replay.as_uri(), offline=True)
     asked = []
     page.on("request", lambda request: asked.append(request.url))
     page.reload()
@@ -125,10 +117,8 @@ def test_one_motion_alone(content, tmp_path, open_page):
         export.write_replay(content, path, "nobody")
 
 
-def test_a_large_run_is_thinned_out_to_the_limit(content, tmp_path, monkeypatch):
-    whole = tmp_path / "whole.html"
-    export.write_replay(content, whole)
-    size = whole.stat().st_size
+def test_a_large_run_is_thinned_out_to_the_limit(content, replay, tmp_path, monkeypatch):
+    size = replay.stat().st_size
     monkeypatch.setattr(export, "_WANTED_BYTES", size - 1000)
     slower = tmp_path / "slower.html"
     assert export.write_replay(content, slower) == (3, 3)
@@ -183,19 +173,21 @@ def test_only_who_has_the_address_is_answered(content):
     server = open_view(content)
     server.start()
     base = f"http://127.0.0.1:{server.port}/"
-    assert answer(server.url + "overview")[0] == 200
-    assert answer(server.url + "demonstration?index=0")[0] == 200
+    place, cookie = enter(server.url)
+    inside, own = base + place.strip("/") + "/", {"Cookie": cookie}
+    assert answer(inside + "overview", **own)[0] == 200
+    assert answer(inside + "demonstration?index=0", **own)[0] == 200
     for page in ("", "index.html", "view.js", "web/camera.js"):
-        assert answer(server.url + page)[0] == 200
+        assert answer(inside + page, **own)[0] == 200
     assert answer(base + "overview")[0] == 403
     assert answer(base + "x" * 32 + "/demonstration?index=0")[0] == 403
-    assert answer(server.url + "overview", Host="evil.example")[0] == 403
-    assert answer(server.url + "../run_content.py")[0] in (400, 403, 404)
-    assert answer(server.url + "run_content.py")[0] == 404
-    status, body = answer(server.url + "demonstration?index=-1")
+    assert answer(inside + "overview", **own, Host="evil.example")[0] == 403
+    assert answer(inside + "../run_content.py", **own)[0] in (400, 403, 404)
+    assert answer(inside + "run_content.py", **own)[0] == 404
+    status, body = answer(inside + "demonstration?index=-1", **own)
     assert status == 422
     assert "index: got '-1', expected a whole number from 0" in json.loads(body)["error"]
-    status, body = answer(server.url + "demonstration?index=7")
+    status, body = answer(inside + "demonstration?index=7", **own)
     assert status == 422
     assert "no demonstration 7: there are 3" in json.loads(body)["error"]
     with pytest.raises(WebError, match="is in use"):

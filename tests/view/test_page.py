@@ -1,44 +1,31 @@
 """The real page in Chromium."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pinocchio
 import pytest
 
 from besman.robot.model import load_robot
-from besman.view.export import write_replay
 from besman.view.live import open_view
-from besman.view.run_content import RunContent
 
 READY = "html[data-ready]"
-
-
-@pytest.fixture(scope="module")
-def content(small_run):
-    return RunContent(small_run)
 
 
 @pytest.fixture(scope="module")
 def served(content):
     server = open_view(content)
     server.start()
-    yield server.url
+    yield server
     server.stop()
-
-
-@pytest.fixture(scope="module")
-def replay(content, tmp_path_factory):
-    path = tmp_path_factory.mktemp("replay") / "replay.html"
-    write_replay(content, path)
-    return path
 
 
 @pytest.fixture(params=["served", "replay"])
 def page(request, open_page):
     """The page of the small run, from the server and from the file."""
     found = request.getfixturevalue(request.param)
-    opened = open_page(found if isinstance(found, str) else found.as_uri())
+    opened = open_page(found.as_uri() if isinstance(found, Path) else found.url)
     opened.wait_for_selector(READY)
     return opened
 
@@ -155,7 +142,7 @@ def test_dragging_turns_and_reset_turns_back(page):
 
 @pytest.mark.parametrize("theme", ["light", "dark"])
 def test_the_theme_is_the_system_s_until_it_is_switched(open_page, served, theme):
-    page = open_page(served, color_scheme=theme)
+    page = open_page(served.url, color_scheme=theme)
     page.wait_for_selector(READY)
     colour = "() => getComputedStyle(document.body).backgroundColor"
     before = page.evaluate(colour)
@@ -165,7 +152,7 @@ def test_the_theme_is_the_system_s_until_it_is_switched(open_page, served, theme
 
 
 def test_forward_kinematics_is_pinocchio_s(open_page, served):
-    page = open_page(served)
+    page = open_page(served.url)
     page.wait_for_selector(READY)
     for name in ("ur5", "iiwa7", "rh5_left"):
         robot = load_robot(name)
@@ -194,7 +181,7 @@ def test_forward_kinematics_is_pinocchio_s(open_page, served):
 
 
 def test_the_page_unpacks_what_was_packed(open_page, served, content):
-    page = open_page(served)
+    page = open_page(served.url)
     page.wait_for_selector(READY)
     index = content.first
     found = page.evaluate(
@@ -220,7 +207,7 @@ def test_the_page_unpacks_what_was_packed(open_page, served, content):
 
 
 def test_a_demonstration_that_cannot_be_had_is_said_on_the_page(open_page, served, content):
-    page = open_page(served, expect_errors=True)
+    page = open_page(served.url, expect_errors=True)
     page.wait_for_selector(READY)
     page.route("**/demonstration?*", lambda route: route.abort())
     page.select_option("#demonstration", str((content.first + 1) % len(content.names)))
@@ -229,7 +216,7 @@ def test_a_demonstration_that_cannot_be_had_is_said_on_the_page(open_page, serve
 
 
 def test_triangles_are_filled_where_the_camera_sees_them(open_page, served):
-    page = open_page(served)
+    page = open_page(served.url)
     page.wait_for_selector(READY)
     found = page.evaluate(
         """async () => {

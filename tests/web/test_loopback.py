@@ -1,7 +1,10 @@
 import http.client
 import socket
+import threading
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
+from web_session import enter, session
 
 from besman.exceptions import SegmentationError, WebError
 from besman.web.loopback import POLICY, Answer, LoopbackServer, find_assets, json_answer
@@ -40,12 +43,12 @@ def server(folder):
     server.stop()
 
 
-def ask(server, method, name, body=None, token=None, **headers):
+def ask(server, method, name, body=None, place=None, **headers):
     """Ask as a browser would, with the path as it stands."""
     connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=5)
-    token = server.url.split("/")[3] if token is None else token
-    headers = {key.replace("_", "-"): value for key, value in headers.items()}
-    connection.request(method, f"/{token}/{name}", body, headers)
+    own, cookie = session(server)
+    headers = {"Cookie": cookie} | {k.replace("_", "-"): v for k, v in headers.items()}
+    connection.request(method, f"{own if place is None else place}{name}", body, headers)
     answer = connection.getresponse()
     return answer, answer.read().decode()
 
@@ -71,12 +74,103 @@ def test_only_loopback_is_bound(server):
         pass
 
 
-@pytest.mark.parametrize("token", ["", "wrong", "x" * 32])
-def test_request_without_token_is_refused(server, token):
+@pytest.mark.parametrize("place", ["/", "/wrong/", f"/{'x' * 32}/"])
+def test_request_without_token_is_refused(server, place):
     for method, name in (("GET", ""), ("GET", "data"), ("POST", "echo")):
-        answer, body = ask(server, method, name, token=token)
+        answer, body = ask(server, method, name, place=place)
         assert answer.status == 403
         assert "lacks its token" in body
+
+
+@pytest.mark.parametrize("cookie", ["", "besman=", "besman=x", "other=1", "besman", "=;", "\xe9=1"])
+def test_request_without_the_cookie_is_refused(server, cookie):
+    for method, name in (("GET", ""), ("GET", "data"), ("POST", "echo")):
+        assert ask(server, method, name, Cookie=cookie)[0].status == 403
+
+
+def test_an_address_opens_the_page_once_for_a_cookie_that_no_script_and_no_other_site_gets(server):
+    url = server.url
+    place, cookie = enter(url)
+    path = f"/{url.split('/')[3]}/"
+    for _ in range(2):
+        answer, body = ask(server, "GET", "", place=path)
+        assert answer.status == 403
+        assert "was used already: each opens the page once" in body
+    assert cookie.partition("=")[2] not in url
+    assert server.url != url
+    answer, _ = ask(server, "GET", "", place=f"/{server.url.split('/')[3]}/")
+    assert answer.headers["Set-Cookie"] == f"{cookie}; Path={place}; HttpOnly; SameSite=Strict"
+    # A token opens the page and nothing else.
+    answer, _ = ask(server, "GET", "data", place=f"/{server.url.split('/')[3]}/", Cookie="")
+    assert answer.status == 403
+
+
+def test_two_who_come_with_one_address_do_not_both_get_in(server):
+    path = f"/{server.url.split('/')[3]}/"
+    with ThreadPoolExecutor(16) as threads:
+        asked = [threads.submit(ask, server, "GET", "", None, path) for _ in range(16)]
+        status = sorted(one.result()[0].status for one in asked)
+    assert status == [303] + 15 * [403]
+
+
+@pytest.mark.parametrize("address", ["http://[/", "http://[x/data"])
+def test_an_address_that_is_none_is_refused_with_words(server, address):
+    # As no client of a library would send it.
+    with socket.create_connection(("127.0.0.1", server.port), timeout=5) as raw:
+        raw.sendall(f"GET {address} HTTP/1.1\r\nHost: 127.0.0.1:{server.port}\r\n\r\n".encode())
+        answer = raw.makefile().read()
+    assert answer.startswith("HTTP/1.1 400")
+    assert "is no address" in answer
+
+
+@pytest.mark.parametrize("body", ["[" * 30 + "]" * 30, '"\\ud83d\\ude00"'])
+def test_a_body_that_is_plain_json_is_taken(server, body):
+    kind = {"Content_Type": "application/json"}
+    assert ask(server, "POST", "echo", body, **kind)[0].status == 200
+
+
+@pytest.mark.parametrize("body", ["[" * 64, '"\\ud800"', "1" * 30, "NaN", "{"])
+def test_a_body_that_is_no_plain_json_is_refused_with_words(server, body):
+    kind = {"Content_Type": "application/json"}
+    answer, said = ask(server, "POST", "echo", body, **kind)
+    assert answer.status == 422
+    assert "is not JSON" in said
+
+
+def test_many_requests_at_a_time_are_all_answered(server):
+    with ThreadPoolExecutor(100) as threads:
+        asked = [threads.submit(ask, server, "GET", "data") for _ in range(200)]
+        assert {one.result()[0].status for one in asked} == {200}
+
+
+def test_who_keeps_connections_open_and_says_nothing_is_cut_off_for_others(server):
+    silent = [socket.create_connection(("127.0.0.1", server.port)) for _ in range(40)]
+    try:
+        assert ask(server, "GET", "data")[0].status == 200
+        assert threading.active_count() < 60
+    finally:
+        for one in silent:
+            one.close()
+
+
+def test_a_request_that_drips_in_is_cut_off(server):
+    server._server.reading_s = 0.3
+    with socket.create_connection(("127.0.0.1", server.port), timeout=5) as slow:
+        slow.sendall(b"GET / HTTP/1.1\r\n")
+        got = b"..."
+        for _ in range(100):
+            try:
+                slow.sendall(b"X")
+            except ConnectionError:
+                break
+            slow.settimeout(0.05)
+            try:
+                got = slow.recv(100)
+                break
+            except TimeoutError:
+                continue
+    assert got == b"" or not got.startswith(b"HTTP")
+    assert ask(server, "GET", "data")[0].status == 200
 
 
 @pytest.mark.parametrize("host", ["evil.example", "evil.example:{port}", "127.0.0.1", ""])

@@ -1,5 +1,6 @@
 // The panel at the side: what is selected, labels, layers, lists. Texts of users are only ever text.
 
+import { sayOfNew } from "./labels.js";
 import { labelColor, layerName } from "./lanes.js";
 import { clock } from "./plot.js";
 
@@ -71,12 +72,14 @@ export class Panel {
     input.placeholder = "another label (L)";
     input.blur();
     if (!label) return;
+    const news = sayOfNew(label, this.app.labels);
     if (done) {
       this.app.useLabel(label);
       done(label);
     } else {
       this.app.actions.applyLabel(label);
     }
+    if (news) this.app.say(news);
   }
 
   draw() {

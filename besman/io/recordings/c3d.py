@@ -15,6 +15,7 @@ from besman.io.atomic_files import written_aside
 from besman.io.recordings.c3d_layout import MAX_FRAMES, C3dSections, read_sections
 from besman.io.recordings.format import Units
 from besman.records import FloatArray, Recording
+from besman.records.recordings import RATES_HZ
 
 _UNIT_M = {
     "mm": 1e-3,
@@ -35,7 +36,7 @@ _NO_POSITIONS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS")
 _UNNAMED = re.compile(r"\*\d*")
 
 
-def read_c3d(path: Path, units: Units | None = None) -> Recording:
+def read_c3d(path: Path, units: Units | None = None, partial: bool = False) -> Recording:
     """Read the points of a C3D file.
 
     A gap is a point with residual -1 or with coordinates that are no numbers. Unnamed points
@@ -49,6 +50,8 @@ def read_c3d(path: Path, units: Units | None = None) -> Recording:
         The file.
     units : "m" or "mm", optional
         What the coordinates are in, for a file that does not say so.
+    partial : bool
+        Take the whole frames of a file that was cut.
 
     Returns
     -------
@@ -72,7 +75,7 @@ def read_c3d(path: Path, units: Units | None = None) -> Recording:
         raise RecordingError(f"{path}: no such file") from None
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read: {error.strerror}") from None
-    sections = read_sections(content, path)
+    sections = read_sections(content, path, partial)
     coordinates, residuals = sections.points[..., :3], sections.points[..., 3]
     gaps = (residuals < 0) | ~np.isfinite(coordinates).all(axis=2)
     positions = np.where(gaps[..., None], np.nan, coordinates)
@@ -186,10 +189,14 @@ def _read_rate(sections: C3dSections, path: Path) -> float:
     """Return frames per second."""
     values = sections.parameters.get("POINT:RATE") or [sections.rate_hz]
     # The shortest number that means the same in the file's single precision.
-    rate_hz = float(str(np.float32(values[0]))) if isinstance(values[0], float) else float("nan")
-    if not (np.isfinite(rate_hz) and rate_hz > 0):
-        raise RecordingError(f"{path}: POINT:RATE is {values[0]!r}; expected frames per second")
-    return rate_hz
+    rate = values[0] if isinstance(values[0], float) else float("nan")
+    slowest, fastest = RATES_HZ
+    if not slowest <= rate <= fastest:
+        raise RecordingError(
+            f"{path}: POINT:RATE is {values[0]!r:.60}; expected frames per second, {slowest:g} to "
+            f"{fastest:g}"
+        )
+    return float(str(np.float32(rate)))
 
 
 def _read_scale(

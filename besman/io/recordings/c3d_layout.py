@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 import struct
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -18,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from besman.exceptions import RecordingError
+from besman.exceptions import RecordingError, RecordingWarning
 
 MAX_FRAMES = 65_535
 _BLOCK = 512
@@ -60,7 +61,7 @@ class _Entry(NamedTuple):
     next_at: int
 
 
-def read_sections(content: bytes, path: Path) -> C3dSections:
+def read_sections(content: bytes, path: Path, partial: bool = False) -> C3dSections:
     """Take a C3D file apart.
 
     Parameters
@@ -69,6 +70,8 @@ def read_sections(content: bytes, path: Path) -> C3dSections:
         The whole file.
     path : Path
         Named in errors.
+    partial : bool
+        Take the whole frames of a file that was cut.
 
     Returns
     -------
@@ -93,7 +96,7 @@ def read_sections(content: bytes, path: Path) -> C3dSections:
             f"{path}: byte order {processor} is unknown; expected 84 (Intel), 85 (DEC), 86 (MIPS)"
         )
     parameters = _read_parameters(content, start + 4, processor, path)
-    points, rate_hz, first_frame = _read_points(content, processor, path)
+    points, rate_hz, first_frame = _read_points(content, processor, path, partial)
     declared = parameters.get("POINT:USED", [points.shape[1]])
     if declared != [points.shape[1]]:
         raise RecordingError(
@@ -104,7 +107,7 @@ def read_sections(content: bytes, path: Path) -> C3dSections:
 
 
 def _read_points(
-    content: bytes, processor: int, path: Path
+    content: bytes, processor: int, path: Path, partial: bool
 ) -> tuple[npt.NDArray[np.float64], float, int]:
     """Return the points, shape (T, M, 4), frames per second and the first frame's number."""
     order = ">" if processor == _MIPS else "<"
@@ -122,8 +125,7 @@ def _read_points(
         raise RecordingError(f"{path}: the scale in the header is {scale:g}; is the file damaged?")
     width = 4 * n_points + n_analog
     size = 4 if scale < 0 else 2
-    _check_length(len(content), data_block, width * size, (first, last), path)
-    n_frames = last - first + 1
+    n_frames = _check_length(len(content), data_block, width * size, (first, last), path, partial)
     at = (data_block - 1) * _BLOCK
     data = content[at : at + n_frames * width * size]
     if scale < 0:
@@ -137,17 +139,25 @@ def _read_points(
 
 
 def _check_length(
-    n_bytes: int, data_block: int, frame_bytes: int, frames: tuple[int, int], path: Path
-) -> None:
-    """Refuse a file that holds fewer frames than it says, or more than it can say."""
+    n_bytes: int,
+    data_block: int,
+    frame_bytes: int,
+    frames: tuple[int, int],
+    path: Path,
+    partial: bool,
+) -> int:
+    """Return how many frames there are; refuse fewer than the file says, or more than it can."""
     first, last = frames
     n_frames = last - first + 1
     room = n_bytes - (data_block - 1) * _BLOCK
-    if data_block < 2 or room < n_frames * frame_bytes:
-        raise RecordingError(
-            f"{path}: the file ends after {max(0, room) // frame_bytes} of {n_frames} frames; "
-            "is it cut?"
-        )
+    n_there = max(0, room) // frame_bytes
+    if data_block < 2 or n_there < n_frames:
+        what = f"the file ends after {n_there} of {n_frames} frames"
+        if not partial or data_block < 2 or n_there == 0:
+            take = " --partial takes what is there" if n_there else ""
+            raise RecordingError(f"{path}: {what}; is it cut?{take}")
+        warnings.warn(f"{path.name}: {what}", RecordingWarning, stacklevel=7)
+        return n_there
     excess = room - n_frames * frame_bytes
     wrapped = excess >= (MAX_FRAMES + 1) * frame_bytes
     if wrapped or (last == MAX_FRAMES and excess >= frame_bytes + _BLOCK):
@@ -155,6 +165,7 @@ def _check_length(
             f"{path}: got about {room // frame_bytes} frames; C3D counts up to {MAX_FRAMES}, "
             "so the frames cannot be told apart: export parts, or TSV"
         )
+    return n_frames
 
 
 def _read_parameters(content: bytes, at: int, processor: int, path: Path) -> dict[str, Values]:
@@ -220,6 +231,12 @@ def _decode(data: bytes, kind: int, sides: list[int], processor: int) -> Values:
 
 def _floats(data: bytes, processor: int) -> npt.NDArray[np.float64]:
     """Decode single precision numbers of one of three processors."""
+    # Bytes that are no number, as text in their place, may be NaN of the kind that signals.
+    with np.errstate(invalid="ignore"):
+        return _decode_floats(data, processor)
+
+
+def _decode_floats(data: bytes, processor: int) -> npt.NDArray[np.float64]:
     if processor == _DEC:
         # The halves are swapped and the exponent counts from two more.
         halves = np.frombuffer(data, "<u2").reshape(-1, 2)[:, ::-1]

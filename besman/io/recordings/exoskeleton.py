@@ -13,9 +13,19 @@ import numpy as np
 
 from besman.config.resources import find_resource
 from besman.exceptions import ConfigError, RecordingError, nearest
+from besman.foreign.names import fault_of_name
+from besman.foreign.numbers import has_odd_digits
+from besman.foreign.paths import is_file
 from besman.geometry.frames import rotation_to_quaternion
 from besman.io.atomic_files import written_aside
+from besman.io.recordings.exoskeleton_kinematics import (
+    frame_id,
+    link_poses,
+    load_exoskeleton_model,
+)
+from besman.io.recordings.sense import check_rate
 from besman.records import FloatArray, Recording
+from besman.records.recordings import GREATEST_FRAME
 
 _TIME = "time_s"
 _UNITS = {"_rad": 1.0, "_deg": np.pi / 180.0}
@@ -23,9 +33,14 @@ _BODY = re.compile(r"(?:(?:left|right)_)?(?:shoulder|elbow|wrist)")
 _EXAMPLE = "'# frames: shoulder=LINK elbow=LINK wrist=LINK'"
 # A step may deviate this much from the usual one; beyond it samples were lost.
 _STEP_TOLERANCE = 0.5
+# No joint turns farther, in rad, or slides, in m.
+_GREATEST_ANGLE = 1000.0
+# Rows above the last one that it is compared with.
+_ROWS_ABOVE = 100
+_ROTATION_TOLERANCE = 1e-6
 
 
-def read_joint_log(path: Path) -> Recording:
+def read_joint_log(path: Path, partial: bool = False) -> Recording:
     """Read a joint log and compute where shoulder, elbow and wrist were.
 
     Two comments head the file: ``# urdf: NAME``, a file beside it or the name of one of
@@ -37,6 +52,8 @@ def read_joint_log(path: Path) -> Recording:
     ----------
     path : Path
         The file.
+    partial : bool
+        Take the rows before the last one of a file that was cut.
 
     Returns
     -------
@@ -47,17 +64,27 @@ def read_joint_log(path: Path) -> Recording:
     Raises
     ------
     RecordingError
-        If the file is missing or cut, its times do not rise evenly, or a joint or link is not
-        in the URDF or not in the log.
+        If the file is missing or cut, its times do not rise evenly, a joint or link is not in the
+        URDF or not in the log, or a joint's value is none.
     """
-    lines = _read_lines(path)
+    lines, is_ended = _read_lines(path)
     comments, columns, data_line = _read_head(lines, path)
     bodies = _read_bodies(comments, path)
     model = load_exoskeleton_model(_find_urdf(comments, path), path)
+    if not is_ended and _is_cut(lines[data_line:], columns):
+        is_short = lines[-1].count(",") < len(columns) - 1
+        if partial:
+            lines.pop()
+        elif not is_short:
+            raise RecordingError(
+                f"{path}:{len(lines)}: the line ends before those above it do; is the file cut? "
+                "--partial takes what is there"
+            )
     values = _read_table(lines[data_line:], columns, data_line, path)
     rate_hz = _read_rate(values[:, 0], data_line, path)
-    angles = _assign_joints(columns[1:], values[:, 1:], model, bodies, path)
+    angles = _assign_joints(columns[1:], values[:, 1:], model, bodies, (path, data_line))
     rotations, origins = link_poses(model, angles, tuple(bodies.values()))
+    _check_rotations(rotations, tuple(bodies), (path, data_line))
     return Recording(
         time=values[:, 0],
         positions=origins,
@@ -76,7 +103,7 @@ def find_log_files(path: Path) -> tuple[Path, ...]:
     RecordingError
         If the log cannot be read, or names no URDF that is there.
     """
-    return (_find_urdf(_read_head(_read_lines(path), path)[0], path),)
+    return (_find_urdf(_read_head(_read_lines(path)[0], path)[0], path),)
 
 
 def write_joint_log(
@@ -115,108 +142,26 @@ def write_joint_log(
         np.savetxt(file, table, fmt="%.6f", delimiter=",")
 
 
-def load_exoskeleton_model(urdf: Path, path: Path) -> Any:
-    """Read the kinematics of a URDF into a Pinocchio model.
-
-    Raises
-    ------
-    RecordingError
-        If it is no URDF; the message names the log `path` too.
-    """
-    import pinocchio
-
-    try:
-        text = urdf.read_text(encoding="utf-8")
-        if "<!DOCTYPE" in text or "<!ENTITY" in text:
-            raise ValueError("it declares a document type or entities")
-        return pinocchio.buildModelFromXML(text)
-    except (OSError, UnicodeDecodeError, ValueError, RuntimeError) as error:
-        reason = " ".join(str(error).split())
-        raise RecordingError(f"{path}: {urdf.name} is not a usable URDF: {reason}") from None
-
-
-def link_poses(
-    model: Any, angles: Mapping[str, FloatArray], links: Sequence[str]
-) -> tuple[FloatArray, FloatArray]:
-    """Compute the poses of links for many samples at once.
-
-    Parameters
-    ----------
-    model : pinocchio.Model
-        The kinematics.
-    angles : mapping of str to array, shape (T,)
-        Angle (rad) or offset (m) of every joint that moves one of the links.
-    links : sequence of str, length M
-
-    Returns
-    -------
-    rotations : array, shape (T, M, 3, 3)
-        link2root.
-    origins : array, shape (T, M, 3)
-        Metres in the frame of the root.
-    """
-    n_samples = len(next(iter(angles.values())))
-    poses = {0: (np.broadcast_to(np.eye(3), (n_samples, 3, 3)), np.zeros((n_samples, 3)))}
-
-    def pose(joint: int) -> tuple[FloatArray, FloatArray]:
-        if joint not in poses:
-            placement = model.jointPlacements[joint]
-            rotation, origin = _follow(pose(int(model.parents[joint])), placement)
-            moved, turned = _move(model.joints[joint], angles[model.names[joint]])
-            origin = origin + np.einsum("tij,tj->ti", rotation, moved)
-            poses[joint] = (rotation @ turned, origin)
-        return poses[joint]
-
-    found = []
-    for link in links:
-        frame = model.frames[_frame_id(model, link)]
-        found.append(_follow(pose(int(frame.parentJoint)), frame.placement))
-    return (
-        np.stack([rotation for rotation, _ in found], axis=1),
-        np.stack([origin for _, origin in found], axis=1),
-    )
-
-
-def _follow(parent: tuple[FloatArray, FloatArray], placement: Any) -> tuple[FloatArray, FloatArray]:
-    """Go on from a moving frame by a fixed placement."""
-    rotation, origin = parent
-    return rotation @ placement.rotation, origin + rotation @ placement.translation
-
-
-def _move(joint: Any, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the shift, shape (T, 3), and rotation, shape (T, 3, 3), of a joint of one axis."""
-    from scipy.spatial.transform import Rotation
-
-    linear, angular = _axis(joint)
-    return values[:, None] * linear, Rotation.from_rotvec(values[:, None] * angular).as_matrix()
-
-
-def _axis(joint: Any) -> tuple[FloatArray, FloatArray]:
-    """Return the directions in which a joint shifts and turns."""
-    data = joint.createData()
-    # An endless joint is stored as cosine and sine.
-    neutral = np.eye(joint.nq)[0] if joint.nq == 2 else np.zeros(joint.nq)
-    joint.calc(data, neutral, np.zeros(joint.nv))
-    axis = np.asarray(data.S, dtype=np.float64).reshape(6)
-    return axis[:3], axis[3:]
-
-
-def _frame_id(model: Any, link: str) -> int:
-    """Return the index of a link among the frames."""
-    import pinocchio
-
-    return int(model.getFrameId(link, pinocchio.FrameType.BODY))
-
-
-def _read_lines(path: Path) -> list[str]:
-    """Read a text file into lines."""
+def _read_lines(path: Path) -> tuple[list[str], bool]:
+    """Return the lines of a text file, and whether the last one ended."""
     try:
         text = path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
         raise RecordingError(f"{path}: no such file") from None
     except (OSError, UnicodeDecodeError) as error:
         raise RecordingError(f"{path}: cannot be read as text: {error}") from None
-    return text.rstrip().split("\n") if text.strip() else []
+    return text.rstrip().split("\n") if text.strip() else [], text.endswith("\n")
+
+
+def _is_cut(rows: list[str], columns: list[str]) -> bool:
+    """Tell whether the last row has fewer cells or digits than all rows before it."""
+    if len(rows) < 3:
+        return False
+    before, last = (
+        [len(row.rpartition(",")[2].partition(".")[2]) for row in part]
+        for part in (rows[-_ROWS_ABOVE:-1], rows[-1:])
+    )
+    return rows[-1].count(",") < len(columns) - 1 or last[0] < min(before)
 
 
 def _read_head(lines: list[str], path: Path) -> tuple[dict[str, str], list[str], int]:
@@ -263,11 +208,14 @@ def _find_urdf(comments: dict[str, str], path: Path) -> Path:
             return find_resource("configs/exoskeleton", name, ".urdf")
         except ConfigError as error:
             raise RecordingError(f"{path}: # urdf: {error}") from None
+    fault = fault_of_name(name)
+    if fault is not None:
+        raise RecordingError(f"{path}: # urdf: the name {name!r:.60} {fault}")
     folder = path.parent.resolve()
     urdf = (folder / name).resolve()
     if not urdf.is_relative_to(folder):
         raise RecordingError(f"{path}: # urdf: {name!r} lies outside the folder of the log")
-    if not urdf.is_file():
+    if not is_file(urdf):
         raise RecordingError(f"{path}: # urdf: no file {name!r} in the folder of the log")
     return urdf
 
@@ -281,7 +229,7 @@ def _read_table(rows: list[str], columns: list[str], data_line: int, path: Path)
         cells = line.split(",")
         try:
             table[row] = np.array(cells, dtype=np.float64)
-            usable = bool(np.isfinite(table[row]).all())
+            usable = bool(np.isfinite(table[row]).all()) and not has_odd_digits(line)
         except ValueError:
             usable = False
         if not usable:
@@ -307,13 +255,24 @@ def _read_rate(time: FloatArray, data_line: int, path: Path) -> float:
             f"{path}:{data_line + row + 1}: time is {time[row]:g} s after {time[row - 1]:g} s; "
             "expected times that rise evenly"
         )
-    return float(np.round((len(time) - 1) / (time[-1] - time[0]), 3))
+    if np.abs(time).max() > GREATEST_FRAME:
+        raise RecordingError(
+            f"{path}: times up to {time[-1]:g} s; expected up to {GREATEST_FRAME:.0e}"
+        )
+    rate_hz = float(np.round(1.0 / np.mean(steps), 3))
+    check_rate(rate_hz, f"{path}: {_TIME}")
+    return rate_hz
 
 
 def _assign_joints(
-    columns: list[str], values: FloatArray, model: Any, bodies: dict[str, str], path: Path
+    columns: list[str],
+    values: FloatArray,
+    model: Any,
+    bodies: dict[str, str],
+    place: tuple[Path, int],
 ) -> dict[str, FloatArray]:
     """Return the values of every joint by its name, in rad or m."""
+    path, data_line = place
     joints = list(model.names)[1:]
     angles: dict[str, FloatArray] = {}
     for column, series in zip(columns, values.T, strict=True):
@@ -328,8 +287,28 @@ def _assign_joints(
         if name in angles:
             raise RecordingError(f"{path}: two columns for joint {name!r}; expected one")
         angles[name] = series * factor
+        wrong = np.flatnonzero(np.abs(angles[name]) > _GREATEST_ANGLE)
+        if wrong.size:
+            row = int(wrong[0])
+            raise RecordingError(
+                f"{path}:{data_line + row + 1}: joint {name!r}: got {series[row]:g}; expected at "
+                f"most {_GREATEST_ANGLE:g} rad (or m)"
+            )
     _check_links(model, bodies, angles, path)
     return angles
+
+
+def _check_rotations(rotations: FloatArray, bodies: Sequence[str], place: tuple[Path, int]) -> None:
+    """Refuse rotations (T, M, 3, 3) that are none: joints of a URDF may have axes that are none."""
+    path, data_line = place
+    apart = np.abs(rotations @ np.swapaxes(rotations, -1, -2) - np.eye(3)).max(axis=(2, 3))
+    wrong = np.argwhere(~(apart <= _ROTATION_TOLERANCE))
+    if wrong.size:
+        row, column = (int(index) for index in wrong[0])
+        raise RecordingError(
+            f"{path}:{data_line + row + 1}: {bodies[column]}: the joints of the URDF and their "
+            "values give no rotation; are the joints' axes and angles right?"
+        )
 
 
 def _check_links(
@@ -344,7 +323,7 @@ def _check_links(
             raise RecordingError(
                 f"{path}: # frames: {body}={link}: no such link in the URDF; {nearest(link, links)}"
             )
-        for joint in model.supports[model.frames[_frame_id(model, link)].parentJoint]:
+        for joint in model.supports[model.frames[frame_id(model, link)].parentJoint]:
             if joint == 0:
                 continue
             name = model.names[joint]

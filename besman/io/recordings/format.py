@@ -47,6 +47,8 @@ class Format:
         Takes a path and returns the further files that a recording is read with.
     takes_units : bool
         Whether a file may leave open what its coordinates are in.
+    takes_partial : bool
+        Whether the reader can take what is there of a file that was cut: a keyword ``partial``.
     """
 
     name: str
@@ -57,6 +59,7 @@ class Format:
     writer: str | None = None
     companions: str | None = None
     takes_units: bool = False
+    takes_partial: bool = False
 
     @property
     def own_suffixes(self) -> tuple[str, ...]:
@@ -68,10 +71,21 @@ class Format:
         """The endings for a table, and whether such files are written too."""
         return ", ".join(self.suffixes) + (" (written too)" if self.writer else "")
 
-    def read(self, path: Path, units: Units | None = None) -> Recording:
-        """Read a file; `units` is what its coordinates are in, if it does not say so itself."""
-        arguments = (path, units) if self.takes_units else (path,)
-        recording: Recording = _function(self.reader)(*arguments)
+    def read(self, path: Path, units: Units | None = None, partial: bool = False) -> Recording:
+        """Read a file.
+
+        Parameters
+        ----------
+        path : Path
+        units : "m" or "mm", optional
+            What its coordinates are in, if it does not say so itself.
+        partial : bool
+            Take what is there of a file that was cut.
+        """
+        options: dict[str, Any] = {"units": units} if self.takes_units else {}
+        if self.takes_partial:
+            options["partial"] = partial
+        recording: Recording = _function(self.reader)(path, **options)
         return recording
 
     def write(self, recording: Recording, path: Path) -> None:

@@ -7,7 +7,9 @@ texts, the page *My recording* and the tests go through the table; nothing else 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,8 +20,6 @@ if TYPE_CHECKING:
     from besman.records import LabelledRecording, Recording
 
 _HEAD_BYTES = 16_384
-# No capture volume is that large, but metres that are millimetres look like it.
-_FARTHEST_M = 100.0
 
 
 def _is_c3d(head: bytes) -> bool:
@@ -36,6 +36,7 @@ FORMATS = (
         "qtm_tsv:read_tsv",
         "Qualisys Track Manager, old and new header",
         writer="qtm_tsv:write_tsv",
+        takes_partial=True,
     ),
     Format(
         "C3D",
@@ -45,6 +46,7 @@ FORMATS = (
         "any camera system; units in mm or m, gaps by their residual",
         writer="c3d:write_c3d",
         takes_units=True,
+        takes_partial=True,
     ),
     Format(
         "Xsens MVNX",
@@ -52,6 +54,7 @@ FORMATS = (
         text_begins(rb"<.*mvnx"),
         "mvnx:read_mvnx",
         "Xsens MVN: a suit with segments",
+        takes_partial=True,
     ),
     Format(
         "joint log (CSV with '# urdf' and '# frames')",
@@ -60,6 +63,7 @@ FORMATS = (
         "exoskeleton:read_joint_log",
         "an exoskeleton; its URDF beside it, or the name of one of configs/exoskeleton",
         companions="exoskeleton:find_log_files",
+        takes_partial=True,
     ),
 )
 """All formats there are."""
@@ -72,7 +76,28 @@ WRITTEN_SUFFIXES = tuple(entry.suffixes[0] for entry in FORMATS if entry.writer)
 """Endings of the files that can be written."""
 
 
-def read_recording(path: Path, units: Units | None = None) -> Recording:
+_TAKES_PARTIAL: ContextVar[bool] = ContextVar("takes_partial", default=False)
+
+
+@contextmanager
+def taking_partial_files(partial: bool = True) -> Iterator[None]:
+    """Let `read_recording` take what is there of files that were cut, within a block of code.
+
+    Parameters
+    ----------
+    partial : bool
+        Whether it does; for whoever reads recordings through other functions, as commands do.
+    """
+    before = _TAKES_PARTIAL.set(partial)
+    try:
+        yield
+    finally:
+        _TAKES_PARTIAL.reset(before)
+
+
+def read_recording(
+    path: Path, units: Units | None = None, partial: bool | None = None
+) -> Recording:
     """Read one recording; its content tells the format, whatever the file's ending.
 
     Parameters
@@ -81,6 +106,9 @@ def read_recording(path: Path, units: Units | None = None) -> Recording:
         Of one of `FORMATS`.
     units : "m" or "mm", optional
         What the coordinates are in, if the file does not say so itself, as a C3D file may.
+    partial : bool, optional
+        Take what is there of a file that was cut in transfer, with a warning; if not given, what
+        `taking_partial_files` says, by default not.
 
     Returns
     -------
@@ -91,8 +119,14 @@ def read_recording(path: Path, units: Units | None = None) -> Recording:
     ------
     RecordingError
         If the file cannot be used; the message names file and line or frame.
+
+    Warns
+    -----
+    RecordingWarning
+        If samples that no body makes became gaps, and for what else was concluded: see
+        `besman.io.recordings.sense.check_recording` and the format's reader.
     """
-    import numpy as np
+    from besman.io.recordings.sense import check_recording
 
     head = _read_head(path)
     found = recognise(head)
@@ -100,16 +134,9 @@ def read_recording(path: Path, units: Units | None = None) -> Recording:
         if not head.strip():
             raise RecordingError(f"{path}: the file is empty; expected {KNOWN_FORMATS}")
         raise RecordingError(f"{path}: a format that is not known; expected {KNOWN_FORMATS}")
-    recording = found.read(path, units)
-    if len(recording.time) < 2:
-        raise RecordingError(f"{path}: a recording of one frame; expected at least two")
-    distances = np.abs(recording.positions[np.isfinite(recording.positions)])
-    if 2 * np.count_nonzero(distances > _FARTHEST_M) > distances.size:
-        raise RecordingError(
-            f"{path}: half of all coordinates are beyond {_FARTHEST_M:g} m (median "
-            f"{np.median(distances):.4g} m); are the units of the file right?"
-        )
-    return recording
+    if partial is None:
+        partial = _TAKES_PARTIAL.get()
+    return check_recording(found.read(path, units, partial), path)
 
 
 def find_companions(path: Path) -> tuple[Path, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import NoReturn
 from xml.parsers import expat
@@ -9,22 +10,33 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from besman.exceptions import RecordingError
+from besman.exceptions import RecordingError, RecordingWarning
+from besman.foreign.numbers import has_odd_digits, parse_number, parse_whole_number
 from besman.io.atomic_files import write_text
 from besman.records import FloatArray, Recording
+from besman.records.recordings import GREATEST_FRAME, RATES_HZ
 
 # Frames of these types show calibration poses, not the recording.
 _RECORDED = "normal"
 _VALUES = {"position": 3, "orientation": 4}
+# What is wrong with XML that ends too early.
+_CUT = {
+    expat.errors.XML_ERROR_NO_ELEMENTS,
+    expat.errors.XML_ERROR_UNCLOSED_TOKEN,
+    expat.errors.XML_ERROR_PARTIAL_CHAR,
+    expat.errors.XML_ERROR_UNCLOSED_CDATA_SECTION,
+}
 
 
-def read_mvnx(path: Path) -> Recording:
+def read_mvnx(path: Path, partial: bool = False) -> Recording:
     """Read the segments of an MVNX file.
 
     Parameters
     ----------
     path : Path
         The file.
+    partial : bool
+        Take the whole frames of a file that was cut.
 
     Returns
     -------
@@ -45,7 +57,7 @@ def read_mvnx(path: Path) -> Recording:
         raise RecordingError(f"{path}: no such file") from None
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read: {error.strerror}") from None
-    return _Parser(path).parse(content)
+    return _Parser(path).parse(content, partial)
 
 
 def write_mvnx(recording: Recording, path: Path) -> None:
@@ -127,15 +139,22 @@ class _Parser:
         self.xml.EndElementHandler = self._end
         self.xml.CharacterDataHandler = self._collect
 
-    def parse(self, content: bytes) -> Recording:
-        """Read the whole file."""
+    def parse(self, content: bytes, partial: bool) -> Recording:
+        """Read the whole file; of one that was cut, if that will do, the frames before."""
         try:
             self.xml.Parse(content, True)
         except expat.ExpatError as error:
-            raise RecordingError(
-                f"{self.path}:{error.lineno}: not valid XML: {expat.errors.messages[error.code]}; "
-                "is the file cut?"
-            ) from None
+            reason = expat.errors.messages[error.code]
+            what = f"{error.lineno}: not valid XML: {reason}; is the file cut?"
+            can_be_taken = reason in _CUT and bool(self.positions)
+            if not (partial and can_be_taken):
+                take = " --partial takes what is there" if can_be_taken else ""
+                raise RecordingError(f"{self.path}:{what}{take}") from None
+            warnings.warn(
+                f"{self.path.name}:{what} Its first {len(self.positions)} frames are taken",
+                RecordingWarning,
+                stacklevel=6,
+            )
         except (ValueError, LookupError) as error:
             raise RecordingError(f"{self.path}: not valid XML: {error}") from None
         rate_hz = self._rate()
@@ -210,21 +229,26 @@ class _Parser:
         last = self.index
         text = attributes.get("index", str(0 if last is None else last + 1))
         try:
-            self.index = int(text)
+            self.index = parse_whole_number(text)
         except ValueError:
-            self._fail(f"frame index is {text!r}; expected a whole number")
+            self.index = -1
+        if not 0 <= self.index <= GREATEST_FRAME:
+            self._fail(
+                f"frame index is {text!r:.60}; expected a whole number from 0 to "
+                f"{GREATEST_FRAME:.0e}"
+            )
         if last is None:
             self.first_index = self.index
         elif self.index != last + 1:
             self._fail(f"frame {self.index} follows frame {last}; expected frames that rise by one")
         if "time" in attributes:
             try:
-                time_ms = float(attributes["time"])
+                time_ms = parse_number(attributes["time"])
             except ValueError:
                 time_ms = float("nan")
             if not (np.isfinite(time_ms) and time_ms > self.time_ms):
                 self._fail(
-                    f"time is {attributes['time']!r} ms after {self.time_ms:g} ms; "
+                    f"time is {attributes['time']!r:.60} ms after {self.time_ms:g} ms; "
                     "expected rising times"
                 )
             self.time_ms = time_ms
@@ -234,6 +258,8 @@ class _Parser:
         try:
             values = np.array(text.split(), dtype=np.float64)
         except ValueError:
+            values = np.array([np.nan])
+        if has_odd_digits(text):
             values = np.array([np.nan])
         expected = _VALUES[tag] * len(self.segments)
         if len(values) != expected or not np.isfinite(values).all():
@@ -265,17 +291,20 @@ class _Parser:
     def _rate(self) -> float:
         """Return frames per second and check the number of segments."""
         text = self.subject.get("frameRate", "")
+        slowest, fastest = RATES_HZ
         try:
-            rate_hz = float(text)
+            rate_hz = parse_number(text)
         except ValueError:
-            rate_hz = float("nan")
-        if not (np.isfinite(rate_hz) and rate_hz > 0):
+            rate_hz = -1.0
+        if not slowest <= rate_hz <= fastest:
             raise RecordingError(
-                f"{self.path}: frameRate of the subject is {text!r}; expected frames per second"
+                f"{self.path}: frameRate of the subject is {text!r:.60}; expected frames per "
+                f"second, {slowest:g} to {fastest:g}"
             )
         declared = self.subject.get("segmentCount", str(len(self.segments)))
         if declared != str(len(self.segments)):
             raise RecordingError(
-                f"{self.path}: got {len(self.segments)} segments, expected segmentCount {declared}"
+                f"{self.path}: got {len(self.segments)} segments, expected segmentCount "
+                f"{declared:.60}"
             )
         return rate_hz

@@ -21,6 +21,8 @@ def parse_cells(
 ) -> int:  # pragma: no cover
     """Parse cells separated by tabs and line ends.
 
+    In one piece: with its loops in functions of their own it is slower.
+
     Parameters
     ----------
     text : uint8 array
@@ -42,10 +44,9 @@ def parse_cells(
             return -1
         while at < n and text[at] == _BLANK:
             at += 1
-        negative = False
-        if at < n and (text[at] == _MINUS or text[at] == _PLUS):
-            negative = text[at] == _MINUS
-            at += 1
+        signed = at < n and (text[at] == _MINUS or text[at] == _PLUS)
+        negative = signed and text[at] == _MINUS
+        at += 1 if signed else 0
         mantissa, digits, after = 0, 0, -1
         while at < n:
             byte = text[at]
@@ -63,7 +64,7 @@ def parse_cells(
         if digits > 0 and places < len(powers):
             value = mantissa / powers[places]
             values[count] = -value if negative else value
-        elif digits > 0 or after >= 0 or negative:
+        elif digits > 0 or after >= 0 or signed:
             return -1
         else:
             length = _skip_word(text, at)

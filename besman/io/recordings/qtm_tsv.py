@@ -3,44 +3,38 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+import warnings
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
-from besman.exceptions import RecordingError
+from besman.exceptions import RecordingError, RecordingWarning
+from besman.foreign.numbers import has_odd_digits, parse_number
 from besman.io.atomic_files import written_aside
+from besman.io.recordings.qtm_header import QtmHeader, read_header
 from besman.records import Recording
+from besman.records.recordings import GREATEST_FRAME, RATES_HZ
 
 FloatArray = npt.NDArray[np.float64]
 
-_KEY = re.compile(r"[A-Z][A-Z_]+")
-# How exports spell a trajectory that nobody has identified.
-_UNIDENTIFIED = re.compile(r"\*\d*|New[ _-]*\d+|(Unidentified|Unlabel+ed)[ _-]*\d*", re.IGNORECASE)
 # Times are rounded in the file; a clock that disagrees more than this runs at another rate.
 _CLOCK_TOLERANCE = 0.05
 _EMPTY_CELL = re.compile(r"\t *(?=\t)")
 _MISSING = re.compile(r"\bnull\b", re.IGNORECASE)
 # Characters from which on compiled code pays, although it has to be loaded.
 _LONG_TEXT = 8_000_000
+# A step of time may deviate this much from the usual one.
+_STEP_TOLERANCE = 0.5
+_DECIMAL = re.compile(r"[+-]?[0-9]*\.[0-9]+")
+# Lines above the last one that it is compared with.
+_ROWS_ABOVE = 100
+_TAKE = "--partial takes what is there"
 # Rows that are formatted at once; bounds the memory of the format string.
 _ROWS_AT_ONCE = 4096
 
 
-@dataclass(frozen=True)
-class _Header:
-    """What stands above the numbers, and where the numbers start."""
-
-    markers: tuple[str | None, ...]
-    rate_hz: float | None
-    frame_column: int | None
-    time_column: int | None
-    n_columns: int
-    data_line: int
-
-
-def read_tsv(path: Path) -> Recording:
+def read_tsv(path: Path, partial: bool = False) -> Recording:
     """Read a Qualisys TSV file.
 
     Markers are known by name, whatever the order of the columns. Gaps (``nan``, ``null`` or empty
@@ -51,6 +45,8 @@ def read_tsv(path: Path) -> Recording:
     ----------
     path : Path
         The file.
+    partial : bool
+        Take what is there of a file that was cut.
 
     Returns
     -------
@@ -61,12 +57,20 @@ def read_tsv(path: Path) -> Recording:
     ------
     RecordingError
         If the file is missing, empty, cut off or contradicts itself; the message names file and
-        line.
+        line. A file is cut if its last line is, or if it begins with frame 1 and has fewer frames
+        than it says: what begins later is a part of a take, of which NO_OF_FRAMES counts all.
+
+    Warns
+    -----
+    RecordingWarning
+        If NO_OF_FRAMES says something else than the lines, or times do not rise evenly.
     """
-    lines = _read_lines(path)
-    header = _read_header(lines, path)
+    lines, is_ended = _read_lines(path)
+    header = read_header(lines, path)
+    _look_for_cut(lines, is_ended, header, path, partial)
     values = _read_numbers(lines, header, path)
     frames = _read_frames(values, header, path)
+    _check_count(frames, header, path, partial)
     rate_hz = _find_rate(values, header, path)
     columns = [
         column
@@ -77,10 +81,7 @@ def read_tsv(path: Path) -> Recording:
     return Recording(
         time=(frames - 1) / rate_hz,
         positions=positions,
-        names=tuple(
-            None if name is None or _UNIDENTIFIED.fullmatch(name) else name
-            for name in header.markers
-        ),
+        names=header.names,
         rate_hz=rate_hz,
         source=path.name,
         first_frame=int(frames[0]),
@@ -132,8 +133,8 @@ def write_tsv(recording: Recording, path: Path) -> None:
             file.write(line * len(block) % tuple(block.ravel().tolist()))
 
 
-def _read_lines(path: Path) -> list[str]:
-    """Read a text file into lines without line ends; blank lines at the end are left out."""
+def _read_lines(path: Path) -> tuple[list[str], bool]:
+    """Return the lines without line ends and blank ones at the end, and whether the last ended."""
     try:
         content = path.read_bytes()
     except FileNotFoundError:
@@ -149,122 +150,59 @@ def _read_lines(path: Path) -> list[str]:
     lines = text.replace("\r\n", "\n").rstrip(" \n").split("\n")
     if not any(line.strip() for line in lines):
         raise RecordingError(f"{path}: the file is empty; expected a Qualisys TSV recording")
-    return lines
+    return lines, text.endswith("\n")
 
 
-def _read_header(lines: list[str], path: Path) -> _Header:
-    """Read the lines above the numbers."""
-    keys: dict[str, list[str]] = {}
-    columns: list[str] | None = None
-    number = 0
-    for number, line in enumerate(lines):
-        cells = [cell.strip() for cell in line.split("\t")]
-        first = cells[0]
-        if _is_column_line(cells):
-            columns = cells[:-1] if cells[-1] == "" else cells
-        elif _KEY.fullmatch(first) and first not in {"NULL", "NAN"}:
-            keys.setdefault(first, cells[1:])
-            if first == "MARKER_NAMES":
-                marker_line = number + 1
-        else:
-            break
+def _look_for_cut(
+    lines: list[str], is_ended: bool, header: QtmHeader, path: Path, partial: bool
+) -> None:
+    """Refuse a last line that was cut, or take it away."""
+    body = lines[header.data_line :]
+    if len(body) < 2:
+        return
+    width, before = header.n_columns, body[-_ROWS_ABOVE:-1]
+    n_tabs = body[-1].count("\t")
+    if n_tabs not in (width, width - 1):
+        reason = f"got {n_tabs + 1} columns, expected {width}"
+    elif not is_ended and _is_shorter(body[-1], before, n_tabs):
+        reason = "the line ends before those above it do"
     else:
-        number += 1
-    if "MARKER_NAMES" not in keys:
-        raise RecordingError(
-            f"{path}: no line MARKER_NAMES before line {number + 1}; "
-            "expected a Qualisys TSV recording of 3D positions"
-        )
-    markers = _read_marker_names(keys, marker_line, path)
-    extra, n_columns = _find_time_columns(columns, lines, number, markers, path)
-    frame_column, time_column = extra
-    rate_hz = _read_rate(keys, path)
-    return _Header(markers, rate_hz, frame_column, time_column, n_columns, number)
+        return
+    if not partial:
+        raise RecordingError(f"{path}:{len(lines)}: {reason}; is the file cut? {_TAKE}")
+    lines.pop()
 
 
-def _is_column_line(cells: list[str]) -> bool:
-    """Tell whether a line names the columns: Frame, Time, and an X, Y, Z of each marker."""
-    if cells[0].lower() in {"frame", "time"}:
+def _is_shorter(line: str, before: list[str], n_tabs: int) -> bool:
+    """Tell whether a line lacks the tab at its end, or digits, that all lines before it have."""
+    if all(row.count("\t") > n_tabs for row in before):
         return True
-    # The columns of an unidentified trajectory are called X, Y, Z and nothing else.
-    return len(cells) > 2 and [f" {cell}"[-2:].upper() for cell in cells[:3]] == [" X", " Y", " Z"]
+    cells = [row.split("\t")[n_tabs].strip() for row in before if row.count("\t") == n_tabs]
+    last = line.split("\t")[-1].strip()
+    if not last:
+        return bool(cells) and all(cells)
+    digits = [len(cell.rpartition(".")[2]) for cell in cells if _DECIMAL.fullmatch(cell)]
+    # A number without a point has lost it, too, where all others have one.
+    return bool(digits) and len(last.partition(".")[2]) < min(digits)
 
 
-def _read_marker_names(keys: dict[str, list[str]], line: int, path: Path) -> tuple[str | None, ...]:
-    """Return the names of the markers; None where the file has none."""
-    names = keys["MARKER_NAMES"]
-    while names and names[-1] == "":
-        names = names[:-1]
-    declared = keys.get("NO_OF_MARKERS", [""])[0]
-    if declared.isdigit():
-        names = names + [""] * (int(declared) - len(names))
-        if len(names) != int(declared):
-            raise RecordingError(
-                f"{path}:{line}: MARKER_NAMES has {len(names)} names, "
-                f"expected NO_OF_MARKERS = {declared}"
-            )
-    if not names:
-        raise RecordingError(f"{path}:{line}: MARKER_NAMES is empty; expected at least one marker")
-    named = [name for name in names if name and not _UNIDENTIFIED.fullmatch(name)]
-    twice = sorted({name for name in named if named.count(name) > 1})
-    if twice:
-        raise RecordingError(
-            f"{path}:{line}: {named.count(twice[0])} markers are named {twice[0]!r}; "
-            "expected each name once"
-        )
-    return tuple(name or None for name in names)
+def _check_count(
+    frames: npt.NDArray[np.int64], header: QtmHeader, path: Path, partial: bool
+) -> None:
+    """Hold the frames against NO_OF_FRAMES, which counts those of the file or of the whole take."""
+    declared, found = header.n_frames, len(frames)
+    if declared is None or declared == found:
+        return
+    says = f"NO_OF_FRAMES is {declared} and {found} frames follow"
+    is_part = header.frame_column is not None and frames[0] > 1
+    if found < declared and is_part and frames[-1] <= declared:
+        return
+    if found < declared and header.frame_column is not None and not (is_part or partial):
+        raise RecordingError(f"{path}: {says}; is the file cut? {_TAKE}")
+    warnings.warn(f"{path.name}: {says}", RecordingWarning, stacklevel=6)
 
 
-def _find_time_columns(
-    columns: list[str] | None,
-    lines: list[str],
-    data_line: int,
-    markers: tuple[str | None, ...],
-    path: Path,
-) -> tuple[tuple[int | None, int | None], int]:
-    """Find the columns of frame and time, and how many columns there are."""
-    n_positions = 3 * len(markers)
-    if columns is not None:
-        lowered = [column.lower() for column in columns[:2]]
-        frame = lowered.index("frame") if "frame" in lowered else None
-        time = lowered.index("time") if "time" in lowered else None
-        n_extra = (frame is not None) + (time is not None)
-        expected = [f"{name or ''} {axis}".strip() for name in markers for axis in "XYZ"]
-        if columns[n_extra:] != expected:
-            raise RecordingError(
-                f"{path}:{data_line}: the columns do not fit MARKER_NAMES: expected {n_positions} "
-                f"({expected[0]!r} to {expected[-1]!r}), got {len(columns) - n_extra}"
-            )
-        return (frame, time), len(columns)
-    if data_line >= len(lines):
-        return (None, None), n_positions
-    n_cells = lines[data_line].count("\t") + 1
-    # A tab at the end may stand for an empty cell or for nothing.
-    possible = {n_cells, n_cells - 1} if lines[data_line].endswith("\t") else {n_cells}
-    for n_extra, found in ((0, (None, None)), (2, (0, 1))):
-        if n_positions + n_extra in possible:
-            return found, n_positions + n_extra
-    raise RecordingError(
-        f"{path}:{data_line + 1}: got {n_cells} columns, expected {n_positions} for "
-        f"{len(markers)} markers, or {n_positions + 2} with frame and time"
-    )
-
-
-def _read_rate(keys: dict[str, list[str]], path: Path) -> float | None:
-    """Return frames per second, None if the clock was an external one."""
-    text = (keys.get("FREQUENCY") or [""])[0]
-    if text.upper() in {"EXT", ""}:
-        return None
-    try:
-        rate_hz = float(text)
-    except ValueError:
-        rate_hz = float("nan")
-    if not (np.isfinite(rate_hz) and rate_hz > 0):
-        raise RecordingError(f"{path}: FREQUENCY is {text!r}; expected frames per second or EXT")
-    return rate_hz
-
-
-def _read_numbers(lines: list[str], header: _Header, path: Path) -> FloatArray:
+def _read_numbers(lines: list[str], header: QtmHeader, path: Path) -> FloatArray:
     """Parse the body, shape (T, columns), in the file's units."""
     body = lines[header.data_line :]
     if not body:
@@ -292,43 +230,47 @@ def _read_numbers(lines: list[str], header: _Header, path: Path) -> FloatArray:
         found = parse_numbers(text, len(body) * width)
         if found is not None:
             return found.reshape(len(body), width)
+    is_odd = has_odd_digits(text)
     text = _MISSING.sub("nan", "\t" + text.replace("\n", "\t\n\t") + "\t")
     cells = _EMPTY_CELL.sub("\tnan", text).replace("\t\n", "").strip("\t").split("\t")
     try:
         values = np.fromiter(map(float, cells), np.float64, len(cells))
     except ValueError:
         values = np.array([np.inf])
-    if np.isinf(values).any():
+    if is_odd or np.isinf(values).any():
         _raise_bad_cell(cells, header, path)
     return values.reshape(len(body), width)
 
 
-def _raise_bad_cell(cells: list[str], header: _Header, path: Path) -> None:
+def _raise_bad_cell(cells: list[str], header: QtmHeader, path: Path) -> None:
     """Name the first cell that is not a number."""
     for index, cell in enumerate(cells):
         try:
-            usable = not np.isinf(float(cell))
+            usable = cell.strip().lower() == "nan" or not np.isinf(parse_number(cell))
         except ValueError:
             usable = False
         if not usable:
             row, column = divmod(index, header.n_columns)
             raise RecordingError(
-                f"{path}:{header.data_line + row + 1}: column {column + 1}: got {cell.strip()!r}, "
-                "expected a number, nan, null or nothing"
+                f"{path}:{header.data_line + row + 1}: column {column + 1}: got "
+                f"{cell.strip()!r:.60}, expected a number, nan, null or nothing"
             )
 
 
-def _read_frames(values: FloatArray, header: _Header, path: Path) -> npt.NDArray[np.int64]:
+def _read_frames(values: FloatArray, header: QtmHeader, path: Path) -> npt.NDArray[np.int64]:
     """Return the frame number of every row; they must count up by one."""
     if header.frame_column is None:
         return np.arange(1, len(values) + 1)
     frames = values[:, header.frame_column]
     line = header.data_line + 1
-    unclear = np.flatnonzero(~(frames == np.round(frames)))
+    unclear = np.flatnonzero(
+        ~((frames == np.round(frames)) & (frames >= 0) & (frames <= GREATEST_FRAME))
+    )
     if unclear.size:
         row = int(unclear[0])
         raise RecordingError(
-            f"{path}:{line + row}: frame is {frames[row]:g}; expected a whole number"
+            f"{path}:{line + row}: frame is {frames[row]:g}; expected a whole number from 0 to "
+            f"{GREATEST_FRAME:.0e}"
         )
     jumps = np.flatnonzero(np.diff(frames) != 1)
     if jumps.size:
@@ -340,7 +282,7 @@ def _read_frames(values: FloatArray, header: _Header, path: Path) -> npt.NDArray
     return frames.astype(np.int64)
 
 
-def _find_rate(values: FloatArray, header: _Header, path: Path) -> float:
+def _find_rate(values: FloatArray, header: QtmHeader, path: Path) -> float:
     """Return the declared rate, or the one that the time column shows."""
     _check_times(values, header, path)
     if header.rate_hz is not None:
@@ -351,11 +293,19 @@ def _find_rate(values: FloatArray, header: _Header, path: Path) -> float:
             "to tell the rate from"
         )
     time = values[:, header.time_column]
-    # Times are rounded in the file, so the whole span tells the rate best.
-    return float(np.round((len(values) - 1) / (time[-1] - time[0]), 3))
+    # Times are rounded in the file, so the whole span tells the rate best, if they rise evenly.
+    steps = np.diff(time)
+    step_s = float(np.median(steps) if _uneven(steps).size else np.mean(steps))
+    slowest, fastest = RATES_HZ
+    if not 1.0 / fastest <= step_s <= 1.0 / slowest:
+        raise RecordingError(
+            f"{path}: FREQUENCY is not a number and the Time column rises by {step_s:g} a frame; "
+            f"expected seconds, at {slowest:g} to {fastest:g} frames per second"
+        )
+    return float(np.round(1.0 / step_s, 3))
 
 
-def _check_times(values: FloatArray, header: _Header, path: Path) -> None:
+def _check_times(values: FloatArray, header: QtmHeader, path: Path) -> None:
     """Refuse times that are missing or do not rise."""
     if header.time_column is None:
         return
@@ -368,10 +318,27 @@ def _check_times(values: FloatArray, header: _Header, path: Path) -> None:
             f"{path}:{header.data_line + row + 1}: time is {time[row]:g} s{before}; "
             "expected rising times"
         )
+    steps = np.diff(time)
     if header.rate_hz is not None and len(time) > 1:
-        shown_hz = (len(time) - 1) / (time[-1] - time[0])
+        shown_hz = 1.0 / np.mean(steps)
         if abs(shown_hz / header.rate_hz - 1.0) > _CLOCK_TOLERANCE:
             raise RecordingError(
                 f"{path}: FREQUENCY is {header.rate_hz:g} but the Time column counts "
                 f"{shown_hz:.4g} frames a second; expected the same"
             )
+    uneven = _uneven(steps)
+    if uneven.size:
+        row = int(uneven[0]) + 1
+        warnings.warn(
+            f"{path.name}: {uneven.size} times do not rise evenly, first in line "
+            f"{header.data_line + row + 1}: {time[row]:g} s after {time[row - 1]:g} s; frames are "
+            "taken for evenly spaced",
+            RecordingWarning,
+            stacklevel=7,
+        )
+
+
+def _uneven(steps: FloatArray) -> npt.NDArray[np.int64]:
+    """Return which steps of time are far from the usual one."""
+    usual = np.median(steps) if len(steps) else 0.0
+    return np.flatnonzero(np.abs(steps - usual) > _STEP_TOLERANCE * usual)

@@ -21,7 +21,11 @@ Rows = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
-class LevelModel(Record, stored_as="besman.hierarchy.actions:LevelModel"):
+class LevelModel(
+    Record,
+    stored_as="besman.hierarchy.actions:LevelModel",
+    finite=("examples", "low", "span"),
+):
     """What was learnt of the actions of one level.
 
     Attributes

@@ -159,26 +159,6 @@ def match_clusters(
     return {int(numbers[row]): str(names[column]) for row, column in zip(*pairs, strict=True)}
 
 
-def match_centres(one: npt.ArrayLike, two: npt.ArrayLike) -> npt.NDArray[np.int64]:
-    """Pair the clusters of two demonstrations, or of two arms, by their centres.
-
-    Parameters
-    ----------
-    one, two : array, shape (K, F) and (L, F)
-        Centres.
-
-    Returns
-    -------
-    int array, shape (min(K, L), 2)
-        Pairs with the least sum of squared distances.
-    """
-    from scipy.optimize import linear_sum_assignment
-    from scipy.spatial.distance import cdist
-
-    rows, columns = linear_sum_assignment(cdist(np.asarray(one), np.asarray(two), "sqeuclidean"))
-    return np.stack([rows, columns], axis=1).astype(np.int64)
-
-
 def _checked(vectors: npt.ArrayLike, least: int) -> FloatArray:
     """Refuse too few vectors and what is no number."""
     values = np.asarray(vectors, dtype=np.float64)

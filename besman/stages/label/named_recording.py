@@ -8,7 +8,11 @@ from besman.records import LabelledRecording, Record
 
 
 @dataclass(frozen=True)
-class NameDecision(Record, stored_as="besman.labelling.record:NameDecision"):
+class NameDecision(
+    Record,
+    stored_as="besman.labelling.record:NameDecision",
+    finite=("confidence",),
+):
     """What was decided of one unbroken stretch of a trajectory.
 
     Attributes

@@ -14,7 +14,7 @@ from besman.robot.model import Robot
 
 if TYPE_CHECKING:
     from besman.stages.map.demonstration import MappingSettings
-    from besman.stages.map.map_demonstrations import Mapping
+    from besman.stages.map.mapping import Mapping
 
 
 class PlacementWeights(Config):

@@ -17,7 +17,6 @@ from besman.robot.model import Robot
 from besman.stages.map.demonstration import MappingSettings
 from besman.stages.map.map_demonstrations import (
     Mapped,
-    Mapping,
     arm_paths,
     back_height,
     map_placed,
@@ -26,6 +25,7 @@ from besman.stages.map.map_demonstrations import (
     sort_out,
     usable_demonstrations,
 )
+from besman.stages.map.mapping import Mapping
 from besman.stages.map.placement import Placement, find_placement
 from besman.work.outcome import Notes
 from besman.work.work import Work

@@ -12,8 +12,11 @@ from besman.foreign.json_text import parse_json
 from besman.io.atomic_files import check_folder, make_folder, write_text, written_aside
 from besman.records.files import load_record, save_record
 from besman.stages.recognize.model import RecognitionModel
+from besman.stages.recognize.model_check import check_model
 
 _FORMAT = "besman recognition model 1"
+# Arrays of fifty thousand examples: who shares a model shares no more.
+_MOST_BYTES = 256_000_000
 
 
 def save_model(model: RecognitionModel, path: Path) -> tuple[Path, Path]:
@@ -35,7 +38,7 @@ def save_model(model: RecognitionModel, path: Path) -> tuple[Path, Path]:
     RecognitionError
         If one of the files is there already or cannot be written.
     """
-    check_model(path)
+    check_model_place(path)
     arrays, about = _places(path)
     make_folder(arrays.parent, kind=RecognitionError)
     with written_aside(arrays, kind=RecognitionError) as temporary:
@@ -49,7 +52,7 @@ def save_model(model: RecognitionModel, path: Path) -> tuple[Path, Path]:
     return arrays, about
 
 
-def check_model(path: Path) -> None:
+def check_model_place(path: Path) -> None:
     """See before the work that a model can be written after it.
 
     Raises
@@ -90,11 +93,22 @@ def load_model(path: Path) -> RecognitionModel:
     if _checksum(arrays) != content.get("sha256"):
         raise RecognitionError(f"{arrays}: is damaged or not the one that {about.name} describes")
     try:
-        model = load_record(arrays)
+        model = load_record(arrays, _MOST_BYTES)
     except RunError as error:
         raise RecognitionError(str(error)) from None
     if not isinstance(model, RecognitionModel):
         raise RecognitionError(f"{arrays}: holds a {type(model).__name__}; expected a model")
+    try:
+        check_model(model)
+    except RecognitionError as error:
+        raise RecognitionError(f"{arrays}: {error}") from None
+    for key, value in json.loads(json.dumps(describe_model(model))).items():
+        # What an older besman did not write is not missed.
+        if content.get(key, value) != value:
+            raise RecognitionError(
+                f"{about}: {key}: got {content[key]!r:.80}, which is not what {arrays.name} holds: "
+                f"{value!r:.80}"
+            )
     return model
 
 

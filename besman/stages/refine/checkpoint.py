@@ -22,7 +22,11 @@ FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Generation(Record, stored_as="besman.refinement.checkpoint:Generation"):
+class Generation(
+    Record,
+    stored_as="besman.refinement.checkpoint:Generation",
+    finite=("points",),
+):
     """One generation of a search.
 
     Attributes

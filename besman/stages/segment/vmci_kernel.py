@@ -152,8 +152,10 @@ def _add_positions(
     """Add the log-evidence of the positions, eq. (A.16), for a few ends at once.
 
     The start moves backwards, so that each segment is the one before and one sample more: one
-    Givens rotation of the triangular root for each row, as in `rotate_into`. The inner loops run
-    over the ends, so that they vectorise without reordering any sum.
+    Givens rotation of the triangular root for each row. Its upper left triangle is then the root of
+    M^-1, the lower right one the root of Y'PY + S: the evidence needs only their diagonals, and
+    nothing large is ever subtracted. The inner loops run over the ends, so that they vectorise
+    without reordering any sum.
     """
     size = paths.shape[0]
     d = size // 2
@@ -204,25 +206,6 @@ def start_root(
     for k in range(d):
         root[k, k] = 1.0 / math.sqrt(weight_variance)
         root[d + k, d + k] = math.sqrt(noise_scale)
-
-
-@njit(cache=True, nogil=True)
-def rotate_into(root: FloatArray, row: FloatArray) -> None:  # pragma: no cover
-    """Add one sample to the triangular root by Givens rotations.
-
-    The upper left triangle is then the root of M^-1, the lower right one the root of Y'PY + S:
-    the evidence needs only their diagonals, and nothing large is ever subtracted.
-    """
-    size = root.shape[0]
-    for i in range(size):
-        length = math.sqrt(root[i, i] * root[i, i] + row[i] * row[i])
-        cosine = root[i, i] / length
-        sine = row[i] / length
-        root[i, i] = length
-        for k in range(i + 1, size):
-            rotated = cosine * root[i, k] + sine * row[k]
-            row[k] = cosine * row[k] - sine * root[i, k]
-            root[i, k] = rotated
 
 
 @njit(cache=True, nogil=True)

@@ -47,7 +47,7 @@ def test_read_recording_of_the_sample():
 
 def sample_recording(n_samples=10, positions=None):
     if positions is None:
-        positions = np.random.default_rng(0).normal(size=(n_samples, 2, 3))
+        positions = 0.03 * np.random.default_rng(0).normal(size=(n_samples, 2, 3))
     return Recording(np.arange(len(positions)) / 100, positions, ("a", "b"), 100.0, "x")
 
 
@@ -102,7 +102,7 @@ def test_other_files(tmp_path, content, message):
 
 @pytest.mark.parametrize("ending", ["tsv", "c3d", "C3D"])
 def test_labelled_recordings_keep_their_gaps(tmp_path, ending):
-    positions = np.random.default_rng(0).normal(size=(8, 2, 3))
+    positions = 0.03 * np.random.default_rng(0).normal(size=(8, 2, 3))
     positions[2:4, 1] = np.nan
     labelled = LabelledRecording(
         time=np.arange(4, 12) / 100,

@@ -45,6 +45,8 @@ def test_values_are_those_of_python_to_the_last_bit(rows):
         "1 2",
         "--1",
         "-",
+        "+",
+        "+nan",
         ".",
         "1,5",
         "²",

@@ -11,7 +11,6 @@ from besman.stages.compose.clustering import (
     cluster_g_means,
     cluster_k_means,
     gaussian_probability,
-    match_centres,
     match_clusters,
 )
 
@@ -63,12 +62,6 @@ def test_assignment_is_the_best_of_all():
     )
     assert got == pytest.approx(best)
     assert len(names) == 3
-
-
-def test_centres_are_paired():
-    centres = np.random.default_rng(4).normal(size=(4, 5))
-    order = np.array([2, 0, 3, 1])
-    assert match_centres(centres, centres[order])[:, 1].tolist() == np.argsort(order).tolist()
 
 
 @pytest.mark.parametrize(

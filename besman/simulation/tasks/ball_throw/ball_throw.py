@@ -116,6 +116,11 @@ class BallThrowConfig(ThrowConfig):
         "marker)"
     )
 
+    @property
+    def fixed_by(self) -> str:
+        """The target, if it is given."""
+        return "" if self.target_m is None else "target_m"
+
     def place(self, plan: AnyPlan, robot: Robot) -> AnyPlan:
         """Return the plan with the task's target, if it has one."""
         if self.target_m is None:

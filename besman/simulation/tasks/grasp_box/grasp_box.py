@@ -16,6 +16,7 @@ import numpy.typing as npt
 from besman.records import AnyPlan
 from besman.robot.model import Robot
 from besman.simulation.episodes import Episodes, Movements
+from besman.simulation.task import PlacedBy
 from besman.simulation.tasks.grasp_box.sections import (
     GraspBoxFields,
 )
@@ -30,6 +31,7 @@ class GraspBoxConfig(GraspBoxFields):
     """A box is taken from a shelf; see `GraspBoxFields` for its sections."""
 
     needs: ClassVar[str] = "demonstrated end pose"
+    placed_by: ClassVar[tuple[PlacedBy, ...]] = ("goal_pose",)
     worst: ClassVar[dict[str, float]] = {
         "distance_m": 1.0,
         "tilt_rad": np.pi,
@@ -42,9 +44,10 @@ class GraspBoxConfig(GraspBoxFields):
         lift = self.lift
         return lift.pause_s + lift.closing_s + lift.lift_s + lift.hold_s
 
-    def wanted(self, plan: AnyPlan) -> FloatArray:
-        """Return the demonstrated end pose, shape (7,)."""
-        return plan.goal_pose
+    @property
+    def fixed_by(self) -> str:
+        """The place of the box, if it is given."""
+        return "" if self.box.place_m is None else "box.place_m"
 
     def place(self, plan: AnyPlan, robot: Robot) -> AnyPlan:
         """Return the plan with the place of the lifted box as its target."""

@@ -18,14 +18,14 @@ from besman.robot.model import Robot
 from besman.robot.mujoco_model import servo_controls
 from besman.simulation.episodes import Episodes, Movements, Playback, arm_failure, tracking_errors
 from besman.simulation.physics import SimulatedStates, run_physics
+from besman.simulation.task import PlacedBy
+from besman.simulation.tasks.pull_lever.hinge import Hinge, find_hinge
 from besman.simulation.tasks.pull_lever.sections import (
     PullLeverFields,
 )
 
 if TYPE_CHECKING:
     import mujoco
-
-    from besman.simulation.tasks.pull_lever.lever_scene import Hinge
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -37,12 +37,17 @@ class PullLeverConfig(PullLeverFields):
     """A lever is pulled beyond an angle; see `PullLeverFields` for its sections."""
 
     needs: ClassVar[str] = "demonstrated start and end pose"
+    placed_by: ClassVar[tuple[PlacedBy, ...]] = ("start_pose", "goal_pose")
     worst: ClassVar[dict[str, float]] = {"slip_m": 1.0}
 
     @property
     def rest_s(self) -> float:
         """How long the simulation goes on after the movement, seconds."""
         return self.simulation.settling_s
+
+    def wanted(self, plan: AnyPlan) -> FloatArray:
+        """Return the handle's place after the pull, shape (3,), which both poses make."""
+        return plan.target
 
     def place(self, plan: AnyPlan, robot: Robot) -> AnyPlan:
         """Return the plan with the handle's place after the pull as its target."""
@@ -62,8 +67,6 @@ class PullLeverConfig(PullLeverFields):
 
     def _hinge(self, plan: AnyPlan) -> Hinge:
         """Find the hinge that belongs to a demonstration."""
-        from besman.simulation.tasks.pull_lever.lever_scene import find_hinge
-
         return find_hinge(
             plan.start_pose, plan.goal_pose, self.lever.length_m, self.lever.offset_m, plan.name
         )

@@ -16,7 +16,7 @@ from besman.robot.mujoco_model import arm_spec, servo_controls
 from besman.simulation.episodes import Episodes, Movements, Playback, arm_failure, tracking_errors
 from besman.simulation.physics import SimulatedStates, run_physics
 from besman.simulation.scenes import add_tool_sensors
-from besman.simulation.task import RewardConfig, SimulationConfig, SuccessConfig, Task
+from besman.simulation.task import PlacedBy, RewardConfig, SimulationConfig, SuccessConfig, Task
 
 if TYPE_CHECKING:
     import mujoco
@@ -76,16 +76,13 @@ class ReachConfig(Task):
     success: ReachSuccessConfig = ReachSuccessConfig()
 
     needs: ClassVar[str] = "demonstrated end pose"
+    placed_by: ClassVar[tuple[PlacedBy, ...]] = ("goal_pose",)
     worst: ClassVar[dict[str, float]] = {"misorientation_rad": np.pi}
 
     @property
     def rest_s(self) -> float:
         """How long the simulation goes on after the movement, seconds."""
         return self.simulation.settling_s
-
-    def wanted(self, plan: AnyPlan) -> FloatArray:
-        """Return the demonstrated end pose, shape (7,)."""
-        return plan.goal_pose
 
     def target(self, plan: AnyPlan) -> FloatArray:
         """Return the demonstrated end position, shape (3,), metres."""

@@ -1,0 +1,129 @@
+"""How long commands take whose work is short, from their start to their end.
+
+    python benchmarks/startup.py [--against CHECKOUT] [--runs N]
+
+With another checkout both are run in turn, so that a machine that gets slower is slow for both; it
+is run by the Python of its `.venv` if it has one, else by this one. Times are medians of N runs
+after one that is not counted, of wall and of processor time; ratios are medians of the pairs'.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import resource
+import shutil
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).resolve().parents[1]
+SAMPLE = ROOT / "data" / "stick_throw" / "subject1.tsv"
+
+
+class Cost(NamedTuple):
+    """Of one run of a command, seconds."""
+
+    wall: float
+    cpu: float
+
+
+class Checkout:
+    """A checkout whose commands are timed, with a run folder of its own to report on."""
+
+    def __init__(self, root: Path, run: Path) -> None:
+        python = root / ".venv" / "bin" / "python"
+        self._command = [str(python) if python.is_file() else sys.executable, "-m", "besman"]
+        self._root, self._run = root, run
+
+    def measure(self, name: str) -> Cost:
+        """Run a command; return what it cost."""
+        arguments = {
+            "--help": ("--help",),
+            "info": ("info",),
+            "segment": ("segment", str(SAMPLE)),
+            "check": ("check", "ur5_stick_throw"),
+            "report": ("report", str(self._run)),
+            "report, drawn anew": ("report", str(self._run)),
+        }[name]
+        if name.endswith("anew"):
+            (self._run / "figures.json").unlink(missing_ok=True)
+        before, start = _children_s(), time.perf_counter()
+        subprocess.run(
+            [*self._command, *arguments],
+            check=True,
+            stdout=subprocess.DEVNULL,
+            cwd=self._root,
+            env={**os.environ, "PYTHONPATH": str(self._root)},
+        )
+        return Cost(time.perf_counter() - start, _children_s() - before)
+
+
+COMMANDS = ("--help", "info", "segment", "check", "report", "report, drawn anew")
+
+
+def _children_s() -> float:
+    """Return the processor time of all commands that have ended, seconds."""
+    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return usage.ru_utime + usage.ru_stime
+
+
+def make_run(folder: Path) -> Path:
+    """Make a small run to report on: three throws, few episodes."""
+    from besman.config.resources import find_resource
+    from besman.pipeline.config import load_pipeline
+    from besman.pipeline.pipeline import run_pipeline
+    from besman.synthetic.datasets import write_synthetic
+
+    write_synthetic("stick_throw", folder / "capture", n_subjects=1, n_repetitions=3, seed=3)
+    settings = (
+        f"recordings={folder / 'capture'}",
+        "recognize.examples_per_class=2",
+        "map.evaluations=60",
+        "refine.episodes=25",
+        "refine.robustness=null",
+    )
+    config = load_pipeline(find_resource("pipelines", "ur5_stick_throw"), settings)
+    return run_pipeline(config, folder / "run")
+
+
+def show(name: str, costs: list[tuple[Cost, ...]]) -> None:
+    """Print the medians of one command, and how those of two checkouts compare."""
+    line = f"{name:20}"
+    for one in zip(*costs, strict=True):
+        wall, cpu = (statistics.median(values) for values in zip(*one, strict=True))
+        line += f"{wall:9.2f} s{cpu:8.2f} s"
+    if len(costs[0]) == 2:
+        for part in range(2):
+            line += f"{statistics.median(own[part] / other[part] for own, other in costs):8.2f}"
+    print(line, flush=True)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--against", type=Path, help="another checkout")
+    parser.add_argument("--runs", type=int, default=5)
+    options = parser.parse_args()
+    roots = [ROOT] if options.against is None else [ROOT, options.against.resolve()]
+    with tempfile.TemporaryDirectory() as folder:
+        run = make_run(Path(folder))
+        checkouts = []
+        for number, root in enumerate(roots):
+            copy = shutil.copytree(run, Path(folder) / f"run{number}")
+            checkouts.append(Checkout(root, copy))
+        heads = ["this: wall", "CPU", "other: wall", "CPU"][: 2 * len(roots)]
+        ratios = ["wall", "CPU"] if len(roots) == 2 else []
+        heads = [f"{head:>{11 if 'wall' in head else 10}}" for head in heads]
+        print(f"{'command':20}" + "".join(heads) + "".join(f"{one:>8}" for one in ratios))
+        for name in COMMANDS:
+            for one in checkouts:
+                one.measure(name)
+            show(name, [tuple(one.measure(name) for one in checkouts) for _ in range(options.runs)])
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,192 @@
+"""URDF from anywhere: one tree of links, no entities, and numbers that an arm can have."""
+
+from __future__ import annotations
+
+import re
+from xml.etree import ElementTree
+
+from besman.foreign.names import fault_of_part_name
+from besman.foreign.numbers import parse_number
+
+DEEPEST = 64
+"""Elements in each other; a URDF needs six."""
+
+MOST_CHARACTERS = 20_000_000
+"""Of a whole URDF; meshes are files of their own."""
+
+_LENGTH_M = (-100.0, 100.0)
+_RANGES: dict[str, dict[str, tuple[int, tuple[float, float]]]] = {
+    "origin": {"xyz": (3, _LENGTH_M), "rpy": (3, (-1000.0, 1000.0))},
+    "axis": {"xyz": (3, (-1000.0, 1000.0))},
+    "mass": {"value": (1, (0.0, 1e4))},
+    "inertia": dict.fromkeys(("ixx", "iyy", "izz", "ixy", "ixz", "iyz"), (1, (-1e6, 1e6))),
+    "cylinder": {"radius": (1, (0.0, 10.0)), "length": (1, (0.0, 100.0))},
+    "capsule": {"radius": (1, (0.0, 10.0)), "length": (1, (0.0, 100.0))},
+    "sphere": {"radius": (1, (0.0, 10.0))},
+    "box": {"size": (3, (0.0, 100.0))},
+    "mesh": {"scale": (3, (-1e6, 1e6))},
+    "mimic": {"multiplier": (1, (-1e6, 1e6)), "offset": (1, (-1e6, 1e6))},
+}
+"""By element and attribute: how many numbers, and the least and greatest, in SI units.
+
+Limits of joints are held against the ranges of a robot.yaml: a URDF may have other joints, too.
+"""
+
+# What has no extent or direction is none.
+_ABOVE_ZERO = {("cylinder", "radius"), ("capsule", "radius"), ("sphere", "radius")}
+_DECLARATION = re.compile(r"<!\s*(DOCTYPE|ENTITY)", re.IGNORECASE)
+
+
+class UrdfTextError(ValueError):
+    """Text that is no URDF, or not of an arm."""
+
+
+class _Builder(ElementTree.TreeBuilder):
+    """Builds a tree that is not too deep."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.depth = 0
+
+    def start(self, tag: str, attrs: dict[str, str]) -> ElementTree.Element:
+        """Open an element."""
+        self.depth += 1
+        if self.depth > DEEPEST:
+            raise UrdfTextError(f"elements lie in each other more than {DEEPEST} levels deep")
+        return super().start(tag, attrs)
+
+    def end(self, tag: str) -> ElementTree.Element:
+        """Close an element."""
+        self.depth -= 1
+        return super().end(tag)
+
+
+def parse_urdf(text: str) -> ElementTree.Element:
+    """Parse a URDF.
+
+    Parameters
+    ----------
+    text : str
+
+    Returns
+    -------
+    Element
+        ``<robot>``. Its links are one tree, its names printable, its numbers within the ranges of
+        the page *Valid ranges*.
+
+    Raises
+    ------
+    UrdfTextError
+        If it is no such URDF.
+    """
+    if len(text) > MOST_CHARACTERS:
+        raise UrdfTextError(f"expected a URDF of at most {MOST_CHARACTERS // 10**6} MB")
+    if _DECLARATION.search(text):
+        raise UrdfTextError("document types and entities are not allowed in a URDF")
+    try:
+        # Entities are refused above.
+        parser = ElementTree.XMLParser(target=_Builder())  # noqa: S314
+        parser.feed(text)
+        tree: ElementTree.Element = parser.close()
+    except ElementTree.ParseError as error:
+        raise UrdfTextError(f"not valid XML: {error}") from None
+    except UrdfTextError:
+        raise
+    except (ValueError, LookupError) as error:
+        raise UrdfTextError(f"not valid XML: {error}") from None
+    if tree.tag != "robot" or tree.find("link") is None:
+        raise UrdfTextError("cannot be used as URDF: expected <robot> with links")
+    _check_names(tree)
+    _check_tree(tree)
+    _check_numbers(tree, "")
+    return tree
+
+
+def link_names(tree: ElementTree.Element) -> list[str]:
+    """Return the names of all links."""
+    return [str(link.get("name")) for link in tree.findall("link")]
+
+
+def joint_ends(joint: ElementTree.Element) -> tuple[str, str]:
+    """Return the names of a joint's parent and child link ("" where there is none)."""
+    ends = []
+    for tag in ("parent", "child"):
+        element = joint.find(tag)
+        ends.append("" if element is None else element.get("link", ""))
+    return ends[0], ends[1]
+
+
+def _check_names(tree: ElementTree.Element) -> None:
+    """Refuse names of links and joints that are none, or that are there twice."""
+    for tag in ("link", "joint"):
+        seen = set[str]()
+        for element in tree.findall(tag):
+            name = element.get("name", "")
+            fault = fault_of_part_name(name) or ("is there twice" if name in seen else None)
+            if fault is not None:
+                raise UrdfTextError(f"{tag} {name!r:.60}: the name {fault}")
+            seen.add(name)
+
+
+def _check_tree(tree: ElementTree.Element) -> None:
+    """Refuse links that hang on themselves, on two joints or on nothing."""
+    links = dict.fromkeys(link_names(tree))
+    parents: dict[str, str] = {}
+    for joint in tree.findall("joint"):
+        name, (parent, child) = joint.get("name"), joint_ends(joint)
+        for link in (parent, child):
+            if link not in links:
+                raise UrdfTextError(f"joint {name}: no link {link!r:.60} in the URDF")
+        if child in parents:
+            raise UrdfTextError(
+                f"loop: link {child!r} hangs on {parents[child]!r} and, by joint {name}, "
+                f"on {parent!r}; a URDF is a tree"
+            )
+        parents[child] = parent
+    safe = set[str]()
+    for link in links:
+        above = [link]
+        while above[-1] in parents and above[-1] not in safe and len(above) <= len(links):
+            above.append(parents[above[-1]])
+        if len(above) > len(links):
+            raise UrdfTextError(f"loop: link {link!r} hangs on itself; a URDF is a tree")
+        safe.update(above)
+    roots = [link for link in links if link not in parents]
+    if len(roots) != 1:
+        raise UrdfTextError(f"expected one link that hangs on nothing, got {', '.join(roots)}")
+
+
+def _check_numbers(element: ElementTree.Element, place: str, moves: bool = True) -> None:
+    """Refuse numbers that no arm has, in an element and what is in it."""
+    if element.tag in ("link", "joint"):
+        place = f"{element.tag} {element.get('name')}: "
+        moves = element.get("type") != "fixed"
+    for key, (count, (low, high)) in _RANGES.get(str(element.tag), {}).items():
+        text = element.get(key)
+        if text is None:
+            continue
+        where = f"{place}<{element.tag}> {key}"
+        try:
+            values = [parse_number(word) for word in text.split()]
+        except ValueError:
+            values = []
+        if len(values) != count:
+            number = "a number" if count == 1 else f"{count} numbers"
+            raise UrdfTextError(f"{where}: got {text!r:.60}, expected {number}")
+        above = (element.tag, key) in _ABOVE_ZERO
+        if not all(low <= value <= high and not (above and value <= 0) for value in values):
+            least = "more than 0" if above else f"{low:g}"
+            raise UrdfTextError(f"{where}: got {text!r:.60}, expected {least} to {high:g}")
+        if element.tag == "axis" and moves and sum(value * value for value in values) < 1e-12:
+            raise UrdfTextError(f"{where}: got {text!r:.60}, expected a direction")
+    for child in element:
+        _check_numbers(child, place, moves)
+
+
+def ranges() -> list[tuple[str, str, float, float]]:
+    """Return element, attribute, least and greatest value of all numbers that are looked at."""
+    return [
+        (tag, key, low, high)
+        for tag, attributes in _RANGES.items()
+        for key, (_, (low, high)) in attributes.items()
+    ]

@@ -1,0 +1,163 @@
+"""Samples that no body makes: out and back faster than an arm, a ball or a stick can."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from besman.geometry.gaps import find_runs
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+LONGEST = 10
+"""Frames of one spike; what lasts longer is a place where something was."""
+
+SMALLEST_M = 0.1
+"""A deviation up to this may be a marker that trembles or is taken for its neighbour."""
+
+# A hand that goes out and comes back does not exceed this, and a throw is below this speed.
+_ACCELERATION_M_S2 = 300.0
+_SPEED_M_S = 40.0
+# Where there is no way back to compare with, at an end or for good, nothing is this fast.
+_IMPOSSIBLE_M_S = 100.0
+_IMPOSSIBLE_M = 0.5
+_FARTHEST_M = 1e9
+
+
+class Faults(NamedTuple):
+    """What no body makes.
+
+    Attributes
+    ----------
+    spikes : bool array, shape (T, M)
+        Samples away from a trajectory that comes back.
+    jumps : tuple of (int, int)
+        Row after a step that is not taken back, and trajectory: two things under one name.
+    """
+
+    spikes: BoolArray
+    jumps: tuple[tuple[int, int], ...]
+
+
+def find_faults(positions: FloatArray, rate_hz: float, joined: BoolArray) -> Faults:
+    """Find the samples that leave a trajectory faster than any body, and whether they come back.
+
+    Each sample of a spike is farther from the straight line between the samples before and after it
+    than a hand gets between two samples (0.1 m and what 300 m/s^2 or 40 m/s give), and than these
+    two are from each other. At the start or end of a trajectory there is one of them only; there
+    a spike is what jumps by 0.5 m and 100 m/s.
+
+    Parameters
+    ----------
+    positions : array, shape (T, M, 3)
+        Metres; NaN where not seen.
+    rate_hz : float
+        Frames per second.
+    joined : bool array, shape (M,)
+        Which trajectories are of one thing before and after a gap; those without a name need not
+        be.
+
+    Returns
+    -------
+    Faults
+        Spikes of at most `LONGEST` seen samples; a place that is left for longer is none.
+    """
+    spikes = np.zeros(positions.shape[:2], dtype=np.bool_)
+    jumps: list[tuple[int, int]] = []
+    for column in _suspects(positions, rate_hz, joined):
+        # Beyond this squares are no numbers any more, and nothing is there.
+        path = np.clip(positions[:, column], -_FARTHEST_M, _FARTHEST_M)
+        seen: BoolArray = np.asarray(np.isfinite(path).all(axis=1))
+        pieces = [np.flatnonzero(seen)]
+        if not joined[column]:
+            pieces = [np.arange(start, end) for start, end in find_runs(seen)]
+        for rows in pieces:
+            if len(rows) < 2:
+                continue
+            found = _spikes_of(path[rows], rows / rate_hz)
+            spikes[rows, column] = found
+            left = rows[~found]
+            steps = np.linalg.norm(np.diff(path[left], axis=0), axis=1)
+            fast = steps > np.maximum(SMALLEST_M, _IMPOSSIBLE_M_S / rate_hz * np.diff(left))
+            jumps += [(int(row), column) for row in left[1:][fast]]
+    return Faults(spikes, tuple(sorted(jumps)))
+
+
+def _suspects(positions: FloatArray, rate_hz: float, joined: BoolArray) -> list[int]:
+    """Return the trajectories with a step that may begin a spike."""
+    least = float(_reach(np.array(1.0 / rate_hz))) / 2.0
+    with np.errstate(over="ignore"):
+        steps = positions[1:] - positions[:-1]
+    np.abs(steps, out=steps)
+    # Of a step that long, one coordinate is at least this long; few trajectories have one.
+    suspect = (steps > least / np.sqrt(3.0)).any(axis=0).any(axis=1)
+    for column in np.flatnonzero(suspect):
+        longest = np.minimum(steps[:, column], _FARTHEST_M)
+        suspect[column] = np.any(np.linalg.norm(longest, axis=1) > least)
+    # A step over a gap is no number.
+    gaps = np.isnan(positions[:, :, 0]).any(axis=0)
+    for column in np.flatnonzero(joined & gaps & ~suspect):
+        runs = find_runs(~np.isnan(positions[:, column, 0]))
+        before, after = positions[runs[:-1, 1] - 1, column], positions[runs[1:, 0], column]
+        suspect[column] = np.any(np.abs(after - before) > least / np.sqrt(3.0))
+    return [int(column) for column in np.flatnonzero(suspect)]
+
+
+def _reach(seconds: FloatArray) -> FloatArray:
+    """Return how far a body can be from where it is expected after so many seconds, metres."""
+    return SMALLEST_M + np.minimum(_ACCELERATION_M_S2 * seconds**2, _SPEED_M_S * seconds)
+
+
+def _spikes_of(path: FloatArray, time: FloatArray) -> BoolArray:
+    """Find the spikes of one trajectory without gaps: places (S, 3) at times (S,)."""
+    found = np.zeros(len(path), dtype=np.bool_)
+    if len(path) < 3:
+        return found
+    pauses = np.diff(time)
+    steps = np.linalg.norm(np.diff(path, axis=0), axis=1)
+    edges = np.flatnonzero(steps > _reach(pauses) / 2.0)
+    last = -1
+    for edge in edges:
+        if edge <= last:
+            continue
+        length = _length_from(path, time, int(edge))
+        found[edge + 1 : edge + 1 + length] = True
+        # A spike is left behind: what follows it is compared with what it came back to.
+        last = int(edge) + length if length else last
+    _mark_ends(path, time, found)
+    return found
+
+
+def _length_from(path: FloatArray, time: FloatArray, before: int) -> int:
+    """Return how many samples after one are a spike; 0 if none."""
+    for length in range(1, LONGEST + 1):
+        after = before + length + 1
+        if after >= len(path):
+            return 0
+        inside = slice(before + 1, after)
+        share = (time[inside] - time[before]) / (time[after] - time[before])
+        line = path[before] + share[:, None] * (path[after] - path[before])
+        away = np.linalg.norm(path[inside] - line, axis=1)
+        pause = max(time[before + 1] - time[before], time[after] - time[after - 1])
+        apart = float(np.linalg.norm(path[after] - path[before]))
+        if np.all(away > max(float(_reach(np.array(pause))), apart)):
+            return length
+    return 0
+
+
+def _mark_ends(path: FloatArray, time: FloatArray, found: BoolArray) -> None:
+    """Mark spikes that a trajectory begins or ends with."""
+    for backwards in (False, True):
+        order = np.flatnonzero(~found)[:: -1 if backwards else 1]
+        if len(order) < 3:
+            return
+        head = order[: LONGEST + 1]
+        steps = np.linalg.norm(np.diff(path[head], axis=0), axis=1)
+        pauses = np.abs(np.diff(time[head]))
+        jumps = np.flatnonzero(steps > _IMPOSSIBLE_M + _IMPOSSIBLE_M_S * pauses)
+        # The longer part is the trajectory.
+        if jumps.size and 2 * (jumps[-1] + 1) < len(order):
+            found[head[: jumps[-1] + 1]] = True

@@ -1,0 +1,90 @@
+"""Arrays in a ``.npz``: nothing is allocated because a file says how large it is.
+
+NumPy's reader makes an array of the size that the header names before it reads, and a few bytes can
+name terabytes.
+"""
+
+from __future__ import annotations
+
+import math
+import zipfile
+import zlib
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+ERRORS = (
+    OSError,
+    ValueError,
+    KeyError,
+    TypeError,
+    EOFError,
+    OverflowError,
+    NotImplementedError,
+    RuntimeError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
+"""What reading an archive that is damaged or made up can raise."""
+
+
+class Arrays:
+    """The arrays of a ``.npz`` by name, read when asked for; a context manager.
+
+    Parameters
+    ----------
+    path : Path
+    most_bytes : int, optional
+        Refuse a file whose arrays are larger together; None: as large as they are.
+
+    Raises
+    ------
+    ValueError
+        If it is larger; a damaged file gives one of `ERRORS`, here and when an array is read.
+    """
+
+    def __init__(self, path: Path, most_bytes: int | None = None) -> None:
+        self._archive = zipfile.ZipFile(path)
+        size = sum(member.file_size for member in self._archive.infolist())
+        if most_bytes is not None and size > most_bytes:
+            self._archive.close()
+            raise ValueError(f"{size / 1e6:.0f} MB, expected at most {most_bytes / 1e6:g}")
+
+    def __enter__(self) -> Arrays:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._archive.close()
+
+    def __getitem__(self, name: str) -> npt.NDArray[Any]:
+        if not isinstance(name, str):
+            raise ValueError(f"an array named {name!r:.40}; expected text")
+        # A name that no member has is a KeyError.
+        member = self._archive.getinfo(f"{name}.npy")
+        with self._archive.open(member) as file:
+            version = np.lib.format.read_magic(file)
+            readers = {
+                (1, 0): np.lib.format.read_array_header_1_0,
+                (2, 0): np.lib.format.read_array_header_2_0,
+            }
+            if version not in readers:
+                raise ValueError(f"array {name}: version {version} is not known")
+            shape, fortran_order, dtype = readers[version](file)
+            if dtype.hasobject:
+                raise ValueError(f"array {name}: holds Python objects")
+            size = math.prod(shape) * dtype.itemsize
+            if min(shape, default=0) < 0 or size > member.file_size:
+                raise ValueError(f"array {name}: shape {shape} is larger than the file")
+            data = file.read(size)
+            if len(data) != size or file.read(1):
+                raise ValueError(f"array {name}: is not as long as its shape {shape}")
+        array = np.frombuffer(data, dtype=dtype)
+        return array.reshape(shape, order="F" if fortran_order else "C")
