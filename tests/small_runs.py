@@ -53,7 +53,7 @@ def short_motions(make_plan, names, duration=0.1):
     return tuple(replace(motion, plan=replace(motion.plan, name=name)) for name in names)
 
 
-def run_small(folder, first=1, second=2, fresh=None, names=("one", "two")):
+def run_two_stages(folder, first=1, second=2, fresh=None, names=("one", "two")):
     """Run two stages; return the second's result, and which were cached."""
     run = Run(folder, "test", fresh=fresh)
     run.start(f"name: test\nfirst: {first}\nsecond: {second}\nnames: {list(names)}\n", {})

@@ -137,7 +137,7 @@ def make_folder(path: Path, kind: type[BesmanError] = FileError) -> None:
     try:
         path.mkdir(parents=True, exist_ok=True)
     except FileExistsError:
-        raise kind(f"{path}: is a file; expected a folder") from None
+        raise kind(f"{path}: cannot be written: is a file, expected a folder") from None
     except OSError as error:
         raise kind(f"{path}: cannot be written: {error.strerror or error}") from None
 

@@ -4,7 +4,7 @@ import shutil
 
 import pytest
 from command_line import besman
-from small_runs import run_exports, run_small, short_motions
+from small_runs import run_exports, run_two_stages, short_motions
 
 from besman.pipeline.run_folder import Run
 from besman.pipeline.sealed_page import fault_of_page
@@ -80,7 +80,7 @@ def test_sizes_are_for_people():
 
 def test_clean_says_first_and_removes_on_yes(finished, tmp_path, monkeypatch, capsys):
     assert said(monkeypatch, capsys, "clean", finished)[1].endswith(": nothing to remove\n")
-    run_small(tmp_path / "other", names=("label", "train"))
+    run_two_stages(tmp_path / "other", names=("label", "train"))
     shutil.copytree(tmp_path / "other" / "01_train", finished / "08_train")
     (finished / ".05_refine.going").mkdir()
     (finished / ".05_refine.going" / "kept").write_bytes(bytes(1000))

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 from command_line import besman
-from small_runs import CALLS, run_exports, run_small, short_motions, state_of
+from small_runs import CALLS, run_exports, run_two_stages, short_motions, state_of
 
 from besman.exceptions import BesmanError, FileError, RunError
 from besman.pipeline.run_folder import Run
@@ -62,10 +62,10 @@ DAMAGES = {
 @pytest.mark.parametrize("kind", DAMAGES)
 def test_a_damaged_description_is_computed_again_and_said(tmp_path, kind):
     damage, words = DAMAGES[kind]
-    before, _ = run_small(tmp_path / "r")
+    before, _ = run_two_stages(tmp_path / "r")
     path = tmp_path / "r" / "00_one" / "stage.json"
     path.write_text(json.dumps(damage(json.loads(path.read_text()))))
-    after, cached = run_small(tmp_path / "r")
+    after, cached = run_two_stages(tmp_path / "r")
     assert cached == [False, True]
     assert digest(after) == digest(before)
     (line,) = [
@@ -77,30 +77,30 @@ def test_a_damaged_description_is_computed_again_and_said(tmp_path, kind):
 
 @pytest.mark.parametrize("content", ["", "{", "\ud800"])
 def test_a_garbled_description_is_damage(tmp_path, content):
-    run_small(tmp_path / "r")
+    run_two_stages(tmp_path / "r")
     path = tmp_path / "r" / "00_one" / "stage.json"
     path.write_bytes(content.encode("utf-8", "surrogatepass"))
     with pytest.raises(DamageError, match=r"stage\.json is no JSON"):
         read_description(path.parent)
-    assert run_small(tmp_path / "r")[1] == [False, True]
+    assert run_two_stages(tmp_path / "r")[1] == [False, True]
 
 
 def test_a_record_that_holds_something_else_is_computed_again(tmp_path):
-    run_small(tmp_path / "r")
+    run_two_stages(tmp_path / "r")
     place = tmp_path / "r" / "00_one"
     (place / "record.npz").write_bytes(b"no archive")
     description = json.loads((place / "stage.json").read_text())
     description["sha256"] = hashlib.sha256(b"no archive").hexdigest()
     (place / "stage.json").write_text(json.dumps(description))
-    assert run_small(tmp_path / "r")[1] == [False, True]
+    assert run_two_stages(tmp_path / "r")[1] == [False, True]
     assert "record.npz: cannot be read as a record" in (tmp_path / "r/log.txt").read_text()
 
 
 def test_a_stage_that_another_besman_wrote_is_no_damage(tmp_path):
-    run_small(tmp_path / "r")
+    run_two_stages(tmp_path / "r")
     path = tmp_path / "r" / "00_one" / "stage.json"
     path.write_text(json.dumps({"key": "0" * 64, "wall_s": 1.0, "old": True}))
-    assert run_small(tmp_path / "r")[1] == [False, True]
+    assert run_two_stages(tmp_path / "r")[1] == [False, True]
     assert "again" not in (tmp_path / "r/log.txt").read_text()
 
 
@@ -144,22 +144,22 @@ def test_a_damaged_file_of_a_run_is_one_line_and_mended(
     ],
 )
 def test_what_a_run_says_of_itself_is_checked(tmp_path, key, value):
-    run_small(tmp_path / "r")
+    run_two_stages(tmp_path / "r")
     path = tmp_path / "r" / "run.json"
     path.write_text(json.dumps({**state_of(tmp_path / "r"), key: value}))
     with pytest.raises(RunError, match=r"run\.json: is not as besman writes it"):
         open_run(tmp_path / "r")
-    run_small(tmp_path / "r")
+    run_two_stages(tmp_path / "r")
     assert state_of(tmp_path / "r")["status"] == "done"
     assert "what was here before cannot be read" in (tmp_path / "r/log.txt").read_text()
 
 
 def test_a_lock_that_is_a_folder(tmp_path):
-    run_small(tmp_path / "r")
+    run_two_stages(tmp_path / "r")
     (tmp_path / "r/.lock").unlink()
     (tmp_path / "r/.lock").mkdir()
     with pytest.raises(RunError, match=r"\.lock: is a folder; expected a file: remove the folder"):
-        run_small(tmp_path / "r")
+        run_two_stages(tmp_path / "r")
     assert not is_locked(tmp_path / "r")
 
 
@@ -169,7 +169,7 @@ def test_a_run_that_was_killed_is_called_so(tmp_path):
     assert open_run(tmp_path / "r").status == "running"
     run._lock.close()
     assert open_run(tmp_path / "r").status == "killed"
-    run_small(tmp_path / "r")
+    run_two_stages(tmp_path / "r")
     assert open_run(tmp_path / "r").status == "done"
 
 
@@ -257,7 +257,7 @@ def test_two_runs_at_once(tmp_path):
     run = Run(tmp_path / "r", "test")
     run.start("", {})
     with pytest.raises(RunError, match="another besman is working here; wait or use --out"):
-        run_small(tmp_path / "r")
+        run_two_stages(tmp_path / "r")
     assert open_run(tmp_path / "r").status == "running"
     run.finish()
-    run_small(tmp_path / "r")
+    run_two_stages(tmp_path / "r")

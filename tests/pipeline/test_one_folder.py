@@ -6,7 +6,7 @@ import shutil
 from dataclasses import replace
 
 import pytest
-from small_runs import CALLS, START, Cut, run_exports, run_small, short_motions, state_of
+from small_runs import CALLS, START, Cut, run_exports, run_two_stages, short_motions, state_of
 
 from besman.exceptions import RunError
 from besman.pipeline.check_run import check_run
@@ -134,16 +134,16 @@ def test_the_same_recipe_keeps_its_exports_also_when_it_is_stopped(tmp_path, rob
 
 def test_readers_take_the_run_s_stages_and_leftovers_go(tmp_path):
     folder = tmp_path / "r"
-    run_small(folder, names=("label", "train"))
+    run_two_stages(folder, names=("label", "train"))
     other = tmp_path / "other"
-    run_small(other, first=4, names=("label", "train"))
+    run_two_stages(other, first=4, names=("label", "train"))
     # Left by a recipe with more stages.
     shutil.copytree(other / "01_train", folder / "07_train")
     assert list(open_run(folder).stages) == ["label", "train"]
     assert trained_model(folder).bounds[0, 1] == load_records(folder)["train"].bounds[0, 1] == 2
     assert "07_train is no part of this run" in check_run(folder)[1]
     (folder / "08_notes").mkdir()
-    run_small(folder, names=("label", "train"))
+    run_two_stages(folder, names=("label", "train"))
     assert sorted(path.name for path in folder.glob("[0-9]*")) == [
         "00_label",
         "01_train",
@@ -154,8 +154,8 @@ def test_readers_take_the_run_s_stages_and_leftovers_go(tmp_path):
 
 def test_a_run_of_an_older_besman_has_the_stages_with_the_highest_numbers(tmp_path):
     folder = tmp_path / "r"
-    run_small(folder, names=("label", "train"))
-    run_small(tmp_path / "other", first=4, names=("label", "train"))
+    run_two_stages(folder, names=("label", "train"))
+    run_two_stages(tmp_path / "other", first=4, names=("label", "train"))
     shutil.copytree(tmp_path / "other" / "00_label", folder / "02_label")
     state = state_of(folder)
     for name in ("stages", "files", "exports", "recipe"):
@@ -201,13 +201,13 @@ def test_two_motions_of_one_name_are_refused(tmp_path, robot, motions):
 
 
 def test_another_version_of_a_library_computes_again(tmp_path, monkeypatch):
-    run_small(tmp_path / "r")
+    run_two_stages(tmp_path / "r")
     kept = json.loads((tmp_path / "r/01_two/stage.json").read_text())["versions"]
     assert {"python", "numpy", "scipy", "numba", "pin", "mujoco", "cma", "cvxpy"} <= kept.keys()
     monkeypatch.setattr(
         "besman.pipeline.run_folder.result_versions", lambda others: {**kept, "numpy": "99.0"}
     )
-    _, cached = run_small(tmp_path / "r")
+    _, cached = run_two_stages(tmp_path / "r")
     assert cached == [False, False]
     stored = json.loads((tmp_path / "r/01_two/stage.json").read_text())
     assert stored["versions"]["numpy"] == "99.0"

@@ -6,7 +6,7 @@ import textwrap
 
 import pytest
 from places import TESTS
-from small_runs import CALLS, START, Cut, run_small
+from small_runs import CALLS, START, Cut, run_two_stages
 
 from besman.config.stage import Items, Training, Truth, Work
 from besman.exceptions import RunError
@@ -21,33 +21,33 @@ def _no_calls():
 
 
 def test_same_config_and_input_do_no_work(tmp_path):
-    before, cached = run_small(tmp_path / "r")
+    before, cached = run_two_stages(tmp_path / "r")
     assert cached == [False, False]
     CALLS.clear()
-    after, cached = run_small(tmp_path / "r")
+    after, cached = run_two_stages(tmp_path / "r")
     assert cached == [True, True]
     assert not CALLS
     assert digest(after) == digest(before)
 
 
 def test_a_changed_parameter_re_runs_only_what_depends_on_it(tmp_path):
-    run_small(tmp_path / "r")
-    _, cached = run_small(tmp_path / "r", second=3)
+    run_two_stages(tmp_path / "r")
+    _, cached = run_two_stages(tmp_path / "r", second=3)
     assert cached == [True, False]
-    _, cached = run_small(tmp_path / "r", first=4, second=3)
+    _, cached = run_two_stages(tmp_path / "r", first=4, second=3)
     assert cached == [False, False]
 
 
 def test_fresh_computes_a_stage_again(tmp_path):
-    run_small(tmp_path / "r")
-    _, cached = run_small(tmp_path / "r", fresh="one")
+    run_two_stages(tmp_path / "r")
+    _, cached = run_two_stages(tmp_path / "r", fresh="one")
     # The same bytes came out again, so nothing that follows has changed.
     assert cached == [False, True]
 
 
 @pytest.mark.parametrize("damage", ["cut", "gone", "garbled json"])
 def test_a_damaged_stage_is_computed_again(tmp_path, damage):
-    before, _ = run_small(tmp_path / "r")
+    before, _ = run_two_stages(tmp_path / "r")
     file = tmp_path / "r" / "00_one" / "record.npz"
     if damage == "cut":
         file.write_bytes(file.read_bytes()[:50])
@@ -55,13 +55,13 @@ def test_a_damaged_stage_is_computed_again(tmp_path, damage):
         file.unlink()
     else:
         (file.parent / "stage.json").write_text("{")
-    after, cached = run_small(tmp_path / "r")
+    after, cached = run_two_stages(tmp_path / "r")
     assert cached == [False, True]
     assert digest(after) == digest(before)
 
 
 def test_the_files_of_a_run(tmp_path):
-    run_small(tmp_path / "r")
+    run_two_stages(tmp_path / "r")
     state = json.loads((tmp_path / "r" / "run.json").read_text())
     timing = json.loads((tmp_path / "r" / "timing.json").read_text())
     assert state["status"] == "done"
@@ -89,21 +89,21 @@ KILLED = """
         def run(self, segments, *, work):
             os.kill(os.getpid(), signal.SIGKILL)
         small_runs.Cut.run = run
-    small_runs.run_small(Path({folder!r}), second=5)
+    small_runs.run_two_stages(Path({folder!r}), second=5)
 """
 
 
 @pytest.mark.parametrize("when", ["while writing", "while computing"])
 def test_kill_leaves_no_half_stage_and_the_same_command_goes_on(tmp_path, when):
-    run_small(tmp_path / "r")
+    run_two_stages(tmp_path / "r")
     script = textwrap.dedent(KILLED).format(tests=str(TESTS), when=when, folder=str(tmp_path / "r"))
     killed = subprocess.run([sys.executable, "-c", script], check=False)
     assert killed.returncode == -signal.SIGKILL
     stored = json.loads((tmp_path / "r" / "01_two" / "stage.json").read_text())
     assert stored["config"]["at"] == 2
-    after, cached = run_small(tmp_path / "r", second=5)
+    after, cached = run_two_stages(tmp_path / "r", second=5)
     assert cached == [True, False]
-    fresh, _ = run_small(tmp_path / "other", second=5)
+    fresh, _ = run_two_stages(tmp_path / "other", second=5)
     assert digest(after) == digest(fresh)
 
 
