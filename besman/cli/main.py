@@ -124,6 +124,12 @@ def main() -> None:
         said = "" if isinstance(error, BesmanError) else " (--strict: a warning is an error)"
         complain("error", f"{error}{said}")
         sys.exit(2)
+    except OSError as error:
+        # What nobody foresaw: a disk that fails while it is read, say.
+        if debug or error.filename is None:
+            raise
+        complain("error", f"{error.filename}: {error.strerror}")
+        sys.exit(2)
     except StoppedError as error:
         _say_stopped(error)
         _leave(error.exit_code)

@@ -6,7 +6,6 @@ gives.
 
 from __future__ import annotations
 
-import errno
 import json
 import math
 import os
@@ -73,14 +72,7 @@ def says_where(path: Path, kind: type[BesmanError] = FileError) -> Iterator[None
     try:
         yield
     except OSError as error:
-        raise kind(f"{path}: cannot be written: {_reason(error)}") from None
-
-
-def _reason(error: OSError) -> str:
-    """Say why; of libraries that say it in their own words, those."""
-    if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
-        return f"{os.strerror(error.errno)}: the same command goes on when there is room"
-    return error.strerror or " ".join(str(error).split())
+        raise kind(f"{path}: cannot be written: {error.strerror or error}") from None
 
 
 def write_json(path: Path, content: Any, *, durable: bool = True) -> None:
@@ -145,9 +137,9 @@ def make_folder(path: Path, kind: type[BesmanError] = FileError) -> None:
     try:
         path.mkdir(parents=True, exist_ok=True)
     except FileExistsError:
-        raise kind(f"{path}: is a file; expected a folder") from None
+        raise kind(f"{path}: cannot be written: is a file, expected a folder") from None
     except OSError as error:
-        raise kind(f"{path}: cannot be written: {_reason(error)}") from None
+        raise kind(f"{path}: cannot be written: {error.strerror or error}") from None
 
 
 @contextmanager

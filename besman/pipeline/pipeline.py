@@ -144,7 +144,7 @@ def _run_stages(config: PipelineConfig, run: Run, inputs: Inputs, trained_in: Pa
         _learn_motions(config, run, mapping.trajectories, robot)
         return
 
-    others = run.prepare("select_second", config.select.other_arm, labelled, found)
+    others = run.step("select_second", config.select.other_arm, labelled, found)
     second = load_robot(config.second_arm.robot, config.second_arm.tool)
     both = run.step("map", MapBothArms(config.map), hands, others, robot, second)
     for mapping, arm, name in zip(both, (robot, second), ("", "_second"), strict=True):

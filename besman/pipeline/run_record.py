@@ -197,7 +197,9 @@ class RunRecord:
             file.write(f"{time.strftime('%Y-%m-%dT%H:%M:%S%z')} {' '.join(line.splitlines())}\n")
 
     def _write_state(self, status: str, error: str | None = None) -> None:
-        write_json(self.folder / "run.json", {"status": status, "error": error, **self._state})
+        content = {"status": status, "error": error, **self._state}
+        # What a failing power cuts on the way is computed again; the end has to hold.
+        write_json(self.folder / "run.json", content, durable=status != "running")
 
 
 def find_leftovers(folder: Path, stages: list[str]) -> list[Path]:

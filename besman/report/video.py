@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from dataclasses import dataclass
-from itertools import product
+from itertools import chain, product
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,7 @@ import numpy as np
 
 from besman.config.yaml_file import read_yaml
 from besman.exceptions import RenderingError, RunError, in_one_line, nearest, why_not_there
-from besman.io.atomic_files import check_folder
+from besman.io.atomic_files import check_folder, make_folder, written_aside
 from besman.pictures.camera import CameraView, frame_points
 from besman.pictures.rendering import Renderer
 from besman.pictures.scene_geoms import SceneGeoms, farthest_path, scene_geoms
@@ -282,26 +281,34 @@ def _encoder() -> Any:
 
 def _write(frames: Iterator[Picture], size: tuple[int, int], out: Path) -> None:
     """Encode pictures; a reader sees the whole file or none."""
-    temporary = out.with_name(f".{out.name}.tmp.mp4")
-    try:
-        first = next(frames)
-        out.parent.mkdir(parents=True, exist_ok=True)
-        writer = _encoder().write_frames(
+    ffmpeg, n_frames = _encoder(), 0
+    first = next(frames)
+    make_folder(out.parent, kind=RenderingError)
+    with written_aside(out, kind=RenderingError) as temporary:
+        writer = ffmpeg.write_frames(
             str(temporary),
             size,
             fps=_RATE_HZ,
             codec="libx264",
             output_params=["-crf", "24", "-movflags", "+faststart"],
-            ffmpeg_log_level="error",
+            ffmpeg_log_level="quiet",
         )
         writer.send(None)
-        writer.send(np.ascontiguousarray(first))
-        for frame in frames:
+        for frame in chain([first], frames):
             writer.send(np.ascontiguousarray(frame))
+            n_frames += 1
         writer.close()
-        temporary.replace(out)
-    except OSError as error:
-        raise RenderingError(f"{out}: cannot be written: {in_one_line(error)}") from None
-    finally:
-        with suppress(OSError):
-            temporary.unlink(missing_ok=True)
+        # The library says nothing if ffmpeg finds no room for the last pictures.
+        if _count_frames(ffmpeg, temporary) != n_frames:
+            raise RenderingError(
+                f"{out}: cannot be written: ffmpeg ended before the last picture (a full disk?)"
+            )
+
+
+def _count_frames(ffmpeg: Any, path: Path) -> int:
+    """Return how many pictures a video holds; 0 if it cannot be read."""
+    try:
+        n_frames, _ = ffmpeg.count_frames_and_secs(str(path))
+    except (OSError, RuntimeError):
+        return 0
+    return int(n_frames)

@@ -1,9 +1,12 @@
 """Where results go is looked at before the work; the table is there whatever becomes of a file."""
 
+import errno
+
 import pytest
 from command_line import besman
 from places import DATA
 
+from besman.cli import main
 from besman.exceptions import FileError
 
 RECORDING = DATA / "stick_throw" / "subject1.tsv"
@@ -101,3 +104,15 @@ def test_the_table_is_printed_although_the_file_cannot_be_written(tmp_path, monk
     said = capsys.readouterr()
     assert "subject1.tsv" in said.out
     assert said.err.strip().endswith("a.json: cannot be written: No space left on device")
+
+
+def test_what_the_system_refuses_is_one_line(monkeypatch, capsys):
+    def fail(*arguments):
+        raise OSError(errno.EIO, "Input/output error", "/disk/subject1.tsv")
+
+    monkeypatch.setattr("besman.standalone.segment_files.segment_files", fail)
+    assert besman(monkeypatch, "segment", RECORDING) == 2
+    assert last_line(capsys) == "besman: error: /disk/subject1.tsv: Input/output error"
+    monkeypatch.setattr("sys.argv", ["besman", "--debug", "segment", str(RECORDING)])
+    with pytest.raises(OSError, match="Input/output error"):
+        main.main()

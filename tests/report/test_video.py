@@ -163,3 +163,11 @@ def test_a_file_that_cannot_be_written(tmp_path):
     picture = np.zeros((32, 32, 3), np.uint8)
     with pytest.raises(RenderingError, match="cannot be written"):
         video._write(iter([picture]), (32, 32), tmp_path / "file" / "a.mp4")
+
+
+def test_a_video_without_its_end_is_not_taken_for_whole(tmp_path, monkeypatch):
+    monkeypatch.setattr("imageio_ffmpeg.count_frames_and_secs", lambda path: (1, 0.1))
+    pictures = [np.zeros((32, 32, 3), np.uint8)] * 2
+    with pytest.raises(RenderingError, match=r"a\.mp4: cannot be written: ffmpeg ended before the"):
+        video._write(iter(pictures), (32, 32), tmp_path / "a.mp4")
+    assert not list(tmp_path.iterdir())

@@ -161,3 +161,18 @@ def test_what_does_not_belong_together_is_refused(robot, make_plan):
         config.run((replace(plan, joint_names=("x", "y")),), robot, THROW)
     with pytest.raises(RefinementError, match="a: task stick_throw needs a target on the floor"):
         config.run((replace(plan, target=np.full(3, np.nan)),), robot, THROW)
+
+
+def test_a_search_depends_on_what_a_motion_is_not_on_its_name(robot, make_plan):
+    config = CmaEsConfig(episodes=17)
+    plan = make_plan(0.54, name="a.tsv:3", target=(5.0, 0.0, 0.0))
+    renamed = replace(plan, name="renamed.c3d:8")
+    # What another machine's arithmetic makes of the same.
+    close = replace(plan, duration=plan.duration * (1 + 1e-12))
+    other = replace(plan, target=plan.target + 0.01)
+    one, two, three, four = config.run((plan, renamed, close, other), robot, THROW)
+    np.testing.assert_array_equal(two.returns, one.returns)
+    np.testing.assert_array_equal(two.positions, one.positions)
+    np.testing.assert_allclose(three.returns, one.returns, rtol=1e-6)
+    # The same imitation, and then another draw.
+    assert not np.allclose(four.outcomes[1:], one.outcomes[1:], atol=1e-3, equal_nan=True)
