@@ -43,6 +43,11 @@ class Range:
     reason: str
 
     @property
+    def shown(self) -> str:
+        """The endings for a table; all other keys have none of them."""
+        return ", ".join(f"``{ending}``" for ending in self.endings if ending) or "anything else"
+
+    @property
     def words(self) -> str:
         """For example ``-1000 to 1000 m``."""
         return f"{self.low:g} to {self.high:g} {self.unit}".rstrip()

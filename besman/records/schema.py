@@ -58,6 +58,7 @@ def _check(value: Any, hint: Any, where: str) -> None:
     """Refuse a value that is not of a type."""
     origin, inner = typing.get_origin(hint), typing.get_args(hint)
     if hint is Any:
+        _check_texts_in(value, where)
         return
     if origin in (Union, types.UnionType):
         _check_union(value, inner, where)
@@ -80,6 +81,15 @@ def _check(value: Any, hint: Any, where: str) -> None:
         fault = fault_of_characters(value)
         if fault is not None:
             raise ValueError(f"{where}: {value!r:.60} {fault}")
+
+
+def _check_texts_in(value: Any, where: str) -> None:
+    """Refuse texts of which the annotation says nothing, but a terminal would obey."""
+    if isinstance(value, str):
+        _check(value, str, where)
+    elif isinstance(value, dict | tuple):
+        for item in value.items() if isinstance(value, dict) else value:
+            _check_texts_in(item, where)
 
 
 def _check_union(value: Any, options: tuple[Any, ...], where: str) -> None:
