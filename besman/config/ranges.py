@@ -9,13 +9,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from besman.foreign.names import fault_of_characters
+from besman.foreign.names import LONGEST_TEXT, fault_of_characters
 
 SMALLEST = 1e-12
 """Nothing but zero is nearer to zero."""
-
-LONGEST_TEXT = 4096
-"""Characters of a text; no path is longer."""
 
 # Keys of sentences, which may have several lines.
 _SENTENCES = ("assumed",)

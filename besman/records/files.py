@@ -16,7 +16,7 @@ from pydantic import BaseModel
 
 from besman.exceptions import BesmanError, RunError
 from besman.foreign.json_text import parse_json
-from besman.foreign.names import fault_of_characters
+from besman.foreign.names import LONGEST_TEXT, fault_of_characters
 from besman.records.frozen import Record
 from besman.records.npz import ERRORS, Arrays
 from besman.records.schema import check_fields
@@ -167,8 +167,8 @@ def _check_texts(value: Any) -> None:
     """Refuse texts outside of records that a terminal would obey."""
     if isinstance(value, str):
         fault = fault_of_characters(value)
-        if fault is not None:
-            raise ValueError(f"{value!r:.60} {fault}")
+        if fault is not None or len(value) > LONGEST_TEXT:
+            raise ValueError(f"{value!r:.60} {fault or 'is too long'}")
     elif isinstance(value, tuple | dict):
         for item in value.items() if isinstance(value, dict) else value:
             _check_texts(item)

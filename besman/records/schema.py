@@ -11,7 +11,7 @@ from typing import Any, Literal, Union, cast
 
 import numpy as np
 
-from besman.foreign.names import fault_of_characters
+from besman.foreign.names import LONGEST_TEXT, fault_of_characters
 
 # Kinds of numbers in a file that an array may be made of.
 _KINDS = {"f": "fiu", "i": "iu", "b": "b"}
@@ -79,6 +79,8 @@ def _check(value: Any, hint: Any, where: str) -> None:
         raise ValueError(f"{where}: got {_kind(value)}, expected {_name(hint)}")
     elif hint is str and not where.endswith(_SENTENCES):
         fault = fault_of_characters(value)
+        if len(value) > LONGEST_TEXT:
+            fault = f"has {len(value)} characters, more than {LONGEST_TEXT}"
         if fault is not None:
             raise ValueError(f"{where}: {value!r:.60} {fault}")
 
