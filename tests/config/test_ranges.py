@@ -123,8 +123,8 @@ def test_line_and_key_are_named(tmp_path):
     line = 1 + text[: text.index("margin_s:")].count("\n")
     with pytest.raises(BesmanError, match=rf"mine.yaml:{line}: margin_s: got 1e\+300; expected"):
         load_pipeline(path)
-    path.write_text(text + "\nlabel: {longest_gap_s: 1.0e+300}\n")
-    with pytest.raises(BesmanError, match=r"label.*longest_gap_s: got 1e\+300; expected"):
+    path.write_text(text.replace("\nlabel:\n", "\nlabel:\n  longest_gap_s: 1.0e+300\n"))
+    with pytest.raises(BesmanError, match=r"yaml:11: label.longest_gap_s: got 1e\+300; expected"):
         load_pipeline(path)
 
 

@@ -213,18 +213,19 @@ _PLAIN = {"str": (str,), "int": (int,), "float": (float, int), "bool": (bool,)}
 def of_record(folder, record):
     problems = set()
 
-    def look(value):
+    def look(value, is_field=False):
         if isinstance(value, tuple | list):
             for item in value:
-                look(item)
+                look(item, is_field)
         elif isinstance(value, str):
-            if _odd_text(value):
+            # What is outside of every record is no name.
+            if is_field and _odd_text(value):
                 problems.add("control characters in a text")
         elif dataclasses.is_dataclass(value):
             for one in dataclasses.fields(value):
                 held = getattr(value, one.name)
                 look_at_field(type(value).__name__, one, held)
-                look(held)
+                look(held, one.name not in ("reason", "failure"))
 
     def look_at_field(kind, one, held):
         allowed = _PLAIN.get(str(one.type))
