@@ -4,8 +4,9 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 LOG := $(VENV)/install.log
-# Modules become bytecode when they are imported: most of the 10 000 that are installed never are.
-PIP := $(BIN)/python -m pip --disable-pip-version-check install --no-compile --constraint constraints.txt
+PIP := $(BIN)/python -m pip --disable-pip-version-check install --constraint constraints.txt
+# Modules become bytecode when they are imported, where that is kept: most of the 10 000 never are.
+LAZY = $(shell $(BIN)/python -c 'import sys; print("" if sys.dont_write_bytecode else "--no-compile")' 2>/dev/null)
 BENCHMARKS := $(wildcard benchmarks/*.py)
 comma := ,
 
@@ -50,7 +51,7 @@ $(VENV)/bin/python:
 # wheel expects GCC's OpenMP on the machine: where there is none it gets the one in scikit-learn's.
 define install
 	@echo "installing $(2) into $(VENV): $(3); log: $(LOG)"
-	@$(PIP) --editable ".$(if $(1),[$(1)])" >>$(LOG) 2>&1 || \
+	@$(PIP) $(LAZY) --editable ".$(if $(1),[$(1)])" >>$(LOG) 2>&1 || \
 		{ tail -n 15 $(LOG); echo "pip failed: all that it said is in $(LOG)"; exit 1; }
 	@$(BIN)/python -c 'import ctypes; ctypes.CDLL("libgomp.so.1")' 2>/dev/null || \
 		{ cd $(VENV)/lib/python3*/site-packages/cmeel.prefix/lib && \

@@ -1,6 +1,6 @@
 """Templates of a run: where its motions for unseen contexts come down, simulated.
 
-python benchmarks/templates.py [RUN] [--method creps ...] [--seed 0 ...] [--json FILE]
+python benchmarks/templates.py [RUN] [--method c_reps ...] [--seed 0 ...] [--json FILE]
 
 RUN is a finished run, which is not changed; without one, `ur5_stick_throw` is run first.
 """
@@ -90,7 +90,7 @@ def measure(
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("run", nargs="?", type=Path)
-    parser.add_argument("--method", nargs="+", default=["creps", "ccma_es"])
+    parser.add_argument("--method", nargs="+", default=["c_reps", "c_cma_es"])
     parser.add_argument("--seed", type=int, nargs="+", default=[0])
     parser.add_argument("--episodes", type=int, default=3000)
     parser.add_argument("--targets", type=int, default=200)

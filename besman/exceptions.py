@@ -2,6 +2,7 @@
 
 import difflib
 import re
+import signal
 from collections.abc import Iterable
 
 # Where a C++ library found the fault in its own source: nothing that a user can act on.
@@ -116,6 +117,21 @@ def one_line(text: str) -> str:
     return "".join(
         one if one.isprintable() else one.encode("unicode_escape").decode() for one in text
     )
+
+
+class StoppedError(BaseException):
+    """A signal asks the process to end: no error of a stage, and nothing that one may catch.
+
+    Attributes
+    ----------
+    exit_code : int
+        128 and the signal's number, as shells have it.
+    """
+
+    def __init__(self, number: int) -> None:
+        name = "Ctrl-C" if number == signal.SIGINT else signal.Signals(number).name
+        super().__init__(f"stopped by {name}")
+        self.exit_code = 128 + number
 
 
 def nearest(name: str, allowed: Iterable[str]) -> str:

@@ -66,7 +66,7 @@ inputs = read_inputs(
     str(resource_folder("data") / "stick_throw_calibration" / "person.tsv"),
 )
 label = LabelTrajectoriesConfig(learn_from="person.tsv", longest_rigid_gap_s=3.0)
-labelled = label.run(inputs.recordings, load_marker_set("right_arm"), *inputs.teacher)
+labelled = label.run(inputs.recordings, load_marker_set("right_arm"), inputs.teacher)
 demonstrations = SelectConfig(label="throw").run(labelled, inputs.truth)[:1]
 
 # As in examples 4 and 5, on the own arm. A throw may also begin elsewhere.
@@ -79,7 +79,7 @@ print(f"\nimitated: {100 * motion.miss_before:.0f} cm from the target")
 print(f"refined: {100 * motion.miss:.1f} cm, after {len(motion.returns)} episodes")
 
 # A template: which motion belongs to which target within 30 cm? Usually it takes 3000 episodes.
-config = TemplateConfig(method="ccma_es", episodes=300, checks=30, search=("goal", "duration"))
+config = TemplateConfig(method="c_cma_es", episodes=300, checks=30, search=("goal", "duration"))
 region = {"x": (1.2, 1.8), "y": (0.1, 0.7)}
 lesson = prepare_lesson(motions, robot, task, ("x", "y"), region, config)
 template = teach(lesson, config, (str(path), "scoop", str(golf)), Work(2))

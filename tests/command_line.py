@@ -3,6 +3,7 @@
 import pytest
 
 from besman.cli import main as cli
+from besman.synthetic.datasets import write_synthetic
 
 
 def besman(monkeypatch, *arguments):
@@ -11,3 +12,22 @@ def besman(monkeypatch, *arguments):
     with pytest.raises(SystemExit) as caught:
         cli.main()
     return caught.value.code or 0
+
+
+# What makes the run below quick: it changes neither which stages there are nor what they promise.
+SMALL_RUN = (
+    # Its trajectories have names, which are not looked at.
+    "label.method=trajectories",
+    "recognize.examples_per_class=2",
+    "map.evaluations=60",
+)
+
+
+def run_small(folder):
+    """Write a capture of three throws (synthetic), and run the default pipeline on it."""
+    write_synthetic("stick_throw", folder / "capture", n_subjects=1, n_repetitions=3, seed=8)
+    arguments = ["run", "ur5_stick_throw", "--out", folder / "run"]
+    for setting in (f"recordings={folder / 'capture'}", *SMALL_RUN):
+        arguments += ["--set", setting]
+    with pytest.MonkeyPatch.context() as patch:
+        assert besman(patch, *arguments) == 0

@@ -1,15 +1,24 @@
+import fcntl
 import functools
+import os
+import shutil
+
+# Before numpy is loaded, as in the command line: threads inside BLAS cost several times the CPU
+# time here, because the matrices are small.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 import pytest
+from command_line import run_small
+from hypothesis import settings
 
-from besman.config.resources import find_resource
 from besman.motion.dmp import fit_weights
-from besman.pipeline.config import load_pipeline
-from besman.pipeline.pipeline import run_pipeline
 from besman.records import MotionPlan
 from besman.robot.model import load_robot
-from besman.synthetic.datasets import write_synthetic
+
+# How long an example takes says how busy the machine is.
+settings.register_profile("besman", deadline=None)
+settings.load_profile("besman")
 
 START = np.array([1.52, -3.75, 0.54, -1.39, -0.70, -0.12])
 GOAL = np.array([2.09, -3.15, 0.33, -2.02, -1.48, -0.62])
@@ -44,16 +53,35 @@ def make_plan(robot):
 
 
 @pytest.fixture(scope="session")
-def small_run(tmp_path_factory):
-    """Three throws of one person (synthetic), refined for a few episodes."""
-    folder = tmp_path_factory.mktemp("small")
-    write_synthetic("stick_throw", folder / "capture", n_subjects=1, n_repetitions=3, seed=3)
-    settings = (
-        f"recordings={folder / 'capture'}",
-        "recognize.examples_per_class=2",
-        "map.evaluations=60",
-        "refine.episodes=25",
-        "refine.robustness={models: 2}",
-    )
-    config = load_pipeline(find_resource("pipelines", "ur5_stick_throw"), settings)
-    return run_pipeline(config, folder / "run")
+def made_once(tmp_path_factory):
+    """Have a folder filled once for all workers of a session: (name, fill) -> its path."""
+    folder = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        folder = folder.parent
+
+    def make(name, fill):
+        made, done = folder / f"made_{name}", folder / f"made_{name}.done"
+        # The lock is let go when its process ends, however it ends.
+        with (folder / f"made_{name}.lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if not done.exists():
+                shutil.rmtree(made, ignore_errors=True)
+                made.mkdir()
+                fill(made)
+                done.touch()
+        return made
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def small_capture(made_once):
+    """Recording and segments of a person who throws three times (synthetic); to read only."""
+    return made_once("small_run", run_small) / "capture"
+
+
+@pytest.fixture(scope="session")
+def small_run(made_once, tmp_path_factory):
+    """Give this worker's own copy of a finished run of `small_capture`."""
+    made = made_once("small_run", run_small)
+    return shutil.copytree(made / "run", tmp_path_factory.mktemp("small") / "run")

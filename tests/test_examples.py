@@ -2,25 +2,48 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import os
 import re
+import runpy
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 
 import pytest
 from places import TOP
 
 EXAMPLES = TOP / "examples"
+# What Python does not print of itself.
+UNSAID = (DeprecationWarning, PendingDeprecationWarning, ImportWarning, ResourceWarning)
 
 
 def run(name: str) -> str:
     """Return what an example prints."""
+    said, complaints = io.StringIO(), io.StringIO()
+    with (
+        warnings.catch_warnings(record=True) as warned,
+        contextlib.redirect_stdout(said),
+        contextlib.redirect_stderr(complaints),
+    ):
+        warnings.simplefilter("always")
+        for kind in UNSAID:
+            warnings.simplefilter("ignore", kind)
+        runpy.run_path(str(EXAMPLES / name), run_name="__main__")
+    assert complaints.getvalue() == ""
+    assert [str(one.message) for one in warned] == []
+    return said.getvalue()
+
+
+def run_alone(name: str) -> str:
+    """Return what an example prints in a process of its own."""
     done = subprocess.run(
         [sys.executable, str(EXAMPLES / name)],
         capture_output=True,
         text=True,
-        env=os.environ | {"PYTHONPATH": str(TOP), "OPENBLAS_NUM_THREADS": "1"},
+        env=os.environ | {"PYTHONPATH": str(TOP)},
         check=False,
     )
     assert done.returncode == 0, done.stderr
@@ -47,7 +70,7 @@ def test_all_examples_are_tested_and_in_the_tutorial():
 
 
 def test_segment_a_recording():
-    text = run("01_segment_a_recording.py")
+    text = run_alone("01_segment_a_recording.py")
     # Eight throws of three movements each, and a rest before, between and after them.
     assert "33 pieces, 9 of them rests" in text
     assert figures(r"F1 ([\d.]+)", text)[0] > 0.99

@@ -92,6 +92,7 @@ def third_party(folder: str) -> tuple[dict[str, Path], dict[str, Path]]:
     """Return the distributions that a folder's code needs, and can do without, with a file each."""
     files = [path for path in (TOP / folder).rglob("*.py") if "_build" not in path.parts]
     own = {path.stem for place in TARGETS for path in (TOP / place).rglob("*.py")}
+    own |= {path.name for path in (TOP / "tests").iterdir() if path.is_dir()}
     needed, optional = {}, {}
     for path in files:
         for names, found in zip(imports(path.read_text()), (needed, optional), strict=True):
@@ -200,6 +201,14 @@ def test_what_pip_says_is_in_a_log(venv):
     assert (folder / "install.log").read_text() == "WARNING\ntold\n"
     again = run_make("lint", VENV=folder)
     assert "installing" not in again.stdout
+
+
+@needs_make
+@pytest.mark.parametrize(("setting", "lazily"), [("", True), ("1", False)])
+def test_bytecode_is_written_at_once_where_it_would_never_be(setting, lazily, venv, monkeypatch):
+    folder = venv(f'exec {sys.executable} "$@"')
+    monkeypatch.setenv("PYTHONDONTWRITEBYTECODE", setting)
+    assert ("--no-compile" in run_make("--dry-run", "lint", VENV=folder).stdout) == lazily
 
 
 @needs_make

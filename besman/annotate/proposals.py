@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.classifiers.draw_examples import Candidate
+from besman.classifiers.kinds import classifier_kind
 from besman.exceptions import RecognitionError
 from besman.records import FloatArray, LabelledRecording, LabelledSegments
 from besman.records.layers import Side
@@ -190,7 +191,7 @@ def _name(
     model: RecognitionModel, recording: LabelledRecording, rows: npt.NDArray[np.int64]
 ) -> list[Name]:
     """Name stretches by one model."""
-    if model.method in ("hmm", "lstm"):
+    if classifier_kind(model.method).learns_parameters:
         labels, uncertainty = name_segments(model, recording, rows)
         return [
             Name(label, float(np.clip(1 - u, 0, 1)))

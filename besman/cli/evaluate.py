@@ -7,7 +7,11 @@ from typing import Annotated
 
 import typer
 
+from besman.classifiers.kinds import CLASSIFIER_NAMES
 from besman.cli.options import ALL_CORES, Figures, Jobs, Json, target_folder
+from besman.evaluation.names import FUNCTION_NAMES, HIERARCHY_NAMES, TASK_RECIPES
+from besman.search.kinds import CONTEXTUAL_NAMES, SEARCH_NAMES
+from besman.stages.segment.kinds import SEGMENTATION_NAMES
 
 evaluate_app = typer.Typer(
     help="Measure a table of the thesis on given data.", no_args_is_help=True
@@ -23,7 +27,8 @@ def evaluate_segmentation(
         ),
     ] = None,
     methods: Annotated[
-        str | None, typer.Option(help="Methods, separated by commas; all if not given.")
+        str | None,
+        typer.Option(help=f"Separated by commas: {', '.join(SEGMENTATION_NAMES)}; default all."),
     ] = None,
     margin_s: Annotated[
         float | None, typer.Option(help="Greatest distance of a border found; the thesis' if not.")
@@ -103,7 +108,7 @@ def evaluate_recognition(
     ] = None,
     methods: Annotated[
         list[str] | None,
-        typer.Option("--method", help="nearest_neighbour, dtw, hmm, lstm; default all there are."),
+        typer.Option("--method", help=f"{', '.join(CLASSIFIER_NAMES)}; default all there are."),
     ] = None,
     draws: Annotated[int, typer.Option(min=1, help="Random choices of examples.")] = 100,
     figures: Figures = None,
@@ -201,15 +206,15 @@ def evaluate_refinement(
         list[str] | None,
         typer.Option(
             "--problem",
-            help="sphere, rosenbrock, contextual_sphere, contextual_rosenbrock, via_points, "
-            "via_points_joint, obstacles, obstacles_joint; stick_throw, ball_throw, grasp_box, "
-            "pull_lever; or a pipeline.yaml, whose imitations are refined.",
+            help=f"{', '.join(FUNCTION_NAMES)}; {', '.join(TASK_RECIPES)}; or a pipeline.yaml, "
+            "whose imitations are refined.",
         ),
     ] = None,
     methods: Annotated[
         list[str] | None,
         typer.Option(
-            "--method", help="cma_es, reps, pi2, pi2_cma, cem; c_reps, c_cma_es; default all."
+            "--method",
+            help=f"{', '.join(SEARCH_NAMES)}; {', '.join(CONTEXTUAL_NAMES)}; default all.",
         ),
     ] = None,
     seeds: Annotated[int, typer.Option(min=1, help="Runs of every search.")] = 5,
@@ -250,7 +255,7 @@ def evaluate_refinement(
 @evaluate_app.command("hierarchy")
 def evaluate_hierarchy(
     datasets: Annotated[
-        list[str] | None, typer.Argument(help="step, object_rotation, circle_drawing, rotation.")
+        list[str] | None, typer.Argument(help=f"{', '.join(HIERARCHY_NAMES)}; default all.")
     ] = None,
     draws: Annotated[int, typer.Option(min=1, help="Draws of examples to learn from.")] = 10,
     json_file: Json = None,

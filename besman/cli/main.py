@@ -7,22 +7,24 @@ from __future__ import annotations
 
 import os
 import sys
+import threading
 import warnings
-from typing import Annotated, TextIO
+from typing import Annotated, NoReturn, TextIO
 
 # Before numpy is loaded: the matrices here are small and many.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import typer
 
-from besman.cli import recordings, run, templates, transfer
+from besman.cli import recordings, run, run_folders, templates, transfer
 from besman.cli.annotate import annotate
 from besman.cli.evaluate import evaluate_app
 from besman.cli.robots import robots
 from besman.cli.terminal import complain
 from besman.cli.view import view
-from besman.exceptions import BesmanError, RecordingWarning
+from besman.exceptions import BesmanError, RecordingWarning, StoppedError
 from besman.io.recordings.formats import taking_partial_files
+from besman.work.stopping import stops_on_signals
 
 app = typer.Typer(
     name="besman",
@@ -46,6 +48,8 @@ for command in (
     recordings.label_markers,
     recordings.synth,
     run.check,
+    run_folders.runs,
+    run_folders.clean,
 ):
     app.command()(command)
 app.add_typer(evaluate_app, name="evaluate")
@@ -106,7 +110,11 @@ def main() -> None:
     debug, strict, partial = _take("--debug"), _take("--strict"), _take("--partial")
     warnings.showwarning = _show_warning
     try:
-        with warnings.catch_warnings(), taking_partial_files(partial):
+        with (
+            warnings.catch_warnings(),
+            taking_partial_files(partial),
+            stops_on_signals(_say_stopped),
+        ):
             if strict:
                 warnings.simplefilter("error", RecordingWarning)
             app()
@@ -116,6 +124,21 @@ def main() -> None:
         said = "" if isinstance(error, BesmanError) else " (--strict: a warning is an error)"
         complain("error", f"{error}{said}")
         sys.exit(2)
-    except KeyboardInterrupt:
-        complain("", "stopped; the same command goes on from here")
-        sys.exit(130)
+    except StoppedError as error:
+        _say_stopped(error)
+        _leave(error.exit_code)
+
+
+def _say_stopped(error: StoppedError) -> None:
+    """Say what stopped it, and whether that did harm."""
+    complain("", "; ".join([str(error), *getattr(error, "__notes__", ())]))
+
+
+def _leave(code: int) -> NoReturn:
+    """End the process, without what threads are still at."""
+    others = [thread for thread in threading.enumerate() if not thread.daemon]
+    if others != [threading.main_thread()]:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+    sys.exit(code)

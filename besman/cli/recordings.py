@@ -12,12 +12,15 @@ from besman.cli.options import Json, Recordings, target_file, target_folder
 from besman.cli.terminal import say
 from besman.exceptions import one_of
 from besman.io.recordings.formats import WRITTEN_SUFFIXES
+from besman.stages.segment.kinds import SEGMENTATION_NAMES
+from besman.synthetic.names import DATASET_NOTES
 
-# Datasets are heavy to import for a help text; a test compares.
-_DATASETS = (
-    "step, lever, pick_and_place, ball_throw, stick_throw, stick_throw_unmarked (no stick seen), "
-    "stick_throw_marked (small), gestures, object_rotation, circle_drawing, rotation"
-)
+_DATASETS = ", ".join(f"{name} ({note})" if note else name for name, note in DATASET_NOTES.items())
+
+LearnFrom = Annotated[
+    Path | None,
+    typer.Option(help="A recording with names, to learn the distances of markers from."),
+]
 
 
 def train(
@@ -31,6 +34,7 @@ def train(
         list[str] | None,
         typer.Option("--set", help="KEY=VALUE of recognize, e.g. method=hmm."),
     ] = None,
+    learn_from: LearnFrom = None,
 ) -> None:
     """Learn to name segments; a pipeline uses the model with recognize: {model: PATH}."""
     from besman.cli.terminal import open_terminal
@@ -38,7 +42,7 @@ def train(
     from besman.stages.recognize.model_files import load_model
     from besman.standalone.train_files import train_files
 
-    written = train_files(segments, out, markers, tuple(settings or ()))
+    written = train_files(segments, out, markers, tuple(settings or ()), learn_from)
     counts = list_counts(Counter(load_model(written[0]).labels))
     lines = [f"learnt {counts}", *(f"wrote {path}" for path in written)]
     open_terminal().print("\n".join(lines), soft_wrap=True)
@@ -46,11 +50,14 @@ def train(
 
 def segment(
     recordings: Recordings,
-    method: Annotated[str, typer.Option(help="Segmentation method.")] = "valley_vmci",
+    method: Annotated[
+        str, typer.Option(help=f"{one_of(SEGMENTATION_NAMES)}.")
+    ] = SEGMENTATION_NAMES[0],
     markers: Annotated[str, typer.Option(help="Marker set.")] = "right_arm",
     rate_hz: Annotated[
         float | None, typer.Option(help="Sampling rate of a method that has one.")
     ] = None,
+    learn_from: LearnFrom = None,
     json_file: Json = None,
 ) -> None:
     """Find the borders of the building blocks in recordings."""
@@ -58,7 +65,7 @@ def segment(
     from besman.io.atomic_files import write_json
     from besman.standalone.segment_files import segment_files, segment_table
 
-    found = segment_files(recordings, method, markers, rate_hz)
+    found = segment_files(recordings, method, markers, rate_hz, learn_from)
     open_terminal().print(segment_table(found))
     if json_file is not None:
         write_json(json_file, found)
@@ -104,12 +111,13 @@ def follow(
 
 
 def label_markers(
-    recording: Annotated[Path, typer.Argument(help="A recording without names.")],
+    recording: Annotated[Path, typer.Argument(help="A recording, wholly or partly unnamed.")],
     out: Annotated[Path, typer.Option(help=f"File to write, {one_of(WRITTEN_SUFFIXES)}.")],
     markers: Annotated[str, typer.Option(help="Marker set.")] = "right_arm",
-    learn_from: Annotated[
-        Path | None, typer.Option(help="A recording with names, to learn distances from.")
-    ] = None,
+    learn_from: LearnFrom = None,
+    ignore_names: Annotated[
+        bool, typer.Option("--ignore-names", help="Name all anew, whatever they are called.")
+    ] = False,
     fill: Annotated[bool, typer.Option("--fill", help="Fill short gaps.")] = False,
     figure: Annotated[
         Path | None,
@@ -117,7 +125,7 @@ def label_markers(
     ] = None,
     json_file: Json = None,
 ) -> None:
-    """Name the unnamed trajectories of a recording; what is not sure stays unnamed."""
+    """Name what has no name in a recording; what is not sure stays unnamed."""
     from besman.cli.terminal import open_terminal
     from besman.io.atomic_files import write_json
     from besman.standalone.label_file import (
@@ -130,7 +138,7 @@ def label_markers(
 
     if figure is not None:
         check_figure(figure)
-    read, named = label_file(recording, markers, out, learn_from, fill)
+    read, named = label_file(recording, markers, out, learn_from, fill, ignore_names)
     summary = summarise(read, named)
     console = open_terminal()
     for table in summary_tables(summary):

@@ -8,6 +8,8 @@ from typing import Annotated
 import typer
 
 from besman.cli.options import ALL_CORES, Cluster, Jobs, Json, Out, Recordings
+from besman.cli.run_folders import say_check
+from besman.exceptions import ConfigError
 
 
 def _finish(folder: Path) -> None:
@@ -156,11 +158,24 @@ def retarget(
 
 
 def check(
-    pipeline: Annotated[str, typer.Argument(help="A YAML file, or the name of a pipeline.")],
-    settings: Annotated[list[str] | None, typer.Option("--set", help="KEY=VALUE.")] = None,
+    pipeline: Annotated[
+        str, typer.Argument(help="A YAML file, the name of a pipeline, or a run folder.")
+    ],
+    settings: Annotated[
+        list[str] | None, typer.Option("--set", help="KEY=VALUE of a pipeline.")
+    ] = None,
 ) -> None:
-    """Say everything that can be known about a pipeline before running it."""
+    """Say everything that can be known about a pipeline before running it.
+
+    Of a run folder, say what is missing, cut or foreign in it; exit code 1 if something is.
+    """
     from besman.cli.terminal import open_terminal
+
+    if (Path(pipeline) / "run.json").exists():
+        if settings:
+            raise ConfigError(f"--set: {pipeline} is a run folder, which takes no settings")
+        say_check(Path(pipeline))
+        return
     from besman.pipeline.check import check_pipeline
 
     console = open_terminal()

@@ -9,6 +9,8 @@ from typing import Annotated
 import typer
 
 from besman.cli.options import target_file
+from besman.exceptions import one_of
+from besman.search.kinds import CONTEXTUAL_NAMES
 
 app = typer.Typer(help="Motions for targets that were never tried.", no_args_is_help=True)
 
@@ -28,7 +30,7 @@ def learn(
         ),
     ] = None,
     episodes: Annotated[int, typer.Option(help="Throws, or other tries, to learn from.")] = 3000,
-    method: Annotated[str, typer.Option(help="creps or ccma_es.")] = "ccma_es",
+    method: Annotated[str, typer.Option(help=f"{one_of(CONTEXTUAL_NAMES)}.")] = "c_cma_es",
     seed: Annotated[int, typer.Option(help="Of contexts and search.")] = 0,
     settings: Annotated[
         list[str] | None,
@@ -75,7 +77,7 @@ def apply(
         typer.Option(help="File to write: .csv, .json or .yaml (ROS 2), .script (URScript)."),
     ] = None,
     method: Annotated[
-        str | None, typer.Option(help="creps or ccma_es, if the run has both.")
+        str | None, typer.Option(help=f"{one_of(CONTEXTUAL_NAMES)}, if the run has several.")
     ] = None,
     json_file: Annotated[
         Path | None,

@@ -48,6 +48,7 @@ def _export(content: RunContent, run: Path, motion: str | None, out: Path) -> No
     """Write the file and say what is in it."""
     from besman.cli.progress_bars import stage_display
     from besman.cli.terminal import open_terminal
+    from besman.pipeline.derived_files import note_file
     from besman.report.page import write_page
     from besman.view.export import write_replay
 
@@ -55,6 +56,7 @@ def _export(content: RunContent, run: Path, motion: str | None, out: Path) -> No
         progress, end = display("replay")
         shown, total = write_replay(content, out, motion, progress=progress)
         end(True)
+    note_file(run, out)
     if out.resolve() == (run / "replay.html").resolve():
         write_page(run)
     size = out.stat().st_size / 1e6

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from besman.classifiers.kinds import CLASSIFIERS
 from besman.classifiers.novelty import UNKNOWN
 from besman.evaluation.draws import Draw, draw_balanced, draw_subjects
 from besman.evaluation.recognition_data import LabelledSet
@@ -124,14 +125,10 @@ def check_methods(names: Sequence[str] | None) -> tuple[str, ...]:
     ConfigError
         If there is no such method.
     """
-    from importlib.util import find_spec
-
     for name in names or ():
         if name not in CONFIGS:
             raise ConfigError(f"--method: no method {name!r}; {nearest(name, CONFIGS)}")
-    needs = {"dtw": "tslearn", "hmm": "hmmlearn", "lstm": "torch"}
-    there = tuple(name for name in CONFIGS if find_spec(needs.get(name, "sklearn")) is not None)
-    return tuple(names or there)
+    return tuple(names or (entry.name for entry in CLASSIFIERS if entry.is_installed))
 
 
 def _warm_up(one: LabelledSet, method: str) -> None:

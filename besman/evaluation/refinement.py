@@ -13,6 +13,7 @@ import numpy.typing as npt
 from besman.evaluation.refinement_functions import Attempt, Problem
 from besman.evaluation.refinement_problems import TaskProblem
 from besman.exceptions import ConfigError, nearest
+from besman.search.kinds import usual_spelling
 from besman.work.work import Work
 
 FloatArray = npt.NDArray[np.float64]
@@ -80,6 +81,7 @@ def evaluate_refinement(
     from threadpoolctl import threadpool_limits
 
     known = dict.fromkeys(method for problem in problems for method in problem.methods)
+    methods = None if methods is None else [usual_spelling(method) for method in methods]
     for method in methods or ():
         if method not in known:
             raise ConfigError(f"--method: got {method!r}; {nearest(method, known)}")

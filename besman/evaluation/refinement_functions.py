@@ -9,20 +9,16 @@ from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import TypeAdapter
 
 from besman.evaluation.approximate_ik import PUBLIC, ArmFunction
 from besman.search.contextual import ContextualSearch
-from besman.search.contextual_cma_es import ContextualCmaEs
-from besman.search.contextual_reps import ContextualReps
-from besman.stages.refine.methods import METHODS, RefineMethod, RefineStage
+from besman.search.kinds import CONTEXTUAL_NAMES, SEARCH_NAMES, search_kind
+from besman.stages.refine.methods import CONFIGS
 
 FloatArray = npt.NDArray[np.float64]
 
-CONTEXTUAL = ("c_reps", "c_cma_es")
-
-parse_config = TypeAdapter[RefineMethod](RefineStage).validate_python
-# Those of the searches' own publications for so many coordinates; a task's are its pipeline's.
+# Those of the searches' own publications for so many coordinates, where they differ from what is
+# usual for motion plans.
 _POPULATIONS: dict[str, int | None] = {
     "cma_es": None,
     "reps": 25,
@@ -118,7 +114,7 @@ class FunctionProblem:
     episodes: int
     marks: tuple[int, ...] = ()
     public: dict[str, Any] = field(default_factory=dict)
-    methods: tuple[str, ...] = METHODS
+    methods: tuple[str, ...] = SEARCH_NAMES
 
     @property
     def success(self) -> str:
@@ -127,8 +123,9 @@ class FunctionProblem:
 
     def attempt(self, method: str, seed: int) -> Attempt:
         """Search until the budget or the search itself ends."""
-        settings = {"method": method, "population": _POPULATIONS[method], "sigma": self.sigma}
-        search = parse_config(settings).make_search(self.dimension, (seed,))
+        settings = {"population": _POPULATIONS[method]} if method in _POPULATIONS else {}
+        config = CONFIGS[method].model_validate({"method": method, "sigma": self.sigma, **settings})
+        search = config.make_search(self.dimension, (seed,))
         rewards: list[float] = []
         started, reached = time.thread_time(), None
         while len(rewards) < self.episodes and not search.exhausted:
@@ -166,7 +163,7 @@ class ContextualProblem:
     episodes: int
     marks: tuple[int, ...] = ()
     public: dict[str, Any] = field(default_factory=dict)
-    methods: tuple[str, ...] = CONTEXTUAL
+    methods: tuple[str, ...] = CONTEXTUAL_NAMES
 
     @property
     def success(self) -> str:
@@ -199,11 +196,10 @@ class ContextualProblem:
         )
 
     def _search(self, method: str, start: FloatArray, seed: int) -> ContextualSearch:
-        """Set up a search as for the public figures: affine, epsilon 1, sigma 1."""
+        """Set up a search as for the public figures: affine, sigma 1."""
         region = (np.ones(self.n_contexts), np.full(self.n_contexts, 2.0))
-        if method == "c_cma_es":
-            return ContextualCmaEs(start, 1.0, region, (seed,))
-        return ContextualReps(start, 1.0, region, (seed,), epsilon=1.0, ridge=1e-10)
+        search: type[ContextualSearch] = search_kind(method).load()
+        return search(start, 1.0, region, (seed,), ridge=1e-10)
 
 
 def _attempt(rewards: FloatArray, threshold: float, cpu_s: float, reached: float | None) -> Attempt:

@@ -9,26 +9,20 @@ from pathlib import Path
 from typing import Any
 
 from besman.config.resources import find_resource
-from besman.evaluation.refinement_functions import FUNCTIONS, Attempt, Problem, parse_config
+from besman.evaluation.names import TASK_RECIPES
+from besman.evaluation.refinement_functions import FUNCTIONS, Attempt, Problem
 from besman.exceptions import ConfigError, nearest
 from besman.pipeline.config import load_pipeline
 from besman.pipeline.pipeline import run_pipeline
 from besman.pipeline.stored_run import open_run
 from besman.records import AnyPlan
 from besman.robot.model import Robot, load_robot
+from besman.search.kinds import SEARCH_NAMES
 from besman.simulation.task import Task
 from besman.simulation.tasks.kinds import load_task
 from besman.simulation.trial import try_plans
-from besman.stages.refine.methods import METHODS
+from besman.stages.refine.methods import CONFIGS
 from besman.stages.refine.stage import RefinementConfig
-
-# A simulated task is a pipeline: its imitations are what is refined.
-TASKS = {
-    "stick_throw": "ur5_stick_throw",
-    "ball_throw": "compi_ball_throw",
-    "grasp_box": "iiwa7_grasp",
-    "pull_lever": "ur10_lever",
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +47,7 @@ class TaskProblem:
     config: RefinementConfig
     marks: tuple[int, ...] = ()
     public: dict[str, Any] = field(default_factory=dict)
-    methods: tuple[str, ...] = METHODS
+    methods: tuple[str, ...] = SEARCH_NAMES
 
     @property
     def episodes(self) -> int:
@@ -69,7 +63,7 @@ class TaskProblem:
         """Search as the refine stage does, until success with its margin."""
         common = self.config.model_dump(include=set(RefinementConfig.model_fields))
         own = self.config.model_dump() if method == self.config.method else common
-        config = parse_config({**own, "method": method, "seed": seed})
+        config = CONFIGS[method].model_validate({**own, "method": method, "seed": seed})
         plan = self.plans[seed % len(self.plans)]
         search = config.set_up(plan, self.robot, self.task)
         started = time.thread_time()
@@ -91,7 +85,7 @@ def load_problem(name: str, episodes: int | None = None) -> Problem:
     Parameters
     ----------
     name : str
-        Of `FUNCTIONS` or `TASKS`, or the path of a pipeline.
+        Of `FUNCTIONS` or `TASK_RECIPES`, or the path of a pipeline.
     episodes : int, optional
         Of one search of a task; the pipeline's own if not given.
 
@@ -102,14 +96,15 @@ def load_problem(name: str, episodes: int | None = None) -> Problem:
     """
     if name in FUNCTIONS:
         return FUNCTIONS[name]()
-    if name not in TASKS and not name.endswith(".yaml"):
+    if name not in TASK_RECIPES and not name.endswith(".yaml"):
         raise ConfigError(
-            f"--problem: got {name!r}; {nearest(name, (*FUNCTIONS, *TASKS))} or a pipeline.yaml"
+            f"--problem: got {name!r}; {nearest(name, (*FUNCTIONS, *TASK_RECIPES))} or a "
+            "pipeline.yaml"
         )
-    path = find_resource("pipelines", TASKS.get(name, name))
+    path = find_resource("pipelines", TASK_RECIPES.get(name, name))
     config = load_pipeline(path)
     with tempfile.TemporaryDirectory() as folder:
-        few = config.refine.model_copy(update={"episodes": 1})
+        few = config.refine.model_copy(update={"episodes": 1, "robustness": None})
         run = run_pipeline(config.model_copy(update={"refine": few}), Path(folder) / "run")
         plans = open_run(run).record("imitate")
     refine = config.refine if episodes is None else _with_episodes(config.refine, episodes)

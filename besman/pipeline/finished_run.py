@@ -57,7 +57,7 @@ def read_run(folder: Path) -> FinishedRun:
     RunError
         If the folder is not a run, or holds no refined motions.
     """
-    config, run = read_recipe(folder), open_run(folder)
+    config, run = read_recipe(folder), open_run(folder, needs_state=False)
     if "refine" not in run.stages:
         raise RunError(f"{folder}: no refined motions here: expected a finished run, NN_refine")
     robot, task = load_robot(config.robot, config.tool), load_task(config.task)
@@ -80,7 +80,7 @@ def trained_model(folder: Path, stage: str = "train") -> Any:
     RunError
         If the folder is not a run, or its training has not been done.
     """
-    run = open_run(folder)
+    run = open_run(folder, needs_state=False)
     if stage not in run.stages:
         raise RunError(f"{folder}: no trained model here: expected a run folder with NN_{stage}")
     return run.record(stage)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from besman.config.stage import Items, Truth
@@ -29,6 +30,7 @@ from besman.stages.recognize.model import RecognitionModel
 from besman.stages.recognize.model_files import load_model
 from besman.work.display import Display
 from besman.work.outcome import describe_error
+from besman.work.stopping import last_words
 from besman.work.workers import Workers
 
 
@@ -79,9 +81,9 @@ def run_pipeline(
         clock = Clock()
         inputs = read_inputs(config.recordings, learn_from(config))
         run = Run(folder, config.name, jobs=jobs, fresh=fresh, display=display, workers=workers)
-        run.start(pipeline_yaml(config), inputs.checksums)
-        run.record_time(clock.row("read", Items(len(inputs.recordings), "recordings")))
-        try:
+        with _ends_in_order(run):
+            run.start(pipeline_yaml(config), inputs.checksums)
+            run.record_time(clock.row("read", Items(len(inputs.recordings), "recordings")))
             # A name that leads nowhere is said before the first stage.
             find_robot(config.robot)
             if config.recognize.model is not None:
@@ -90,12 +92,20 @@ def run_pipeline(
             with threadpool_limits(limits=1, user_api="blas"):
                 _run_stages(config, run, inputs, trained_in)
             run.finish()
-        except BaseException as error:
-            # Where nothing can be written, what stopped the run is said all the same.
-            with suppress(FileError):
-                run.finish("failed", describe_error(error))
-            raise
     return folder
+
+
+@contextmanager
+def _ends_in_order(run: Run) -> Iterator[None]:
+    """Have a run that ends badly say why, and let go of its folder."""
+    try:
+        with last_words(lambda why: run.finish("failed", why)):
+            yield
+    except BaseException as error:
+        # Where nothing can be written, what stopped the run is said all the same.
+        with suppress(FileError):
+            run.finish("failed", describe_error(error))
+        raise
 
 
 STAGES = (

@@ -72,8 +72,13 @@ class StoredRun:
 
     def fingerprint(self) -> str:
         """Return a digest of all that a report shows of the run."""
-        shown = {name: _checksum(place / RECORD) for name, place in self.stages.items()}
+        shown = {name: self.checksum(name) for name in self.stages}
         return digest((shown, _checksum(self.folder / "results.json"), self.status))
+
+    def checksum(self, stage: str) -> str | None:
+        """Return the SHA-256 of a stage's record; None where there is none."""
+        place = self.stages.get(stage)
+        return None if place is None else _checksum(place / RECORD)
 
     def changed(self) -> list[str]:
         """Return the files of an ended run that are not as it has written them.
@@ -104,11 +109,17 @@ class StoredRun:
             ) from None
 
 
-def open_run(folder: Path) -> StoredRun:
+def open_run(folder: Path, *, needs_state: bool = True) -> StoredRun:
     """Read what a run says of itself.
 
     A run that was written before ``run.json`` listed the stages has those with the highest
     numbers.
+
+    Parameters
+    ----------
+    folder : Path
+    needs_state : bool
+        Whether ``run.json`` must be there; stages may be read without.
 
     Raises
     ------
@@ -116,10 +127,10 @@ def open_run(folder: Path) -> StoredRun:
         If the folder is not a run, or its ``run.json`` is damaged.
     """
     path = folder / "run.json"
-    state = read_object(path)
-    if not (folder / "pipeline.yaml").is_file():
+    state = read_object(path) if needs_state or path.exists() else {}
+    if needs_state and not (folder / "pipeline.yaml").is_file():
         raise RunError(f"{folder}: not a run: pipeline.yaml is missing")
-    if not _is_whole(state):
+    if state and not _is_whole(state):
         raise RunError(f"{path}: is not as besman writes it; besman run writes it anew")
     names = state.get("stages")
     if names is None:

@@ -11,8 +11,8 @@ from typing import Any
 from besman.config.yaml_file import read_yaml
 from besman.exceptions import RunError
 from besman.io.atomic_files import write_json, write_text
+from besman.pipeline.derived_files import stale_files
 from besman.pipeline.sealed_page import PAGE, seal
-from besman.pipeline.stage_store import RECORD, checksum
 from besman.pipeline.stored_run import StoredRun, open_run, read_object
 from besman.records.files import digest
 from besman.report.confusion import confusion_table
@@ -61,15 +61,16 @@ def _page(run: StoredRun) -> str:
     timing, results = run.read("timing.json"), run.read("results.json")
     config, _ = read_yaml(folder / "pipeline.yaml")
     overview, rest = _figures(run, results, config)
+    stale = stale_files(run)
     body = [
         _head(run, timing, results, config),
         overview,
-        _videos(folder),
+        _videos(folder, stale),
         stage_tables(timing, results, config),
         confusion_table(results),
         rest,
         _left_out(results),
-        _files(folder),
+        _files(folder, stale),
         _provenance(run, results),
     ]
     title = html.escape(f"{run.state['name']} - besman")
@@ -84,7 +85,7 @@ def _page(run: StoredRun) -> str:
 def _figures(run: StoredRun, results: dict[str, Any], config: dict[str, Any]) -> tuple[str, str]:
     """Return the overview and all other figures; drawn anew only if a record has changed."""
     folder = run.folder
-    checksums = {name: checksum(place / RECORD) for name, place in run.stages.items()}
+    checksums = {name: run.checksum(name) for name in run.stages}
     exports = sorted(path.name for path in folder.glob("exports*/*"))
     key = digest((code_version(), checksums, exports, results))
     kept = folder / "figures.json"
@@ -173,10 +174,12 @@ def _centimetres(metres: float | None) -> str:
     return "-" if metres is None else f"{100 * metres:.1f} cm"
 
 
-def _videos(folder: Path) -> str:
+def _videos(folder: Path, stale: list[str]) -> str:
     """Show the run's video inside the page if it is small; link the others."""
     shown, links = "", []
     for path in sorted(folder.glob("video*.mp4")):
+        if path.name in stale:
+            continue
         if path.stem in ("video", "video_second") and path.stat().st_size <= _LARGEST_VIDEO:
             content = base64.b64encode(path.read_bytes()).decode()
             shown += captioned(
@@ -208,7 +211,7 @@ def _left_out(results: dict[str, Any]) -> str:
     )
 
 
-def _files(folder: Path) -> str:
+def _files(folder: Path, stale: list[str]) -> str:
     """Link what lies beside the page."""
     about = {
         "replay.html": "person and robot in motion, side by side",
@@ -222,7 +225,7 @@ def _files(folder: Path) -> str:
     items = "".join(
         f'<li><a href="{name}">{name}</a>: {what}</li>'
         for name, what in about.items()
-        if (folder / name).is_file()
+        if (folder / name).is_file() and name not in stale
     )
     return f"<h2>Files beside this page</h2><ul>{items}</ul>"
 

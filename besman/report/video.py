@@ -18,6 +18,7 @@ from besman.io.atomic_files import check_folder
 from besman.pictures.camera import CameraView, frame_points
 from besman.pictures.rendering import Renderer
 from besman.pictures.scene_geoms import SceneGeoms, farthest_path, scene_geoms
+from besman.pipeline.derived_files import note_file
 from besman.pipeline.stored_run import open_run
 from besman.records import FloatArray, RefinedMotion
 from besman.report.panels import BAND, Picture, join_panels, text_band
@@ -124,6 +125,7 @@ def write_video(
     title = f"{robot.name}, {task.kind}: {motion.plan.name}"
     frames = _frames(panels, robot, task, motion, title, progress)
     _write(frames, _size(len(panels)), out)
+    note_file(folder, out)
     return out
 
 

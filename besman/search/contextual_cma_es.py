@@ -11,6 +11,7 @@ References
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -53,7 +54,13 @@ class ContextualCmaEs:
     Attributes
     ----------
     policy : UpperLevelPolicy
+    usual_sigma, usual_ridge : float
+        See `besman.search.contextual.ContextualSearch`: sigma may grow, and each generation is
+        learnt from alone.
     """
+
+    usual_sigma: ClassVar[float] = 0.3
+    usual_ridge: ClassVar[float] = 1e-2
 
     def __init__(
         self,
@@ -74,6 +81,11 @@ class ContextualCmaEs:
         self._shape = np.eye(n)
         self._path, self._step_path = np.zeros(n), np.zeros(n)
         self._generation = 0
+
+    @staticmethod
+    def usual_generation(dimension: int, n_contexts: int) -> int:
+        """Return twice its paper's size of a generation, which is for affine features."""
+        return 2 * usual_population(dimension, n_contexts)
 
     def ask(self, contexts: npt.ArrayLike) -> FloatArray:
         """Return a point to try for each of the contexts (P, S), shape (P, D)."""

@@ -18,11 +18,14 @@ from besman.io.atomic_files import make_folder, write_json, write_record
 from besman.io.exports import ros_joint_trajectory, write_joint_csv, write_ros_joint_trajectory
 from besman.io.urscript import UR_JOINTS, write_urscript
 from besman.pipeline.finished_run import read_run
+from besman.pipeline.stored_run import open_run, read_object
 from besman.records.files import digest, load_record
+from besman.search.kinds import usual_spelling
 from besman.templates.applying import Application
 from besman.templates.learning import TemplateConfig, Tries
 from besman.templates.teaching import Region, prepare_lesson, teach
 from besman.templates.template import Template
+from besman.work.stopping import last_words
 from besman.work.versions import code_version
 
 ENDINGS = (".csv", ".json", ".yaml", ".script")
@@ -85,11 +88,17 @@ def learn_in_run(
         return load_record(path), path
     part = path.with_name(f".{config.method}.part.npz")
     known = _episodes(part, key)
-    template = teach(lesson, config, run.labels, work, known, partial(_keep, part, key))
+    with last_words(lambda why: None):
+        template = teach(lesson, config, run.labels, work, known, partial(_keep, part, key))
     # The figures name the key and come last: with them the template is whole.
     path.with_suffix(".json").unlink(missing_ok=True)
     write_record(path, template)
-    content = {"key": key, "config": config.model_dump(mode="json"), **template_figures(template)}
+    content = {
+        "key": key,
+        "motions": open_run(folder, needs_state=False).checksum("refine"),
+        "config": config.model_dump(mode="json"),
+        **template_figures(template),
+    }
     write_json(path.with_suffix(".json"), content)
     part.unlink(missing_ok=True)
     return template, path
@@ -133,11 +142,16 @@ def load_template(folder: Path, method: str | None = None) -> Template:
     Raises
     ------
     RunError
-        If there is none, or it is not clear which.
+        If there is none, it is not clear which, or it is of motions that the run no longer holds.
     """
-    places = {path.stem: path for path in sorted((folder / "templates").glob("[!.]*.npz"))}
-    places = {name: path for name, path in places.items() if path.with_suffix(".json").is_file()}
+    places: dict[str, Path] = {}
+    for path in sorted((folder / "templates").glob("[!.]*.npz")):
+        name = usual_spelling(path.stem)
+        # One learnt since the method bears its present name stands for an older one.
+        if path.with_suffix(".json").is_file() and (name == path.stem or name not in places):
+            places[name] = path
     there = ", ".join(places) or "none"
+    method = None if method is None else usual_spelling(method)
     if method is None and len(places) > 1:
         raise RunError(f"{folder}: several templates: {there}; say which with --method")
     if not places or (method is not None and method not in places):
@@ -145,8 +159,20 @@ def load_template(folder: Path, method: str | None = None) -> Template:
             f"{folder}: no template{f' {method}' if method else ''} here (there: {there}); "
             f"expected one from besman template learn {folder}"
         )
-    template: Template = load_record(places[method] if method else next(iter(places.values())))
+    path = places[method] if method else next(iter(places.values()))
+    _refuse_stale(folder, path)
+    template: Template = load_record(path)
     return template
+
+
+def _refuse_stale(folder: Path, path: Path) -> None:
+    """Refuse a template of motions that the run held once."""
+    of = read_object(path.with_suffix(".json")).get("motions")
+    if of is not None and of != open_run(folder, needs_state=False).checksum("refine"):
+        raise RunError(
+            f"{path}: was learnt of other motions than the run holds now; learn it again: besman "
+            f"template learn {folder}"
+        )
 
 
 def write_application(applied: Application, paths: list[Path]) -> None:

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
 from besman.config.stage import Config, Work
+from besman.exceptions import nearest
 from besman.records import Record, freeze
 from besman.search.contextual import ContextualSearch
-from besman.search.contextual_cma_es import ContextualCmaEs, usual_population
-from besman.search.contextual_reps import ContextualReps
+from besman.search.kinds import CONTEXTUAL_NAMES, search_kind, usual_spelling
 from besman.search.protocol import Part
 from besman.search.upper_level import Features, UpperLevelPolicy
 from besman.stages.refine.stage import UnitsConfig
@@ -22,12 +22,18 @@ from besman.stages.refine.stage import UnitsConfig
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 
-Method = Literal["creps", "ccma_es"]
-
 _SEARCH, _CONTEXTS, _CHECKS = range(3)
-# With 2, as of the public functions, the exploration is gone before the policy fits: around some
-# throws it stayed 12 to 15 cm off its targets, with 1 it came to 2 to 7 cm.
-_EPSILON = 1.0
+
+
+def _check_method(name: Any) -> Any:
+    """Take any spelling of a contextual search."""
+    usual = usual_spelling(name) if isinstance(name, str) else name
+    if usual not in CONTEXTUAL_NAMES:
+        raise ValueError(nearest(str(name), CONTEXTUAL_NAMES))
+    return usual
+
+
+Method = Annotated[str, BeforeValidator(_check_method)]
 
 
 class TemplateConfig(Config):
@@ -35,23 +41,23 @@ class TemplateConfig(Config):
 
     Attributes
     ----------
-    method : "creps" or "ccma_es"
-        Contextual relative entropy policy search or contextual CMA-ES.
+    method : str
+        One of `besman.search.kinds.CONTEXTUAL_SEARCHES`.
     episodes : int
         Greatest number of episodes to learn from; whole generations are used.
     checks : int
         Further episodes of the policy that was learnt, without exploration: they say what may be
         expected of it.
     population : int or None
-        Episodes per generation; null for 50, of contextual CMA-ES for twice
-        (4 + 3 ln(D + S)) (1 + 2 S): its paper's size is for affine features.
+        Episodes per generation; null for what is usual of the method: 50 of C-REPS, of contextual
+        CMA-ES twice (4 + 3 ln(D + S)) (1 + 2 S).
     sigma : float or None
-        Initial standard deviation, in units of the search; null for 0.7, of contextual CMA-ES,
-        which can widen it, 0.3.
+        Initial standard deviation, in units of the search; null for what is usual: 0.7 of C-REPS,
+        of contextual CMA-ES, which can widen it, 0.3.
     ridge : float or None
         Weight of the policy as it was against each generation's points, see
-        `besman.search.upper_level.UpperLevelPolicy.fitted`; null for 1e-4, of contextual
-        CMA-ES, which sees one generation at a time, 1e-2.
+        `besman.search.upper_level.UpperLevelPolicy.fitted`; null for what is usual: 1e-4 of
+        C-REPS, of contextual CMA-ES, which sees one generation at a time, 1e-2.
     features : "affine" or "quadratic"
         Of the context, for the policy's mean.
     seed : int
@@ -65,7 +71,7 @@ class TemplateConfig(Config):
         What one unit of the search changes.
     """
 
-    method: Method = "ccma_es"
+    method: Method = "c_cma_es"
     episodes: Annotated[int, Field(ge=1)] = 3000
     checks: Annotated[int, Field(ge=10)] = 100
     population: Annotated[int, Field(ge=4)] | None = None
@@ -79,7 +85,7 @@ class TemplateConfig(Config):
 
     def generation(self, dimension: int, n_contexts: int) -> int:
         """Return the episodes of a generation, never more than there are."""
-        usual = 50 if self.method == "creps" else 2 * usual_population(dimension, n_contexts)
+        usual = search_kind(self.method).load().usual_generation(dimension, n_contexts)
         return min(self.population or usual, self.episodes)
 
 
@@ -226,9 +232,6 @@ def learn_policy(
 def make_search(config: TemplateConfig, dimension: int, region: FloatArray) -> ContextualSearch:
     """Set up the search that a config names, over points of a dimension."""
     seed, ends = (config.seed, _SEARCH), (region[0], region[1])
-    start = np.zeros(dimension)
-    if config.method == "creps":
-        sigma, ridge = config.sigma or 0.7, config.ridge or 1e-4
-        return ContextualReps(start, sigma, ends, seed, config.features, _EPSILON, ridge=ridge)
-    sigma, ridge = config.sigma or 0.3, config.ridge or 1e-2
-    return ContextualCmaEs(start, sigma, ends, seed, config.features, ridge)
+    search: type[ContextualSearch] = search_kind(config.method).load()
+    sigma, ridge = config.sigma or search.usual_sigma, config.ridge or search.usual_ridge
+    return search(np.zeros(dimension), sigma, ends, seed, config.features, ridge=ridge)

@@ -18,6 +18,7 @@ from besman.robot.kinematics import forward_kinematics
 from besman.robot.limits import check_limits
 from besman.robot.model import Robot
 from besman.search.protocol import Part
+from besman.simulation.tasks.kinds import KINDS
 from besman.simulation.tasks.stick_throw.throw_and_flight import ThrowConfig
 from besman.simulation.trial import try_plans
 from besman.stages.export.motion_exports import write_exports
@@ -163,10 +164,15 @@ def _throws(run: Path) -> FinishedRun:
     finished = read_run(run)
     if not isinstance(finished.task, ThrowConfig):
         raise TransferError(
-            f"{run}: task {finished.task.kind}: transfer is for throws; allowed: ball_throw, "
-            "stick_throw"
+            f"{run}: task {finished.task.kind}: transfer is for throws; "
+            f"{nearest(finished.task.kind, _throw_kinds())}"
         )
     return finished
+
+
+def _throw_kinds() -> list[str]:
+    """Return the kinds of tasks in which something is thrown."""
+    return [entry.name for entry in KINDS if issubclass(entry.load(), ThrowConfig)]
 
 
 def _choose(run: Path, finished: FinishedRun, motion: str | None) -> RefinedMotion:

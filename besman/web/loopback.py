@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from urllib.parse import parse_qsl, unquote, urlsplit
 
-from besman.exceptions import BesmanError, WebError
+from besman.exceptions import BesmanError, StoppedError, WebError
 from besman.foreign.json_text import parse_json
 from besman.web.access import Access
 from besman.web.connections import BoundedServer
@@ -194,7 +194,7 @@ class LoopbackServer:
             _open_browser(self.url)
         try:
             self._server.serve_forever(0.1)
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, StoppedError):
             pass
         finally:
             self._server.server_close()

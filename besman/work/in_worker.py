@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import pickle
+import signal
 import socket
 import time
 from collections.abc import Callable
@@ -15,6 +17,21 @@ from typing import Any
 from besman.exceptions import BesmanError, RunError
 from besman.work.outcome import Outcome, attempt
 from besman.work.versions import environment
+
+_PR_SET_PDEATHSIG = 1
+
+
+def end_with_parent(parent: int) -> None:
+    """Have the system end this process when its parent ends, however that comes.
+
+    Parameters
+    ----------
+    parent : int
+        Number of the process that started this one.
+    """
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent:
+        os._exit(1)
 
 
 def run_item(call: bytes, item: bytes) -> bytes:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
-from besman.exceptions import BesmanError
+from besman.exceptions import BesmanError, StoppedError
 from besman.records import Failure
 
 Item = TypeVar("Item")
@@ -80,4 +80,7 @@ def failure_of(name: str, error: Exception) -> Failure:
 def describe_error(error: BaseException) -> str:
     """Say in one line what an error is; one that besman does not know by its kind as well."""
     text = " ".join(str(error).split())
-    return text if isinstance(error, BesmanError) else f"{type(error).__name__}: {text}"
+    if isinstance(error, KeyboardInterrupt):
+        return "stopped by Ctrl-C"
+    known = isinstance(error, BesmanError | StoppedError)
+    return text if known else f"{type(error).__name__}: {text}"

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import os
+import signal
+from collections.abc import Iterator
 from concurrent.futures import Future
+from contextlib import contextmanager
 
 from joblib.externals.loky import ProcessPoolExecutor
 from joblib.externals.loky.process_executor import BrokenProcessPool
 
-from besman.work.in_worker import run_item
+from besman.work.in_worker import end_with_parent, run_item
+from besman.work.stopping import SIGNALS
 
-# A process without work ends; so do all if this process is killed.
+# A process without work ends.
 _IDLE_S = 60.0
 
 
@@ -30,8 +35,13 @@ class ProcessPool:
         self._executor = self._start()
 
     def _start(self) -> ProcessPoolExecutor:
-        env = {"OPENBLAS_NUM_THREADS": "1"}
-        return ProcessPoolExecutor(max_workers=self._jobs, timeout=_IDLE_S, env=env)
+        return ProcessPoolExecutor(
+            max_workers=self._jobs,
+            timeout=_IDLE_S,
+            env={"OPENBLAS_NUM_THREADS": "1"},
+            initializer=end_with_parent,
+            initargs=(os.getpid(),),
+        )
 
     @property
     def window(self) -> int:
@@ -40,11 +50,12 @@ class ProcessPool:
 
     def submit(self, call: bytes, item: bytes) -> Future[bytes]:
         """Have an item worked on."""
-        try:
-            future: Future[bytes] = self._executor.submit(run_item, call, item)
-        except BrokenProcessPool:
-            self.renew()
-            future = self._executor.submit(run_item, call, item)
+        with _deaf():
+            try:
+                future: Future[bytes] = self._executor.submit(run_item, call, item)
+            except BrokenProcessPool:
+                self.renew()
+                future = self._executor.submit(run_item, call, item)
         return future
 
     def renew(self) -> None:
@@ -58,3 +69,16 @@ class ProcessPool:
     def close(self) -> None:
         """End the processes."""
         self._executor.shutdown(wait=True, kill_workers=True)
+
+
+@contextmanager
+def _deaf() -> Iterator[None]:
+    """Let processes that are started here hear nothing of Ctrl-C, SIGTERM and SIGHUP.
+
+    A terminal sends these to them as well; this process hears them, and ends the others.
+    """
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -142,13 +142,17 @@ def _in_threads(
         for at, item in enumerate(items):
             yield at, attempt(function, item)
         return
-    with ThreadPoolExecutor(jobs) as threads:
+    threads, waits = ThreadPoolExecutor(jobs), True
+    try:
         futures = {threads.submit(attempt, function, item): at for at, item in enumerate(items)}
-        try:
-            for future in as_completed(futures):
-                yield futures.pop(future), future.result()
-        finally:
-            threads.shutdown(cancel_futures=True)
+        for future in as_completed(futures):
+            yield futures.pop(future), future.result()
+    except BaseException:
+        # What a thread is at may take long: whoever asks for the end is not kept waiting.
+        waits = False
+        raise
+    finally:
+        threads.shutdown(wait=waits, cancel_futures=True)
 
 
 def _all_failed(error: Exception, failures: list[Failure]) -> BesmanError:

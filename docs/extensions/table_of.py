@@ -41,13 +41,17 @@ class TableOf(SphinxDirective):
     def run(self) -> list[nodes.Node]:
         """Write one line for each entry; cells are text of a page, with names in backquotes."""
         columns = columns_of(self.content)
-        shown, group = nodes.table(), nodes.tgroup(cols=len(columns))
+        titles = [title for _, title in columns]
+        rows = rows_of(self.arguments[0], [attribute for attribute, _ in columns])
+        shown = nodes.table(classes=["colwidths-auto"])
+        group = nodes.tgroup(cols=len(columns))
         shown += group
-        group += [nodes.colspec(colwidth=1) for _ in columns]
+        for cells in zip(titles, *rows, strict=True):
+            group += nodes.colspec(colwidth=max(len(cell) for cell in cells))
         head, body = nodes.thead(), nodes.tbody()
         group += [head, body]
-        head += self._line([title for _, title in columns])
-        for values in rows_of(self.arguments[0], [attribute for attribute, _ in columns]):
+        head += self._line(titles)
+        for values in rows:
             body += self._line(values)
         return [shown]
 

@@ -7,6 +7,7 @@ import urllib.error
 import urllib.request
 
 import pytest
+from command_line import besman
 from web_session import enter
 
 from besman.annotate.skeleton import find_bones
@@ -14,12 +15,11 @@ from besman.annotate.sources import load_models, split_labels
 from besman.exceptions import AnnotationError, RecognitionError, RunError
 
 
-def run(*arguments):
-    command = [sys.executable, "-m", "besman", "annotate", *map(str, arguments), "--no-browser"]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120)
+def run(monkeypatch, *arguments):
+    return besman(monkeypatch, "annotate", *arguments, "--no-browser")
 
 
-def test_command_serves_until_it_is_stopped(recording_path, segments_path):
+def test_command_serves_until_it_is_stopped(recording_path, segments_path, monkeypatch, capsys):
     command = [sys.executable, "-m", "besman", "annotate", str(recording_path), "--no-browser"]
     # Where tests run in the background Ctrl-C is ignored, and so it would be by what they start.
     heed = functools.partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
@@ -32,22 +32,24 @@ def test_command_serves_until_it_is_stopped(recording_path, segments_path):
         with pytest.raises(urllib.error.HTTPError, match="403"):
             urllib.request.urlopen(url)
         port = re.search(r":(\d+)/", url)[1]
-        other = run(recording_path, "--port", port)
-        assert other.returncode == 2
-        assert f"besman: error: --port {port}: is in use; give another one" in other.stderr
+        assert run(monkeypatch, recording_path, "--port", port) == 2
+        message = f"besman: error: --port {port}: is in use; give another one"
+        assert message in capsys.readouterr().err
     finally:
         server.send_signal(signal.SIGINT)
         assert server.wait(20) == 0
     assert not segments_path.exists()
 
 
-def test_what_is_wrong_is_one_line_and_nothing_is_written(recording_path, tmp_path):
+def test_what_is_wrong_is_one_line_and_nothing_is_written(
+    recording_path, tmp_path, monkeypatch, capsys
+):
     before = sorted(tmp_path.iterdir())
-    done = run(recording_path, "--segments", tmp_path / "no" / "s.json")
-    assert done.returncode == 2
-    assert done.stderr.startswith("besman: error: ")
-    assert "cannot be written: no folder" in done.stderr
-    assert len(done.stderr.splitlines()) == 1
+    assert run(monkeypatch, recording_path, "--segments", tmp_path / "no" / "s.json") == 2
+    said = capsys.readouterr().err
+    assert said.startswith("besman: error: ")
+    assert "cannot be written: no folder" in said
+    assert len(said.splitlines()) == 1
     assert sorted(tmp_path.iterdir()) == before
 
 

@@ -4,8 +4,13 @@ import importlib
 
 import numpy as np
 import pytest
+from places import TOP
+from typer.testing import CliRunner
 
+from besman.classifiers.kinds import CLASSIFIER_NAMES, CLASSIFIERS
+from besman.cli.main import app
 from besman.exceptions import RecognitionError
+from besman.stages.recognize.stage import CONFIGS
 
 
 def estimators():
@@ -158,3 +163,18 @@ def test_scikit_learns_checks_pass(library):
     left_out = {check["check_name"] for check in checks if check["status"] != "passed"}
     assert left_out <= set(NOT_APPLICABLE)
     assert len(checks) - len(left_out) > 50
+
+
+def test_the_table_and_the_help_name_every_classifier():
+    assert tuple(CONFIGS) == CLASSIFIER_NAMES
+    made = estimators()
+    assert tuple(entry.library for entry in CLASSIFIERS) == tuple(made)
+    for entry in CLASSIFIERS:
+        assert isinstance(entry.make({}, 2), type(made[entry.library]))
+        assert entry.learns_parameters == hasattr(made[entry.library], "restore")
+        assert entry.about
+    help_words = ["evaluate", "recognition", "--help"]
+    told = CliRunner().invoke(app, help_words, env={"COLUMNS": "1000"}).output
+    assert ", ".join(CLASSIFIER_NAMES) in told
+    page = (TOP / "docs/reference/pipeline.md").read_text()
+    assert "{table-of} besman.classifiers.kinds:CLASSIFIERS" in page

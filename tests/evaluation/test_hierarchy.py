@@ -13,12 +13,14 @@ from besman.evaluation.demonstrations import (
     sample_labels,
 )
 from besman.evaluation.hierarchy import (
+    EXPERIMENTS,
     METHODS,
     evaluate,
     find_blocks,
     hierarchy_table,
     run_experiment,
 )
+from besman.evaluation.names import HIERARCHY_NAMES
 from besman.exceptions import ConfigError, RecognitionError
 from besman.records import Recording
 
@@ -27,6 +29,10 @@ from besman.records import Recording
 def demonstrations(make_steps):
     recording, blocks, actions = make_steps(["step_up", "step_down"] * 6, seed=5)
     return cut_demonstrations(recording, actions, {"right": blocks}, 2)
+
+
+def test_the_help_names_every_experiment():
+    assert tuple(EXPERIMENTS) == HIERARCHY_NAMES
 
 
 def test_cut_demonstrations(demonstrations):

@@ -5,12 +5,19 @@ import pytest
 from typer.testing import CliRunner
 
 from besman.cli.main import app
+from besman.evaluation.names import FUNCTION_NAMES, TASK_RECIPES
 from besman.evaluation.refinement import best_rewards, evaluate_refinement, summary
-from besman.evaluation.refinement_functions import ContextualProblem, FunctionProblem, sphere
+from besman.evaluation.refinement_functions import (
+    FUNCTIONS,
+    ContextualProblem,
+    FunctionProblem,
+    sphere,
+)
 from besman.evaluation.refinement_problems import TaskProblem, load_problem
 from besman.evaluation.refinement_tables import refinement_tables, write_curves
 from besman.exceptions import ConfigError
-from besman.simulation.tasks.kinds import load_task
+from besman.search.kinds import SEARCH_NAMES
+from besman.simulation.tasks.kinds import KINDS, load_task
 from besman.stages.refine.stage import CmaEsConfig
 from besman.work.work import Work
 from besman.work.workers import Workers
@@ -21,7 +28,7 @@ SMALL = FunctionProblem("small", sphere, 3, 1.0, 1.0, -1e-3, 600, (100,), {"cma_
 def test_every_search_and_seed_is_a_run():
     result = evaluate_refinement([SMALL], seeds=range(3))
     rows = {row["method"]: row for row in result["rows"]}
-    assert list(rows) == ["cma_es", "reps", "pi2", "pi2_cma", "cem"]
+    assert list(rows) == list(SEARCH_NAMES)
     row = rows["cma_es"]
     assert (row["dataset"], row["source"], row["n_runs"]) == ("small", "function", 3)
     assert row["n_success"] == 3
@@ -86,6 +93,16 @@ def test_summary():
     assert found["standard_error"] == pytest.approx(np.std([1, 2, 3, 4], ddof=1) / 2)
 
 
+def test_the_help_names_every_problem():
+    assert tuple(FUNCTIONS) == FUNCTION_NAMES
+    assert TASK_RECIPES.keys() <= {entry.name for entry in KINDS}
+    for kind, recipe in TASK_RECIPES.items():
+        assert recipe in next(entry for entry in KINDS if entry.name == kind).recipes
+    told = CliRunner().invoke(app, ["evaluate", "refinement", "--help"], env={"COLUMNS": "1000"})
+    for name in (*FUNCTION_NAMES, *TASK_RECIPES):
+        assert name in told.output
+
+
 def test_what_is_not_known_is_refused():
     with pytest.raises(ConfigError, match=r"--method: got 'nes'; .*allowed: cem, cma_es, pi2"):
         evaluate_refinement([SMALL], ["nes"])
@@ -121,7 +138,7 @@ def test_tables_say_when_nothing_succeeded(tmp_path):
 
 @pytest.mark.slow
 def test_a_task_is_the_name_of_a_pipeline():
-    problem = load_problem("stick_throw", episodes=30)
+    problem = load_problem("grasp_box", episodes=30)
     assert problem.episodes == 30
-    assert len(problem.plans) == 16
+    assert len(problem.plans) == 3
     assert problem.attempt("pi2", 0).rewards.size <= 30

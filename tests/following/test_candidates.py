@@ -12,7 +12,7 @@ from besman.stages.compose.borders import candidate_borders, measure_brisk
 from besman.stages.label.hold_last_sighting import HeldSample
 
 
-@settings(deadline=None, max_examples=100)
+@settings(deadline=None, max_examples=30)
 @given(st.integers(0, 10_000), st.sampled_from([10.0, 60.0, 100.0]), st.booleans())
 def test_candidates_are_those_of_the_whole_recording(seed, rate_hz, with_hands):
     rng = np.random.default_rng(seed)

@@ -71,8 +71,9 @@ def test_a_run_is_followed_to_what_it_found_itself(monkeypatch, tmp_path, capsys
         "--set", "label={method: named}", "--set", "recognize.examples_per_class=2",
         "--set", "segment={method: vmci, border_probability: 0.05, longest_s: 5.0}",
         "--set", "compose={levels: [[toss]], examples_per_class: 2, longest_blocks: 12}",
-        "--set", "map.evaluations=60", "--set", "refine.episodes=2",
-        "--set", "map.greatest_error_m=1.0",
+        "--set", "map.evaluations=20", "--set", "map.yaw=false", "--set", "map.correct=false",
+        "--set", "map.greatest_error_m=1.0", "--set", "refine.episodes=2",
+        "--set", "refine.robustness=null",
     )  # fmt: skip
     capsys.readouterr()
     code = call(

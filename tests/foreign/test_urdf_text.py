@@ -75,7 +75,14 @@ def test_what_is_far_too_long_is_not_parsed():
         parse_urdf("<robot>" + " " * 20_000_000)
 
 
-def test_every_range_holds_zero_or_one():
-    for one in RANGES:
-        assert one.low <= 1 <= one.high
-        assert one.words
+@pytest.mark.parametrize("one", RANGES, ids=lambda one: f"{one.element} {one.attribute}")
+def test_a_number_beyond_each_range_is_refused(one):
+    for value in (one.high, 2 * one.high, one.low - 1):
+        words = " ".join([f"{value:g}"] * one.count)
+        element = f'<{one.element} {one.attribute}="{words}"/>'
+        text = ARM.replace("<inertial>", f"<inertial>{element}", 1)
+        if value == one.high:
+            parse_urdf(text)
+        else:
+            with pytest.raises(UrdfTextError, match=f"<{one.element}> {one.attribute}: got"):
+                parse_urdf(text)

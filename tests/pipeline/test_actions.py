@@ -47,9 +47,11 @@ def test_an_action_is_retargeted(monkeypatch, tmp_path, capture):
     code = run(
         monkeypatch, "run", "ur5_stick_throw", "--out", tmp_path / "run",
         "--set", f"recordings={capture}", "--set", "recognize.examples_per_class=2",
-        "--set", "map.evaluations=60", "--set", COMPOSE, "--set", "select.label=null",
-        "--set", "select.action=toss", "--set", "map.greatest_error_m=1.0",
-        "--set", "refine.episodes=2",
+        "--set", "map.evaluations=20", "--set", "map.yaw=false", "--set", COMPOSE,
+        "--set", "select.label=null", "--set", "select.action=toss",
+        "--set", "map.greatest_error_m=1.0",
+        "--set", "map.correct=false", "--set", "refine.episodes=2",
+        "--set", "refine.robustness=null",
     )  # fmt: skip
     (place,) = (tmp_path / "run").glob("*_compose")
     (actions,) = load_record(place / "record.npz")

@@ -160,7 +160,8 @@ def test_a_run_from_recordings_to_the_robot(folders, markers, name, tmp_path, mo
     )
     settings = (
         f"recordings={folders[markers]}", f"label.markers={markers}", *action,
-        "map.evaluations=20", "refine.episodes=2", "map.greatest_error_m=1.0",
+        "map.evaluations=20", "map.yaw=false", "map.correct=false", "map.greatest_error_m=1.0",
+        "refine.episodes=2", "refine.robustness=null",
     )  # fmt: skip
     arguments = [part for one in settings for part in ("--set", one)]
     run = ["besman", "run", "ur5_reach", "--out", str(tmp_path / "run"), *arguments]

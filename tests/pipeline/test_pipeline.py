@@ -8,7 +8,7 @@ import shutil
 import numpy as np
 import pytest
 import yaml
-from command_line import besman
+from command_line import SMALL_RUN, besman
 from places import TOP
 
 from besman.io.exports import read_joint_csv
@@ -16,6 +16,7 @@ from besman.io.segments_json import read_throws
 from besman.records.files import load_record
 from besman.robot.limits import check_limits, resample_trajectory
 from besman.robot.model import load_robot
+from besman.synthetic.datasets import write_synthetic
 
 STICK_THROW = TOP / "pipelines" / "ur5_stick_throw.yaml"
 
@@ -29,30 +30,30 @@ def tree(folder):
     }
 
 
-@pytest.fixture(scope="module")
-def capture(tmp_path_factory):
-    """A person who throws three times (synthetic)."""
-    from besman.synthetic.datasets import write_synthetic
-
-    folder = tmp_path_factory.mktemp("capture")
-    write_synthetic("stick_throw", folder, n_subjects=1, n_repetitions=3, seed=3)
-    return folder
-
-
-FAST = ("--set", "recognize.examples_per_class=2", "--set", "map.evaluations=60")
+FAST = tuple(word for setting in SMALL_RUN for word in ("--set", setting))
 
 
 @pytest.fixture(scope="module")
-def finished(tmp_path_factory, capture):
-    """A finished run."""
-    folder = tmp_path_factory.mktemp("runs") / "run"
-    patch = pytest.MonkeyPatch()
-    code = besman(
-        patch, "run", STICK_THROW, "--out", folder, "--set", f"recordings={capture}", *FAST
-    )
-    patch.undo()
-    assert code == 0
-    return folder
+def capture(small_capture):
+    return small_capture
+
+
+@pytest.fixture(scope="module")
+def finished(small_run, tmp_path_factory):
+    """A finished run that may be changed."""
+    folder = tmp_path_factory.mktemp("finished") / "run"
+    return shutil.copytree(small_run, folder, ignore=shutil.ignore_patterns(".lock"))
+
+
+@pytest.fixture(scope="module")
+def stranger(tmp_path_factory):
+    """Recording of another person who throws once (synthetic), without segments."""
+    folder = tmp_path_factory.mktemp("stranger")
+    write_synthetic("stick_throw", folder, n_subjects=1, n_repetitions=1, seed=4)
+    for file in folder.glob("*.json"):
+        file.unlink()
+    (recording,) = folder.glob("*.tsv")
+    return recording
 
 
 def results(folder):
@@ -162,14 +163,8 @@ def test_threads_do_not_change_the_result(finished, capture, tmp_path, monkeypat
     ).read_bytes()
 
 
-def test_retarget_uses_the_trained_model(finished, tmp_path, monkeypatch):
-    from besman.synthetic.datasets import write_synthetic
-
-    write_synthetic("stick_throw", tmp_path / "new", n_subjects=1, n_repetitions=1, seed=8)
-    (recording,) = (tmp_path / "new").glob("*.tsv")
-    for file in (tmp_path / "new").glob("*.json"):
-        file.unlink()
-    assert besman(monkeypatch, "retarget", finished, recording, "--out", tmp_path / "out") == 0
+def test_retarget_uses_the_trained_model(finished, stranger, tmp_path, monkeypatch):
+    assert besman(monkeypatch, "retarget", finished, stranger, "--out", tmp_path / "out") == 0
     found = results(tmp_path / "out")
     assert found["recognize"]["counts"]["throw"] == 1
     assert "accuracy" not in found["recognize"]
@@ -179,13 +174,13 @@ def test_retarget_uses_the_trained_model(finished, tmp_path, monkeypatch):
 
 @pytest.mark.slow
 def test_retarget_goes_on_if_one_of_several_robots_fails(
-    finished, capture, tmp_path, monkeypatch, capsys
+    finished, stranger, tmp_path, monkeypatch, capsys
 ):
     options = [word for name in ("ur10", "ur11", "iiwa7") for word in ("--robot", name)]
     out = tmp_path / "all"
-    assert besman(monkeypatch, "retarget", finished, capture, *options, "--out", out) == 2
+    assert besman(monkeypatch, "retarget", finished, stranger, *options, "--out", out) == 2
     said = capsys.readouterr()
-    assert re.search(r"ur10 +3 of 3 .*\n.*ur11 +failed.*\n.*iiwa7 +3 of 3 ", said.out)
+    assert re.search(r"ur10 +1 of 1 .*\n.*ur11 +failed.*\n.*iiwa7 +1 of 1 ", said.out)
     error = said.err.strip().splitlines()[-1]
     message = "besman: error: retarget: 1 of 3 robots failed: ur11: no robot 'ur11'; did you mean"
     assert error.startswith(message)
@@ -223,8 +218,9 @@ def test_what_fails_is_a_row_in_every_stage(finished, capture, tmp_path, monkeyp
     monkeypatch.setattr(stage, "map_record", lose_first)
     monkeypatch.setattr(ImitateConfig, "_imitate", lose_second)
     arguments = ("run", STICK_THROW, "--out", tmp_path / "r", "--set", f"recordings={capture}")
+    few = ("--set", "refine.episodes=2", "--set", "refine.robustness=null")
     for _ in range(2):
-        assert besman(monkeypatch, *arguments, *FAST) == 0
+        assert besman(monkeypatch, *arguments, *FAST, *few) == 0
         found = results(tmp_path / "r")
         reason = "marker 'hand_top' is not seen in <frame> 7"
         assert found["select"] == {
@@ -330,6 +326,8 @@ def class_without_examples(folder, capture):
 
 def unreachable(folder, capture):
     settings = ("--set", f"recordings={capture}", "--set", "map.greatest_error_m=1e-9", *FAST)
+    # Wherever the demonstrations are placed.
+    settings += ("--set", "map.yaw=false", "--set", "map.evaluations=5")
     return STICK_THROW, settings, r"subject1\.tsv:\d+.*expected|m from|greatest_error_m"
 
 

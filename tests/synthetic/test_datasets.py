@@ -5,8 +5,9 @@ import re
 import numpy as np
 import pytest
 from places import DATA
+from typer.testing import CliRunner
 
-from besman.cli import recordings as cli
+from besman.cli.main import app
 from besman.exceptions import ConfigError, RecordingError
 from besman.io.recordings.formats import find_recordings, read_recording
 from besman.io.segments_json import find_segments, read_segments, read_throws
@@ -14,6 +15,7 @@ from besman.records.layers import LAYERS
 from besman.synthetic.cameras import Room
 from besman.synthetic.capture import truth_path
 from besman.synthetic.datasets import DATASETS, captures, write_synthetic
+from besman.synthetic.names import DATASET_NOTES
 from besman.synthetic.stick_throw import generate_stick_throws
 
 
@@ -131,8 +133,10 @@ def test_counts_of_the_thesis():
 
 
 def test_the_help_names_every_dataset():
-    listed = [one.split(" (")[0] for one in cli._DATASETS.split(", ")]
-    assert sorted(listed) == sorted(DATASETS)
+    assert tuple(DATASET_NOTES) == tuple(DATASETS)
+    told = CliRunner().invoke(app, ["synth", "--help"], env={"COLUMNS": "1000"}).output
+    for name, note in DATASET_NOTES.items():
+        assert (f"{name} ({note})" if note else name) in told
 
 
 @pytest.mark.parametrize("name", sorted(DATASETS))

@@ -32,7 +32,7 @@ def test_a_level_throw_lands_where_the_formula_says():
     np.testing.assert_allclose(landing(np.zeros((1, 3))), [[expected, 0.0]])
 
 
-@pytest.mark.parametrize("method", ["creps", "ccma_es"])
+@pytest.mark.parametrize("method", ["c_reps", "c_cma_es"])
 def test_unseen_targets_are_hit(method):
     config = TemplateConfig(method=method, episodes=3000)
     shares = []
@@ -52,7 +52,7 @@ def test_unseen_targets_are_hit(method):
 
 
 def learn(seed=0, known=None, keep=None, try_points=throw):
-    config = TemplateConfig(method="creps", episodes=210, population=20, checks=10, seed=seed)
+    config = TemplateConfig(method="c_reps", episodes=210, population=20, checks=10, seed=seed)
     return learn_policy(config, 3, REGION, try_points, Work(), known, keep)
 
 
@@ -112,7 +112,7 @@ def test_fewer_episodes_than_a_generation_are_one_generation():
     ("given", "settings", "message"),
     [
         ({"episodes": 0}, (), r"template: episodes: .*greater than or equal to 1"),
-        ({"method": "reps"}, (), r"template: method: .*'creps' or 'ccma_es'"),
+        ({"method": "reps"}, (), r"template: method: got 'reps'; did you mean 'c_reps'\? all"),
         ({}, ("populaton=20",), r"template: .*populaton.*population"),
         ({}, ("population",), r"--set: got 'population', expected KEY=VALUE"),
         ({}, ("search=[goal",), r"--set search: got '\[goal', which is not a YAML value"),

@@ -33,7 +33,7 @@ from besman.templates.teaching import prepare_lesson, teach
 from besman.templates.template import Template, forecast, slow_to_torque
 
 THROW = load_task("stick_throw")
-QUICK = TemplateConfig(method="creps", episodes=40, population=20, checks=10)
+QUICK = TemplateConfig(method="c_reps", episodes=40, population=20, checks=10)
 
 
 @pytest.fixture(scope="module")
@@ -97,11 +97,11 @@ def test_threads_and_a_kill_change_nothing(run, template, monkeypatch, tmp_path,
         with pytest.raises(KeyboardInterrupt):
             learn_in_run(other, (), {}, QUICK)
     assert len(kept) == 1
-    assert not (other / "templates" / "creps.json").exists()
+    assert not (other / "templates" / "c_reps.json").exists()
     shares = []
     again, path = learn_in_run(other, (), {}, QUICK, Work(3, shares.append))
-    assert path.read_bytes() == (run / "templates" / "creps.npz").read_bytes()
-    assert sorted(file.name for file in path.parent.iterdir()) == ["creps.json", "creps.npz"]
+    assert path.read_bytes() == (run / "templates" / "c_reps.npz").read_bytes()
+    assert sorted(file.name for file in path.parent.iterdir()) == ["c_reps.json", "c_reps.npz"]
     np.testing.assert_array_equal(again.policy.gain, template.policy.gain)
     assert shares[-1] == 1.0
     # The same once more is loaded, another one is learnt.
@@ -193,7 +193,7 @@ def made_up(contexts, rewards, misses):
     tries = Tries(contexts, np.zeros((n, 1)), rewards, misses, misses < 0.1)
     policy = UpperLevelPolicy(np.zeros((1, 3)), np.eye(1), "affine", np.zeros(2), np.ones(2))
     region = np.array([[-1.0, -1.0], [1.0, 1.0]])
-    return Template("creps", "r", "t", "k", None, region, policy, tries, tries)
+    return Template("c_reps", "r", "t", "k", None, region, policy, tries, tries)
 
 
 def test_forecasts_are_weighted_means():
@@ -253,23 +253,23 @@ def test_a_run_without_what_is_needed_says_so(tmp_path, motions, run):
         learn_in_run(failed, (), {}, QUICK)
     with pytest.raises(RunError, match=r"no template here \(there: none\); expected one from besm"):
         load_template(failed)
-    with pytest.raises(RunError, match=r"no template ccma_es here \(there: creps\)"):
-        load_template(run, "ccma_es")
+    with pytest.raises(RunError, match=r"no template c_cma_es here \(there: c_reps\)"):
+        load_template(run, "c_cma_es")
 
 
 def test_of_several_templates_one_is_named(tmp_path, template, motions):
     folder = make_run(tmp_path / "run", motions) / "templates"
     folder.mkdir()
-    for name in ("creps", "ccma_es"):
+    for name in ("c_reps", "c_cma_es"):
         save_record(template, folder / f"{name}.npz")
         (folder / f"{name}.json").write_text("{}")
     with pytest.raises(
-        RunError, match="several templates: ccma_es, creps; say which with --method"
+        RunError, match="several templates: c_cma_es, c_reps; say which with --method"
     ):
         load_template(folder.parent)
-    assert load_template(folder.parent, "creps").robot == "ur5"
+    assert load_template(folder.parent, "c_reps").robot == "ur5"
     # A file without its figures was not finished.
-    (folder / "ccma_es.json").unlink()
+    (folder / "c_cma_es.json").unlink()
     assert load_template(folder.parent).method == template.method
 
 
@@ -281,7 +281,7 @@ def call(monkeypatch, *arguments):
 
 
 def test_the_commands(run, template, monkeypatch, tmp_path, capsys):
-    options = "--method", "creps", "--episodes", 40, "--set", "population=20", "--set", "checks=10"
+    options = "--method", "c_reps", "--episodes", 40, "--set", "population=20", "--set", "checks=10"
     assert call(monkeypatch, "template", "learn", run, *options) == 0
     told = capsys.readouterr().out
     assert "learnt x " in told
@@ -322,7 +322,7 @@ def test_the_commands(run, template, monkeypatch, tmp_path, capsys):
 
 @pytest.mark.slow
 def test_unseen_targets_are_hit_by_a_thrown_stick(robot, motions):
-    config = TemplateConfig(method="creps", episodes=1000, checks=50)
+    config = TemplateConfig(method="c_reps", episodes=1000, checks=50)
     lesson = prepare_lesson(motions, robot, THROW, (), {}, config)
     template = teach(lesson, config, ("ur5", "stick_holder", "stick_throw"), Work(2))
     contexts = np.random.default_rng(7).uniform(*template.region, (40, 2))
@@ -339,7 +339,7 @@ def test_an_object_is_reached_wherever_it_stands(make_plan):
     end = np.concatenate([pose[:3, 3], rotation_to_quaternion(pose[:3, :3])])
     plan = replace(plan, goal_pose=end, target=np.full(3, np.nan))
     motions = CmaEsConfig(episodes=1).run((plan,), gripper, reach)
-    config = TemplateConfig(method="creps", episodes=800, checks=20, search=("goal",), sigma=0.5)
+    config = TemplateConfig(method="c_reps", episodes=800, checks=20, search=("goal",), sigma=0.5)
     lesson = prepare_lesson(motions, gripper, reach, ("x", "y"), {}, config)
     np.testing.assert_allclose(np.ptp(lesson.region, axis=0), 0.1)
     template = teach(lesson, config, ("ur5", "gripper", "reach"))

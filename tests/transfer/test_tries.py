@@ -2,6 +2,7 @@
 
 import csv
 import json
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -21,6 +22,7 @@ from besman.transfer.tries import record_tries, suggest_try
 
 THROW = load_task("stick_throw")
 SMALL = TransferConfig(population=6, generations=1, n_shapes=1)
+PLACES = ("folder", "table")
 NAMES = ("person.tsv:1", "person.tsv:4")
 
 
@@ -47,6 +49,27 @@ def run(tmp_path, motions):
     return write_run(tmp_path / "run", motions)
 
 
+@pytest.fixture(scope="module")
+def made(tmp_path_factory, motions):
+    """A run and the first suggestion in it; to read only."""
+    folder = write_run(tmp_path_factory.mktemp("made") / "run", motions)
+    return folder, suggest_try(folder, config=SMALL)
+
+
+def copy_made(made, folder):
+    """Copy the run with its suggestion."""
+    before, first = made
+    shutil.copytree(before, folder)
+    places = {name: folder / getattr(first, name).relative_to(before) for name in PLACES}
+    return folder, replace(first, **places)
+
+
+@pytest.fixture
+def suggested(made, tmp_path):
+    """A run and the first suggestion in it, of the test's own."""
+    return copy_made(made, tmp_path / "run")
+
+
 def fill(table, **values):
     """Fill in the last row of a table."""
     with table.open() as file:
@@ -62,8 +85,8 @@ def write(table, rows, columns=None):
         writer.writerows(rows)
 
 
-def test_a_suggestion_is_recorded_and_the_next_one_answers_it(run, robot, motions):
-    first = suggest_try(run, config=SMALL)
+def test_a_suggestion_is_recorded_and_the_next_one_answers_it(suggested, robot, motions):
+    run, first = suggested
     assert first.state.motion == NAMES[0]
     assert sorted(path.name for path in first.folder.iterdir()) == [
         "limits.json",
@@ -94,8 +117,8 @@ def test_a_suggestion_is_recorded_and_the_next_one_answers_it(run, robot, motion
     assert "wind" in second.table.read_text()
 
 
-def test_what_is_written_is_what_was_simulated(run, robot, motions):
-    found = suggest_try(run, config=SMALL)
+def test_what_is_written_is_what_was_simulated(made, robot, motions):
+    _, found = made
     _, positions, _, _ = read_joint_csv(found.folder / "person_1_try01.csv")
     from besman.motion.rollout import sample_plan
     from besman.stages.refine.plan_space import plan_space
@@ -105,15 +128,17 @@ def test_what_is_written_is_what_was_simulated(run, robot, motions):
     np.testing.assert_allclose(positions, sample_plan(plan, robot)[1], atol=1e-6)
 
 
-def test_a_try_that_nobody_recorded_is_suggested_again(run):
-    first, again = suggest_try(run, config=SMALL), suggest_try(run)
+def test_a_try_that_nobody_recorded_is_suggested_again(suggested):
+    run, first = suggested
+    again = suggest_try(run)
     assert again.state.tries == first.state.tries
     assert len(again.state.archive.points) == len(first.state.archive.points)
     assert len(again.table.read_text().splitlines()) == 2
 
 
-def test_a_state_comes_back_from_its_files(run):
-    state = suggest_try(run, config=SMALL).state
+def test_a_state_comes_back_from_its_files(made):
+    run, first = made
+    state = first.state
     folder = run / "transfer" / "person_1"
     assert {path.name for path in folder.iterdir()} == {"archive.npz", "state.json", "try_01"}
     back = load_state(folder)
@@ -127,8 +152,8 @@ def test_a_state_comes_back_from_its_files(run):
         np.testing.assert_array_equal(getattr(back.archive, name), getattr(state.archive, name))
 
 
-def test_a_suggestion_that_was_killed_is_made_again(run, motions, tmp_path, monkeypatch):
-    first = suggest_try(run, config=SMALL)
+def test_a_suggestion_that_was_killed_is_made_again(suggested, made, tmp_path, monkeypatch):
+    run, first = suggested
     fill(first.table, x_m=1.0, y_m=0.0)
     record_tries(run, first.table)
     monkeypatch.setattr("besman.transfer.state.write_json", lambda *_: 1 / 0)
@@ -136,8 +161,7 @@ def test_a_suggestion_that_was_killed_is_made_again(run, motions, tmp_path, monk
         suggest_try(run)
     monkeypatch.undo()
     second = suggest_try(run)
-    other = write_run(tmp_path / "other", motions)
-    whole = suggest_try(other, config=SMALL)
+    other, whole = copy_made(made, tmp_path / "other")
     fill(whole.table, x_m=1.0, y_m=0.0)
     record_tries(other, whole.table)
     assert suggest_try(other).state.tries == second.state.tries
@@ -183,16 +207,16 @@ GOOD = {"motion": NAMES[0], "try": "1", "x_m": "1.2", "y_m": "-0.4", "success": 
         ({"success": "maybe"}, r":2: success: got 'maybe'; allowed: yes, no, or nothing"),
     ],
 )
-def test_a_table_that_does_not_fit_is_refused_and_nothing_recorded(run, change, message):
-    table = suggest_try(run, config=SMALL).table
-    write(table, [GOOD | change])
+def test_a_table_that_does_not_fit_is_refused_and_nothing_recorded(suggested, change, message):
+    run, first = suggested
+    write(first.table, [GOOD | change])
     with pytest.raises(TransferError, match=message):
-        record_tries(run, table)
+        record_tries(run, first.table)
     assert not load_state(run / "transfer" / "person_1").tries[0].recorded
 
 
-def test_a_missing_column_a_row_twice_and_no_file_are_refused(run, tmp_path):
-    table = suggest_try(run, config=SMALL).table
+def test_a_missing_column_a_row_twice_and_no_file_are_refused(suggested, tmp_path):
+    run, table = suggested[0], suggested[1].table
     write(table, [GOOD], ["motion", "try", "x_m", "success"])
     with pytest.raises(TransferError, match=r":1: column 'y_m' is missing; got motion, try, x"):
         record_tries(run, table)
@@ -226,8 +250,8 @@ def test_runs_that_cannot_be_transferred_are_refused(run, tmp_path, motions):
         suggest_try(empty)
 
 
-def test_what_was_learnt_about_another_motion_is_not_used(run, motions):
-    table = suggest_try(run, config=SMALL).table
+def test_what_was_learnt_about_another_motion_is_not_used(suggested, motions):
+    run, table = suggested[0], suggested[1].table
     changed = replace(motions[0], plan=replace(motions[0].plan, goal=motions[0].plan.goal + 0.01))
     save_record((changed, motions[1]), run / "08_refine" / "record.npz")
     for call in (lambda: suggest_try(run), lambda: record_tries(run, table)):
@@ -236,15 +260,15 @@ def test_what_was_learnt_about_another_motion_is_not_used(run, motions):
 
 
 @pytest.mark.parametrize("damage", ["{", '{"motion": 3}', "[]"])
-def test_a_damaged_state_is_an_error(run, damage):
-    suggest_try(run, config=SMALL)
+def test_a_damaged_state_is_an_error(suggested, damage):
+    run, _ = suggested
     (run / "transfer" / "person_1" / "state.json").write_text(damage)
     with pytest.raises(TransferError, match=r"state.json: cannot be read"):
         suggest_try(run)
 
 
-def test_commands_say_what_to_do_next(run, motions, monkeypatch, capsys):
-    table = suggest_try(run, config=SMALL).table
+def test_commands_say_what_to_do_next(suggested, motions, monkeypatch, capsys):
+    run, table = suggested[0], suggested[1].table
     assert besman(monkeypatch, "transfer", "suggest", run) == 0
     out = capsys.readouterr().out
     assert "try 1 of person.tsv:1: target" in out

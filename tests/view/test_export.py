@@ -22,11 +22,6 @@ HOSTILE = "</script><script>hit=1</script><img src=x onerror=hit=1>'\"&.tsv"
 
 
 @pytest.fixture(scope="module")
-def content(small_run):
-    return RunContent(small_run)
-
-
-@pytest.fixture(scope="module")
 def hostile_run(small_run, tmp_path_factory):
     """The run of a recording, of markers and of a run with names that are markup."""
     folder = shutil.copytree(small_run, tmp_path_factory.mktemp("hostile") / "run")
@@ -60,10 +55,8 @@ def renamed(name):
     return f"{HOSTILE}:{name.rpartition(':')[2]}"
 
 
-def test_the_file_needs_nothing_else_and_is_small(content, tmp_path):
-    path = tmp_path / "deep" / "replay.html"
-    assert export.write_replay(content, path) == (3, 3)
-    text = path.read_text("utf-8")
+def test_the_file_needs_nothing_else_and_is_small(content, replay, tmp_path):
+    text = replay.read_text("utf-8")
     assert len(text) < 300_000
     assert not re.findall(r"https?://|url\(|@import", text)
     assert re.findall(r"<(?:script|img|iframe|link)[^>]*(?:src|href)=[^>]*>", text) == [
@@ -74,15 +67,13 @@ def test_the_file_needs_nothing_else_and_is_small(content, tmp_path):
     assert policy.startswith("default-src 'none'; script-src 'sha256-")
     assert "unsafe" not in policy
     assert "connect-src" not in policy
-    again = tmp_path / "again.html"
-    export.write_replay(RunContent(content.folder), again)
-    assert again.read_bytes() == path.read_bytes()
+    again = tmp_path / "deep" / "again.html"
+    assert export.write_replay(RunContent(content.folder), again) == (3, 3)
+    assert again.read_bytes() == replay.read_bytes()
 
 
-def test_the_file_asks_for_nothing(content, tmp_path, open_page):
-    path = tmp_path / "replay.html"
-    export.write_replay(content, path)
-    page = open_page(path.as_uri(), offline=True)
+def test_the_file_asks_for_nothing(replay, open_page):
+    page = open_page(replay.as_uri(), offline=True)
     asked = []
     page.on("request", lambda request: asked.append(request.url))
     page.reload()
@@ -126,10 +117,8 @@ def test_one_motion_alone(content, tmp_path, open_page):
         export.write_replay(content, path, "nobody")
 
 
-def test_a_large_run_is_thinned_out_to_the_limit(content, tmp_path, monkeypatch):
-    whole = tmp_path / "whole.html"
-    export.write_replay(content, whole)
-    size = whole.stat().st_size
+def test_a_large_run_is_thinned_out_to_the_limit(content, replay, tmp_path, monkeypatch):
+    size = replay.stat().st_size
     monkeypatch.setattr(export, "_WANTED_BYTES", size - 1000)
     slower = tmp_path / "slower.html"
     assert export.write_replay(content, slower) == (3, 3)

@@ -8,16 +8,9 @@ import pinocchio
 import pytest
 
 from besman.robot.model import load_robot
-from besman.view.export import write_replay
 from besman.view.live import open_view
-from besman.view.run_content import RunContent
 
 READY = "html[data-ready]"
-
-
-@pytest.fixture(scope="module")
-def content(small_run):
-    return RunContent(small_run)
 
 
 @pytest.fixture(scope="module")
@@ -26,13 +19,6 @@ def served(content):
     server.start()
     yield server
     server.stop()
-
-
-@pytest.fixture(scope="module")
-def replay(content, tmp_path_factory):
-    path = tmp_path_factory.mktemp("replay") / "replay.html"
-    write_replay(content, path)
-    return path
 
 
 @pytest.fixture(params=["served", "replay"])

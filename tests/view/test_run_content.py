@@ -42,11 +42,6 @@ def unpack(bundle):
     return resolve(json.loads(whole[4 : 4 + length]))
 
 
-@pytest.fixture(scope="module")
-def content(small_run):
-    return RunContent(small_run)
-
-
 def record(folder, stage):
     return load_record(next(folder.glob(f"[0-9][0-9]_{stage}")) / "record.npz")
 

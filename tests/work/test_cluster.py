@@ -34,7 +34,7 @@ pytest.importorskip("distributed")
 
 LOCAL = ("--host", "127.0.0.1", "--no-dashboard", "--dashboard-address", "127.0.0.1:0")
 ROBOT = load_robot("ur5", "stick_holder")
-QUICK = MapConfig(free_axis_spin=True, evaluations=10)
+QUICK = MapConfig(free_axis_spin=True, evaluations=10, yaw=False)
 
 
 def start(part, folder, *options):
@@ -58,14 +58,26 @@ def wait_for(condition):
         time.sleep(0.05)
 
 
-@pytest.fixture(scope="module")
-def scheduler(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("cluster")
+@contextmanager
+def one_scheduler(folder):
     process = start("scheduler", folder, "--port", "0", "--scheduler-file", folder / "s.json")
     wait_for((folder / "s.json").exists)
     wait_for(lambda: (folder / "s.json").read_text().endswith("}"))
     yield json.loads((folder / "s.json").read_text())["address"], folder, process
     stop(process)
+
+
+@pytest.fixture(scope="module")
+def scheduler(tmp_path_factory):
+    with one_scheduler(tmp_path_factory.mktemp("cluster")) as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def calm(tmp_path_factory):
+    """A scheduler and two workers that nothing is done to: for all tests that leave them alone."""
+    with one_scheduler(tmp_path_factory.mktemp("calm")) as own, two_workers(own) as processes:
+        yield own, processes
 
 
 @contextmanager
@@ -106,18 +118,22 @@ def demonstrations(n):
     return tuple(throw(index) for index in range(n))
 
 
+# Enough that every worker has had some when one is killed, and has some after it.
+N = 16
+
+
 @pytest.fixture(scope="module")
 def mapped():
     """What one thread makes of the demonstrations."""
-    return digest(QUICK.run(demonstrations(30), ROBOT))
+    return digest(QUICK.run(demonstrations(N), ROBOT))
 
 
 @pytest.mark.slow
 def test_a_killed_worker_of_a_cluster_changes_nothing(scheduler, mapped):
     notes = Notes()
     with two_workers(scheduler) as processes, Workers(1, scheduler[0]) as workers:
-        progress, shares = killer(lambda: processes[0], 0.65)
-        mapping = QUICK.run(demonstrations(30), ROBOT, Work(1, progress, notes, workers))
+        progress, shares = killer(lambda: processes[0], 0.75)
+        mapping = QUICK.run(demonstrations(N), ROBOT, Work(1, progress, notes, workers))
         assert processes[0].wait(timeout=10) == -signal.SIGKILL
         pids = {f"{socket.gethostname()}:{process.pid}" for process in processes}
         assert set(notes.workers) <= pids
@@ -137,8 +153,8 @@ def test_a_killed_process_changes_nothing(mapped, monkeypatch):
 
     notes = Notes()
     with Workers(2) as workers:
-        progress, shares = killer(victim, 0.65)
-        mapping = QUICK.run(demonstrations(30), ROBOT, Work(2, progress, notes, workers))
+        progress, shares = killer(victim, 0.75)
+        mapping = QUICK.run(demonstrations(N), ROBOT, Work(2, progress, notes, workers))
     assert len(notes.workers) > 2
     assert not mapping.failed
     assert digest(mapping) == mapped
@@ -146,16 +162,14 @@ def test_a_killed_process_changes_nothing(mapped, monkeypatch):
 
 
 @pytest.mark.slow
-def test_refinement_is_the_same_in_threads_processes_and_a_cluster(
-    scheduler, make_plan, monkeypatch
-):
+def test_refinement_is_the_same_in_threads_processes_and_a_cluster(calm, make_plan, monkeypatch):
     robot, task = load_robot("ur5", "stick_holder"), load_task("stick_throw")
     plans = tuple(make_plan(0.54 + 0.01 * n, name=f"a:{n}") for n in range(3))
     config = CmaEsConfig(episodes=18)
     monkeypatch.setattr("besman.stages.refine.stage._EPISODES_FOR_PROCESSES", 0)
     alone = digest(config.run(plans, robot, task))
     assert digest(config.run(plans, robot, task, Work(2))) == alone
-    with two_workers(scheduler), Workers(2, scheduler[0]) as workers, Workers(2) as local:
+    with Workers(2, calm[0][0]) as workers, Workers(2) as local:
         for used in (local, workers):
             notes = Notes()
             assert digest(config.run(plans, robot, task, Work(2, workers=used))) == alone
@@ -213,19 +227,19 @@ def test_a_cluster_that_is_lost_is_an_error(scheduler, monkeypatch):
 
 
 @pytest.mark.slow
-def test_a_worker_with_other_code_is_refused(scheduler, monkeypatch):
+def test_a_worker_with_other_code_is_refused(calm, monkeypatch):
     monkeypatch.setattr("besman.work.spread.environment", lambda: {"code": "0123"})
     with (
-        two_workers(scheduler),
-        Workers(1, scheduler[0]) as workers,
+        Workers(1, calm[0][0]) as workers,
         pytest.raises(RunError, match=r"worker .* has code \w+; expected what .*: code 0123"),
     ):
         Work(1, notes=Notes(), workers=workers).map(worker_items.double, [1, 2], name=str)
 
 
 @pytest.mark.slow
-def test_nothing_listens_beyond_this_machine(scheduler):
-    with two_workers(scheduler) as processes, Workers(1, scheduler[0]) as workers:
+def test_nothing_listens_beyond_this_machine(calm):
+    scheduler, processes = calm
+    with Workers(1, scheduler[0]) as workers:
         Work(1, workers=workers).map(worker_items.double, [1, 2], name=str)
         for pid in (os.getpid(), scheduler[2].pid, *(process.pid for process in processes)):
             for connection in psutil.Process(pid).net_connections():

@@ -95,7 +95,7 @@ def _check_names(recording: Recording, path: Path) -> None:
 def _leave_out_halves(recording: Recording) -> Recording:
     """Make gaps of samples of which a coordinate is missing, and say so."""
     missing = np.isnan(recording.positions)
-    seen_in_part = missing.any(axis=2) & ~missing.all(axis=2)
+    seen_in_part = np.asarray(missing.any(axis=2) & ~missing.all(axis=2))
     if not seen_in_part.any():
         return recording
     _warn_of_gaps(recording, seen_in_part, "without all three coordinates")

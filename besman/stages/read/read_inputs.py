@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import hashlib
-from collections import Counter
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from besman.exceptions import RecordingError
+import numpy as np
+
+from besman.exceptions import RecordingError, RecordingWarning
 from besman.io.recordings.formats import find_companions, find_recordings, read_recording
 from besman.io.recordings.true_names import find_true_names, read_true_names
 from besman.io.segments_json import find_segments, read_segments
 from besman.records import LabelledSegments, Recording
+
+# Enough to tell takes apart; what is written as text or in single precision is rounded.
+_COMPARED_FRAMES = 20
+_SAME_PLACE_M = 2e-5
 
 
 @dataclass(frozen=True)
@@ -60,10 +66,7 @@ def read_inputs(paths: Sequence[str], teacher: str | None = None) -> Inputs:
         If a file is missing or damaged, or two recordings have one name.
     """
     files = find_recordings([Path(path) for path in paths])
-    twice = [name for name, count in Counter(file.name for file in files).items() if count > 1]
-    if twice:
-        folders = ", ".join(str(file.parent) for file in files if file.name == twice[0])
-        raise RecordingError(f"{twice[0]}: two recordings have this name, in {folders}")
+    _refuse_twins(files)
     recordings, truth, names = [], [], []
     checksums: dict[str, str] = {}
     for file in files:
@@ -79,7 +82,60 @@ def read_inputs(paths: Sequence[str], teacher: str | None = None) -> Inputs:
     if teacher is not None:
         learnt = read_recording(Path(teacher))
         _note_checksums(checksums, Path(teacher), *find_companions(Path(teacher)))
+    _warn_of_copies(recordings)
     return Inputs(tuple(recordings), tuple(truth), tuple(names), learnt, checksums)
+
+
+def _refuse_twins(files: Sequence[Path]) -> None:
+    """Refuse recordings of one name: segments files, motions and exports are called by it."""
+    by_stem: dict[str, list[Path]] = {}
+    for file in files:
+        by_stem.setdefault(file.stem, []).append(file)
+    for stem, twins in by_stem.items():
+        if len(twins) > 1:
+            raise RecordingError(
+                f"{' and '.join(map(str, twins))}: two recordings have this name, {stem!r}, and "
+                "motions and exports are called by it; rename one, or name the files to take, one "
+                "by one"
+            )
+
+
+def _warn_of_copies(recordings: Sequence[Recording]) -> None:
+    """Warn of two files with the same take, e.g. one as it was and one with markers named."""
+    alike: dict[tuple[int, float], list[Recording]] = {}
+    for recording in recordings:
+        key = (len(recording.time), round(recording.rate_hz, 3))
+        for other in alike.setdefault(key, []):
+            if is_same_take(recording, other):
+                warnings.warn(
+                    f"{other.source} and {recording.source} hold the same take: its movements "
+                    "count twice",
+                    RecordingWarning,
+                    stacklevel=3,
+                )
+        alike[key].append(recording)
+
+
+def is_same_take(one: Recording, other: Recording) -> bool:
+    """Tell whether two recordings of one length show the same points, whatever these are called.
+
+    Parameters
+    ----------
+    one, other : Recording
+
+    Returns
+    -------
+    bool
+        Nine of ten points of the one with fewer are where one of the other's is.
+    """
+    seen = common = 0
+    for row in np.unique(np.linspace(0, len(one.time) - 1, _COMPARED_FRAMES).astype(int)):
+        points = [each.positions[row] for each in (one, other)]
+        few, many = sorted((each[np.isfinite(each[:, 0])] for each in points), key=len)
+        if len(few):
+            apart = np.linalg.norm(few[:, None] - many, axis=2).min(axis=1)
+            seen, common = seen + len(few), common + int((apart < _SAME_PLACE_M).sum())
+    return seen > 0 and common >= 0.9 * seen
 
 
 def _note_checksums(checksums: dict[str, str], recording: Path, *others: Path) -> None:

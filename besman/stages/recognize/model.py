@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from besman.classifiers.kinds import CLASSIFIER_NAMES, classifier_kind
 from besman.classifiers.nearest_neighbour import classify, fit_spread, scale
 from besman.classifiers.novelty import UNKNOWN, fit_threshold, measure_novelty, rms_distances
 from besman.exceptions import RecognitionError
@@ -16,7 +17,6 @@ from besman.records import LabelledRecording, Record, freeze
 from besman.stages.recognize.features import OBJECT_FEATURES, count_channels, extract_features
 
 FloatArray = npt.NDArray[np.float64]
-METHODS = ("nearest_neighbour", "dtw", "hmm", "lstm")
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class RecognitionModel(
     Attributes
     ----------
     method : str
-        One of `METHODS`.
+        One of `besman.classifiers.kinds.CLASSIFIERS`.
     settings : dict
         Parameters of its classifier.
     recipe : Recipe
@@ -112,10 +112,14 @@ class RecognitionModel(
         )
         n_examples, width = self.examples.shape
         expected = self.recipe.n_points * len(self.centre)
-        if self.method not in METHODS or len(self.labels) != n_examples or width != expected:
+        if (
+            self.method not in CLASSIFIER_NAMES
+            or len(self.labels) != n_examples
+            or width != expected
+        ):
             raise RecognitionError(
                 f"model {self.method!r}: got {n_examples} examples of {width} values, expected "
-                f"{len(self.labels)} of {expected} and a method of {', '.join(METHODS)}"
+                f"{len(self.labels)} of {expected} and a method of {', '.join(CLASSIFIER_NAMES)}"
             )
 
     @property
@@ -163,7 +167,7 @@ def fit_model(
     recipe : Recipe
         How the features were made.
     method : str
-        One of `METHODS`.
+        One of `besman.classifiers.kinds.CLASSIFIERS`.
     settings : dict
         Parameters of its classifier.
     unknown_factor : float or None
@@ -203,7 +207,7 @@ def fit_model(
             f"{len(vectors)}"
         )
     parameters: dict[str, Any] = {}
-    if method in ("hmm", "lstm"):
+    if classifier_kind(method).learns_parameters:
         classifier = make_classifier(method, settings, values.shape[2])
         parameters = classifier.fit(vectors, np.array(examples.labels)).parameters_
     threshold = np.inf
@@ -228,19 +232,7 @@ def fit_model(
 
 def make_classifier(method: str, settings: dict[str, Any], n_channels: int) -> Any:
     """Return the untrained classifier of a method, under scikit-learn's interface."""
-    if method == "hmm":
-        from besman.classifiers.hmm import HmmClassifier
-
-        return HmmClassifier(n_channels, **settings)
-    if method == "lstm":
-        from besman.classifiers.lstm import LstmClassifier
-
-        return LstmClassifier(n_channels, **settings)
-    from besman.classifiers.neighbours import DtwNeighbour, NearestNeighbours
-
-    return (
-        DtwNeighbour(n_channels, **settings) if method == "dtw" else NearestNeighbours(**settings)
-    )
+    return classifier_kind(method).make(settings, n_channels)
 
 
 def restore_classifier(model: RecognitionModel) -> Any:

@@ -1,13 +1,16 @@
-"""All searches under one key: ``refine: {method: ...}``."""
+"""All searches under one key: ``refine: {method: ...}``; one class with the keys of each.
+
+Which there are says `besman.search.kinds.SEARCHES`. A key that not all have is an argument of the
+search.
+"""
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
-import numpy as np
 from pydantic import BeforeValidator, Field
 
-from besman.search.protocol import Search
+from besman.search.kinds import SEARCHES
 from besman.stages.refine.stage import CmaEsConfig, RefinementConfig
 
 
@@ -27,15 +30,6 @@ class RepsConfig(RefinementConfig):
     population: Annotated[int, Field(ge=2)] = 10
     memory: Annotated[int, Field(ge=1)] = 4
     epsilon: Annotated[float, Field(gt=0)] = 2.0
-
-    def make_search(self, dimension: int, seed: tuple[int, ...]) -> Search:
-        """Set up REPS."""
-        from besman.search.reps import Reps
-
-        start = np.zeros(dimension)
-        return Reps(
-            start, self.sigma, self.population, seed, self.bounds, self.epsilon, self.memory
-        )
 
 
 class Pi2Config(RefinementConfig):
@@ -57,15 +51,6 @@ class Pi2Config(RefinementConfig):
     sharpness: Annotated[float, Field(gt=0)] = 10.0
     decay: Annotated[float, Field(gt=0, le=1)] = 0.98
 
-    def make_search(self, dimension: int, seed: tuple[int, ...]) -> Search:
-        """Set up PI2."""
-        from besman.search.pi2 import Pi2
-
-        start = np.zeros(dimension)
-        return Pi2(
-            start, self.sigma, self.population, seed, self.bounds, self.sharpness, self.decay
-        )
-
 
 class Pi2CmaConfig(RefinementConfig):
     """Refine every motion plan by PI2 that adapts the covariance of its exploration.
@@ -80,13 +65,6 @@ class Pi2CmaConfig(RefinementConfig):
     method: Literal["pi2_cma"]
     population: Annotated[int, Field(ge=2)] = 10
     sharpness: Annotated[float, Field(gt=0)] = 10.0
-
-    def make_search(self, dimension: int, seed: tuple[int, ...]) -> Search:
-        """Set up PI2-CMA."""
-        from besman.search.pi2 import Pi2Cma
-
-        start = np.zeros(dimension)
-        return Pi2Cma(start, self.sigma, self.population, seed, self.bounds, self.sharpness)
 
 
 class CemConfig(RefinementConfig):
@@ -105,19 +83,16 @@ class CemConfig(RefinementConfig):
     population: Annotated[int, Field(ge=4)] = 20
     elite_share: Annotated[float, Field(gt=0, le=1)] = 0.2
 
-    def make_search(self, dimension: int, seed: tuple[int, ...]) -> Search:
-        """Set up the cross-entropy method."""
-        from besman.search.cem import Cem
 
-        start = np.zeros(dimension)
-        return Cem(start, self.sigma, self.population, seed, self.bounds, self.elite_share)
+CONFIGS: dict[str, type[RefinementConfig]] = {
+    entry.name: globals()[entry.config] for entry in SEARCHES
+}
+"""The class with the keys of each search."""
 
-
-RefineMethod = CmaEsConfig | RepsConfig | Pi2Config | Pi2CmaConfig | CemConfig
-
-METHODS: tuple[str, ...] = tuple(
-    get_args(config.model_fields["method"].annotation)[0] for config in get_args(RefineMethod)
-)
+if TYPE_CHECKING:
+    RefineMethod = RefinementConfig
+else:
+    RefineMethod = Union[tuple(CONFIGS.values())]  # noqa: UP007
 
 
 def _default_method(value: Any) -> Any:

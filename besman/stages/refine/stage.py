@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import zlib
-from abc import abstractmethod
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
@@ -17,6 +16,7 @@ from besman.exceptions import RefinementError
 from besman.records import AnyPlan, RefinedMotion
 from besman.records.files import digest
 from besman.robot.model import Robot
+from besman.search.kinds import search_kind
 from besman.search.protocol import Part, Search
 from besman.simulation.task import Task
 from besman.stages.refine.robustness import RobustnessConfig
@@ -84,9 +84,17 @@ class RefinementConfig(Stage):
     keeps_checkpoints: ClassVar[bool] = True
     leaves_out: ClassVar[bool] = True
 
-    @abstractmethod
     def make_search(self, dimension: int, seed: tuple[int, ...]) -> Search:
         """Set up the search over a space of so many coordinates, around zero."""
+        own = type(self).model_fields.keys() - RefinementConfig.model_fields.keys()
+        search: Search = search_kind(self.method).load()(
+            np.zeros(dimension),
+            sigma=self.sigma,
+            seed=seed,
+            bounds=self.bounds,
+            **{name: getattr(self, name) for name in own},
+        )
+        return search
 
     @property
     def bounds(self) -> tuple[float, float] | None:
@@ -144,7 +152,7 @@ class RefinementConfig(Stage):
         RefinementError
             If a plan and the task or the robot do not belong together.
         """
-        _check(robot, task)
+        check_tool(robot, task)
         if self.pool:
             return (self._refine_side_by_side(plans, robot, task, work),)
         refine = partial(self._refine, robot=robot, task=task, folder=work.checkpoints)
@@ -198,8 +206,7 @@ class RefinementConfig(Stage):
         plan = place_plan(plan, robot, task)
         units = Units(**self.units.model_dump())
         space = plan_space(plan, robot, self.search, self.n_shapes, units)
-        # By name, so that a motion's search does not depend on which others are there.
-        seed = (self.seed, zlib.crc32(plan.name.encode()))
+        seed = (self.seed, _seed_of(plan))
         return MotionSearch(
             space, self.make_search(space.dimension, seed), robot, task, self.episodes
         )
@@ -223,16 +230,20 @@ class CmaEsConfig(RefinementConfig):
     population: Annotated[int, Field(ge=4)] | None = 8
     restarts: Literal["none", "ipop", "bipop"] = "none"
 
-    def make_search(self, dimension: int, seed: tuple[int, ...]) -> Search:
-        """Set up CMA-ES."""
-        from besman.search.cma_es import CmaEs
 
-        start = np.zeros(dimension)
-        return CmaEs(start, self.sigma, self.population, seed, self.bounds, self.restarts)
+def _seed_of(plan: AnyPlan) -> int:
+    """Return a seed that depends on what a plan does, not on its name or on which others there are.
+
+    To a millisecond, millimetre and milliradian: the last digits of another machine's arithmetic
+    draw the same search.
+    """
+    numbers = np.concatenate([[plan.duration], plan.start, plan.goal, plan.target])
+    whole = np.round(np.nan_to_num(numbers, nan=-1e6) * 1e3).astype("<i8")
+    return zlib.crc32(whole.tobytes())
 
 
-def _check(robot: Robot, task: Task) -> None:
-    """Refuse a robot and a task that do not belong together."""
+def check_tool(robot: Robot, task: Task) -> None:
+    """Refuse a robot and a task that do not belong together: a RefinementError."""
     if robot.tool.name != task.tool:
         raise RefinementError(
             f"task {task.kind}: robot {robot.name} carries tool {robot.tool.name!r}, "

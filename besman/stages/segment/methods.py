@@ -1,30 +1,29 @@
-"""All segmentation methods under one key: ``segment: {method: ...}``."""
+"""All segmentation methods under one key: ``segment: {method: ...}``.
+
+Which there are says `besman.stages.segment.kinds.SEGMENTATIONS`.
+"""
 
 from __future__ import annotations
 
-from typing import Annotated, Any, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Union
 
 from pydantic import BeforeValidator, Field
 
-from besman.stages.segment.rivals import BpArHmmConfig, LocminConfig, MciConfig, ProbsConfig
-from besman.stages.segment.stage import SegmentConfig, ValleyVmciConfig, VmciOnlineConfig
+from besman.stages.segment.kinds import SEGMENTATIONS
+from besman.stages.segment.of_hands import SegmentingStage
+from besman.stages.segment.stage import ValleyVmciConfig
 
 DefaultSegmentConfig = ValleyVmciConfig
 
-SegmentMethod = (
-    ValleyVmciConfig
-    | SegmentConfig
-    | VmciOnlineConfig
-    | MciConfig
-    | LocminConfig
-    | BpArHmmConfig
-    | ProbsConfig
-)
+CONFIGS: dict[str, type[SegmentingStage]] = {entry.name: entry.load() for entry in SEGMENTATIONS}
+"""The stage of each method."""
 
-CONFIGS: dict[str, type[SegmentMethod]] = {
-    config.model_fields["method"].default: config for config in get_args(SegmentMethod)
-}
 DEFAULT_METHOD: str = DefaultSegmentConfig.model_fields["method"].default
+
+if TYPE_CHECKING:
+    SegmentMethod = SegmentingStage
+else:
+    SegmentMethod = Union[tuple(CONFIGS.values())]  # noqa: UP007
 
 
 def _default_method(value: Any) -> Any:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from typing import Annotated, Any
 
 from pydantic import Field
 
-from besman.config.stage import Items, Stage, Truth
+from besman.config.stage import Items, Stage, Truth, Work
 from besman.records import LabelledRecording, Segments
 from besman.stages.segment.figures import segment_results
 
@@ -23,6 +24,30 @@ class SegmentingStage(Stage):
 
     method: str
     markers: Annotated[tuple[str, ...], Field(min_length=1)] = ("hand_top",)
+
+    @abstractmethod
+    def run(
+        self, recordings: tuple[LabelledRecording, ...], work: Work = Work()
+    ) -> tuple[Segments, ...]:
+        """Segment recordings.
+
+        Parameters
+        ----------
+        recordings : tuple of LabelledRecording
+            What to segment.
+        work : Work
+            How to run.
+
+        Returns
+        -------
+        tuple of Segments
+            One each, with bounds at the recording's own rate; together they cover the recording.
+
+        Raises
+        ------
+        SegmentationError
+            If a marker was not seen throughout or a recording is too short.
+        """
 
     def items(self, recordings: tuple[LabelledRecording, ...]) -> Items:
         """Count the recordings."""

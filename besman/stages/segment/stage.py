@@ -173,7 +173,7 @@ class ValleyVmciConfig(SegmentingStage):
     markers : tuple of str
         Markers of the hand (or hands) whose speed is bell-shaped.
     longest_s : float, optional
-        Greatest duration of a movement, seconds; it bounds time and memory for long recordings.
+        Greatest duration of a movement, seconds.
     """
 
     method: Literal["valley_vmci"] = "valley_vmci"

@@ -31,6 +31,16 @@ are borders.
    programming over valleys, B_k = R_k + max_j (B_j + M_jk). Forward and backward sums of the same
    terms give every valley its posterior probability.
 
+Not all pairs of valleys are evaluated, which would be cubic in the length of a recording. No
+movement leads past a sure valley (4.), which leaves few. Those of up to 256 samples, 13 s, are
+evaluated; of the longer ones, where somebody moves on without slowing down, a bound says which
+cannot win (`besman.stages.segment.span_bounds`), and the others are bounded from both sides at a
+cost that does not grow with their length (`besman.stages.segment.long_spans`) and evaluated where
+these bounds leave open which way is best (`besman.stages.segment.ways`). The borders are those of
+all pairs, the probabilities theirs to within 1e-4. Time and memory grow with the length of the
+recording, but for movement without a sure valley that is alike all through, as of a machine that
+stirs: any stretch of that may be one movement, and time grows with the square of its length.
+
 The length of a segment is geometric, g(n) = p (1 - p)^{n - 1}, with one border per second expected:
 neither the recording's length nor its rate enters. All constants are shares of the recording's own
 speed or times of human movement; none belongs to a data set.
@@ -56,7 +66,8 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.stages.segment.signals import prepare_signals, resample
-from besman.stages.segment.spans import evaluate_spans
+from besman.stages.segment.span_evidence import SpanEvidence
+from besman.stages.segment.spans import Spans
 from besman.stages.segment.valleys import (
     GRID_HZ,
     Valley,
@@ -66,9 +77,9 @@ from besman.stages.segment.valleys import (
     smooth_speed,
 )
 from besman.stages.segment.vmci import VmciModel, length_factor, tabulate_lengths
+from besman.stages.segment.ways import Ways
 
 FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 # The evidence takes samples as independent: they are no closer than the smoothing allows.
 EVIDENCE_HZ = 20.0
@@ -124,8 +135,7 @@ def find_movements(
     paths : array, shape (T, m, 3)
         Positions of m markers, metres; any unit will do.
     longest_s : float, optional
-        Greatest duration of a movement, seconds; it bounds the time and the memory needed for a
-        long recording.
+        Greatest duration of a movement, seconds.
     model : VmciModel, optional
         Prior and shape of the models of a movement; of nine bells if not given.
     shape : ValleyShape, optional
@@ -160,62 +170,59 @@ def find_movements(
     longest = None if longest_s is None else max(2, round(longest_s * rate_hz))
     # A marker that stands still says nothing.
     speeds = signals.speeds[:, signals.speeds.any(axis=0)]
-    farthest = _find_farthest(find_sure(speed, valleys, shape.sure))
-    movement, rest = _evaluate(speeds, valleys, farthest, n_grid, rate_hz, longest, model or MODEL)
-    path, log_probability = _search(movement, rest)
+    sure = find_sure(speed, valleys, shape.sure)
+    ways = Ways(_find_spans(speeds, valleys, sure, n_grid, rate_hz, longest, model or MODEL))
     borders, rests = [0.0], []
-    for first, last in (valleys[k - 1] for k in path[1:-1]):
+    for first, last in (valleys[k - 1] for k in ways.best[1:-1]):
         if first > 0:
             borders.append(first / GRID_HZ)
             rests.append(False)
         if last > first:
             borders.append(last / GRID_HZ)
             rests.append(True)
-    if len(path) > 2 and valleys[path[-2] - 1].last == n_grid:
+    if len(ways.best) > 2 and valleys[ways.best[-2] - 1].last == n_grid:
         borders.pop()
     else:
         rests.append(False)
     return MovementsAndRests(
         np.array([*borders, whole[-1]]),
         np.array(rests),
-        log_probability,
+        ways.log_probability,
         np.array(valleys, dtype=np.float64).reshape(-1, 2) / GRID_HZ,
-        _weigh(movement, rest)[1:-1],
+        ways.weigh()[1:-1],
     )
 
 
-def _evaluate(
+def _find_spans(
     speeds: FloatArray,
     valleys: list[Valley],
-    farthest: IntArray,
+    sure: npt.NDArray[np.bool_],
     n_grid: int,
     rate_hz: float,
     longest: int | None,
     model: VmciModel,
-) -> tuple[FloatArray, FloatArray]:
-    """Evaluate movements (V, V) and rests (V,); the two ends count as valleys."""
+) -> Spans:
+    """Find the movements and evaluate the rests; the two ends count as valleys."""
     n_samples, s = speeds.shape
     p = min(0.5, _BORDERS_PER_S / rate_hz)
     places = np.round(np.array(valleys, dtype=np.float64).reshape(-1, 2) / GRID_HZ * rate_hz)
     places = np.clip(places, 0, n_samples).astype(np.int64)
-    begins_at_rest = bool(valleys) and valleys[0].first == 0
-    ends_at_rest = bool(valleys) and valleys[-1].last == n_grid
-    if ends_at_rest:
+    # A recording may begin or end at rest.
+    given = {}
+    if valleys and valleys[0].first == 0:
+        given[1] = 0.0
+    if valleys and valleys[-1].last == n_grid:
         places[-1, 1] = n_samples
+        given[len(valleys) + 1] = 0.0
     starts = np.concatenate([[0], places[:, 1], [n_samples]])
     ends = np.concatenate([[0], places[:, 0], [n_samples]])
-    factor = tabulate_lengths(n_samples, 0, s, p, longest, model)
-    movement = evaluate_spans(speeds, starts, ends, farthest, factor, model)
-    # A recording may begin or end at rest.
-    if begins_at_rest:
-        movement[0, 1] = 0.0
-    if ends_at_rest:
-        movement[-2, -1] = 0.0
     still = model._replace(noise_scale=model.noise_scale * _REST_NOISE**2)
     rest = np.array(
         [_evaluate_rest(speeds[a:b], p, still) for a, b in zip(ends, starts, strict=True)]
     )
-    return movement, rest
+    factor = tabulate_lengths(n_samples, 0, s, p, longest, model)
+    evidence = SpanEvidence(np.ascontiguousarray(speeds), factor, model)
+    return Spans(evidence, starts, ends, rest, np.concatenate([[False], sure, [False]]), given)
 
 
 def _evaluate_rest(speeds: FloatArray, p: float, model: VmciModel) -> float:
@@ -228,44 +235,3 @@ def _evaluate_rest(speeds: FloatArray, p: float, model: VmciModel) -> float:
     evidence = length_factor(np.array([float(n)]), s, model)[0]
     evidence -= 0.5 * (n + model.nu(s)) * np.linalg.slogdet(scatter)[1]
     return float(length + evidence)
-
-
-def _find_farthest(sure: npt.NDArray[np.bool_]) -> IntArray:
-    """Return where a movement from each valley may end at the latest, the two ends included.
-
-    None leads past a valley that is a border in any case.
-    """
-    n = len(sure) + 2
-    upto = np.concatenate([[0], np.cumsum(sure), [np.count_nonzero(sure)]])
-    return np.minimum(np.searchsorted(upto, upto, side="right"), n - 1)
-
-
-def _search(movement: FloatArray, rest: FloatArray) -> tuple[IntArray, float]:
-    """Return the most probable way through the valleys, from the first to the last."""
-    best = np.full(len(rest), -np.inf)
-    best[0] = 0.0
-    previous = np.zeros(len(rest), dtype=np.int64)
-    for k in range(1, len(rest)):
-        values = best[:k] + movement[:k, k]
-        previous[k] = np.argmax(values)
-        best[k] = rest[k] + values.max()
-    path = [len(rest) - 1]
-    while path[-1] > 0:
-        path.append(int(previous[path[-1]]))
-    return np.array(path[::-1], dtype=np.int64), float(best[-1])
-
-
-def _weigh(movement: FloatArray, rest: FloatArray) -> FloatArray:
-    """Return the posterior probability of every valley, shape (V,)."""
-    n = len(rest)
-    forward, backward = np.full(n, -np.inf), np.full(n, -np.inf)
-    forward[0] = backward[-1] = 0.0
-    for k in range(1, n):
-        forward[k] = rest[k] + np.logaddexp.reduce(forward[:k] + movement[:k, k])
-    for k in range(n - 2, -1, -1):
-        onward = backward[k + 1 :] + rest[k + 1 :] + movement[k, k + 1 :]
-        backward[k] = np.logaddexp.reduce(onward)
-    if not np.isfinite(forward[-1]):
-        return np.zeros(n)
-    weights: FloatArray = np.exp(forward + backward - forward[-1])
-    return np.minimum(weights, 1.0)

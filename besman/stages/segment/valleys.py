@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from heapq import heapify, heappop, heappush
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -168,38 +169,81 @@ def find_sure(speed: FloatArray, valleys: list[Valley], share: float) -> npt.NDA
     return np.array([low < share * peak for low, peak in zip(floors, beside, strict=True)], bool)
 
 
-def _peaks(speed: FloatArray, minima: IntArray) -> FloatArray:
-    """Greatest speed between neighbouring minima, shape (n + 1,)."""
-    return np.maximum.reduceat(speed, np.concatenate([[0], minima])).astype(np.float64)
+class _Relief:
+    """Minima of the speed and the hills between them; a minimum that goes joins its two hills.
+
+    Hill k + 1 begins at minimum k, hill 0 at the beginning of the recording. It is there as long as
+    that minimum is: a joined hill keeps the lower number, so that numbers rise in time.
+    """
+
+    def __init__(self, speed: FloatArray, minima: IntArray) -> None:
+        n = len(minima)
+        self.minima = minima
+        self.floors: list[float] = speed[minima].tolist()
+        peaks = np.maximum.reduceat(speed, np.concatenate([[0], minima]))
+        self.peaks: list[float] = peaks.tolist()
+        self.there = [True] * n
+        # The hill before each minimum, and the minimum behind each hill; n where there is none.
+        self.hill = list(range(n))
+        self.behind = list(range(n + 1))
+
+    def left(self) -> IntArray:
+        """Return the minima that are left."""
+        return self.minima[np.array(self.there, dtype=np.bool_)]
+
+    def remove(self, gone: int) -> int:
+        """Remove a minimum; return the number of the joined hill."""
+        hill = self.hill[gone]
+        self.there[gone] = False
+        self.peaks[hill] = max(self.peaks[hill], self.peaks[gone + 1])
+        self.behind[hill] = behind = self.behind[gone + 1]
+        if behind < len(self.hill):
+            self.hill[behind] = hill
+        return hill
 
 
 def _drop_low_hills(speed: FloatArray, minima: IntArray, least: float) -> IntArray:
-    """Remove the higher minimum beside each hill that is lower than `least`."""
-    at, peaks = list(minima), list(_peaks(speed, minima))
-    while at:
-        hill = int(np.argmin(peaks))
-        if peaks[hill] >= least:
-            break
-        beside = [k for k in (hill - 1, hill) if 0 <= k < len(at)]
-        gone = max(beside, key=lambda k: speed[at[k]])
-        peaks[gone : gone + 2] = [max(peaks[gone : gone + 2])]
-        at.pop(gone)
-    return np.array(at, dtype=np.int64)
+    """Remove the higher minimum beside each hill that is lower than `least`, lowest hill first."""
+    relief = _Relief(speed, minima)
+    n = n_left = len(minima)
+    queue = [(peak, hill) for hill, peak in enumerate(relief.peaks) if peak < least]
+    heapify(queue)
+    while queue and n_left:
+        peak, hill = heappop(queue)
+        is_there = hill == 0 or relief.there[hill - 1]
+        if not is_there or relief.peaks[hill] != peak:
+            continue
+        beside = [k for k in (hill - 1, relief.behind[hill]) if 0 <= k < n]
+        hill = relief.remove(max(beside, key=relief.floors.__getitem__))
+        n_left -= 1
+        if relief.peaks[hill] < least:
+            heappush(queue, (relief.peaks[hill], hill))
+    return relief.left()
 
 
 def _drop_shallow(speed: FloatArray, minima: IntArray, depth: float) -> IntArray:
-    """Remove the minima that are not deeper than a share of the lower peak beside them."""
-    at, peaks = minima, _peaks(speed, minima)
-    while at.size:
-        share = speed[at] / np.minimum(peaks[:-1], peaks[1:])
-        gone = int(np.argmax(share))
-        if share[gone] < depth:
-            break
-        joined = max(peaks[gone], peaks[gone + 1])
-        peaks = np.delete(peaks, gone)
-        peaks[gone] = joined
-        at = np.delete(at, gone)
-    return at
+    """Remove the minima not deeper than a share of the lower peak beside them, shallowest first."""
+    relief = _Relief(speed, minima)
+    n = len(minima)
+
+    def share(k: int) -> float:
+        peak = min(relief.peaks[relief.hill[k]], relief.peaks[k + 1])
+        return relief.floors[k] / peak if peak > 0.0 else np.inf
+
+    shares = [share(k) for k in range(n)]
+    queue = [(-value, k) for k, value in enumerate(shares) if value >= depth]
+    heapify(queue)
+    while queue:
+        value, gone = heappop(queue)
+        if not relief.there[gone] or shares[gone] != -value:
+            continue
+        hill = relief.remove(gone)
+        for k in (hill - 1, relief.behind[hill]):
+            if 0 <= k < n:
+                shares[k] = share(k)
+                if shares[k] >= depth:
+                    heappush(queue, (-shares[k], k))
+    return relief.left()
 
 
 def _find_rests(speed: FloatArray, minima: IntArray, shape: ValleyShape) -> list[Valley]:

@@ -23,6 +23,8 @@ from besman.stages.select.stage import SelectConfig
 
 ROBOT = load_robot("ur5", "stick_holder")
 QUICK = MapConfig(free_axis_spin=True, evaluations=40)
+# Where it does not matter how demonstrations are turned: an eighth of the placements.
+AHEAD = QUICK.model_copy(update={"yaw": False})
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +65,7 @@ def test_the_result_does_not_depend_on_the_number_of_threads(mapping):
 
 
 def test_what_cannot_be_reached_is_listed_with_its_reason():
-    mapping = QUICK.run((throw(0), throw(1), throw(2), throw(3, size=4.0)), ROBOT)
+    mapping = AHEAD.run((throw(0), throw(1), throw(2), throw(3, size=4.0)), ROBOT)
     assert len(mapping.trajectories) == 3
     assert len(mapping.failed) == 1
     assert mapping.failed[0].name == "a.tsv:3"
@@ -75,7 +77,7 @@ def test_an_arm_too_weak_for_its_own_weight():
     weak = replace(ROBOT, limits=replace(ROBOT.limits, torque=0.05 * ROBOT.limits.torque))
     message = "the weight of arm and tool alone asks for more torque than a joint has "
     with pytest.raises(MappingError, match=message):
-        QUICK.run((throw(0),), weak)
+        AHEAD.run((throw(0),), weak)
 
 
 def test_without_a_change_of_path_time_is_stretched_more(mapping):
@@ -90,7 +92,7 @@ def test_without_a_change_of_path_time_is_stretched_more(mapping):
 def test_a_throw_without_a_target_is_listed():
     blind = throw(1)
     blind = HandTrajectory(blind.time, blind.poses, blind.name, blind.label)
-    mapping = QUICK.run((throw(0), blind), ROBOT)
+    mapping = AHEAD.run((throw(0), blind), ROBOT)
     assert mapping.failed == (
         Failure("a.tsv:1", "the flight of the thrown object was not seen, so there is no target"),
     )
@@ -99,7 +101,7 @@ def test_a_throw_without_a_target_is_listed():
 def test_a_demonstration_ten_metres_long():
     message = "none of 1 demonstrations can be transferred to ur5 .*: a.tsv:0: position error"
     with pytest.raises(MappingError, match=message):
-        QUICK.run((throw(0, size=17.0),), ROBOT)
+        AHEAD.run((throw(0, size=17.0),), ROBOT)
 
 
 def broken(poses=None, n_samples=51):

@@ -13,7 +13,7 @@ from besman.stages.map.demonstration import MappingSettings
 from besman.stages.map.two_arms import arms_distance, map_two_arms
 
 RIGHT, LEFT = load_robot("rh5_right"), load_robot("rh5_left")
-QUICK = MappingSettings(evaluations=40)
+QUICK = MappingSettings(evaluations=40, yaw=False)
 
 
 def carry(index, side, speed=1.0):

@@ -1,7 +1,9 @@
 import numpy as np
 import pytest
-from places import REAL_DATA
+from places import REAL_DATA, TOP
+from typer.testing import CliRunner
 
+from besman.cli.main import app
 from besman.config.yaml_file import parse_config
 from besman.exceptions import ConfigError, SegmentationError
 from besman.person.marker_set import load_marker_set
@@ -9,6 +11,7 @@ from besman.pipeline.config import PipelineConfig
 from besman.records import LabelledRecording
 from besman.stages.label.stage import LabelConfig
 from besman.stages.read.read_inputs import read_inputs
+from besman.stages.segment.kinds import SEGMENTATION_NAMES, SEGMENTATIONS
 from besman.stages.segment.methods import CONFIGS, DEFAULT_METHOD
 from besman.stages.segment.scores import mean_score
 from besman.stages.segment.stage import SegmentConfig, ValleyVmciConfig, VmciOnlineConfig
@@ -115,3 +118,16 @@ def test_border_probability_says_where_borders_are(real):
         assert np.all((probability >= 0) & (probability <= 1))
         inner = segments.bounds[1:, 0]
         assert probability[inner].mean() > 4 * probability.mean()
+
+
+def test_the_table_and_the_help_name_every_method():
+    assert tuple(CONFIGS) == SEGMENTATION_NAMES
+    assert SEGMENTATION_NAMES[0] == DEFAULT_METHOD
+    for entry in SEGMENTATIONS:
+        assert CONFIGS[entry.name].model_fields["method"].default == entry.name
+        assert entry.about
+    for command in (["segment"], ["evaluate", "segmentation"]):
+        told = CliRunner().invoke(app, [*command, "--help"], env={"COLUMNS": "1000"}).output
+        assert all(name in told for name in SEGMENTATION_NAMES)
+    page = (TOP / "docs/reference/pipeline.md").read_text()
+    assert "{table-of} besman.stages.segment.kinds:SEGMENTATIONS" in page

@@ -1,15 +1,20 @@
-from itertools import combinations, pairwise
+from itertools import pairwise
 
 import numpy as np
+import plain_valleys
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from places import REAL_DATA
+from plain_valleys import evaluate_all, search, weigh
+from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
-from scipy.special import logsumexp
 
+from besman.io.recordings.formats import read_recording
+from besman.stages.segment import long_spans, spans, valley_vmci
 from besman.stages.segment.signals import prepare_signals, resample
-from besman.stages.segment.spans import evaluate_spans
-from besman.stages.segment.valley_vmci import _find_farthest, _search, _weigh, find_movements
+from besman.stages.segment.span_evidence import SpanEvidence
+from besman.stages.segment.valley_vmci import find_movements
 from besman.stages.segment.vmci import VmciModel, tabulate_lengths
 from besman.stages.segment.vmci_plain import evaluate_segments
 
@@ -102,44 +107,110 @@ def test_spans_have_the_evidence_of_vmci():
     model = VmciModel(n_centres=4)
     factor = tabulate_lengths(len(v), 0, 2, 0.05, None, model)
     plain = factor + evaluate_segments(np.empty((len(v), 0)), v, len(v), model)
-    starts, ends = np.array([0, 11, 30, len(v)]), np.array([0, 9, 30, len(v)])
-    spans = evaluate_spans(v, starts, ends, np.full(4, 3), factor, model)
-    for i, j in combinations(range(4), 2):
-        assert spans[i, j] == pytest.approx(plain[ends[j], ends[j] - starts[i]], abs=1e-7)
-    assert np.isfinite(spans).any()
-    assert np.all(np.isinf(spans[np.tril_indices(4)]))
-    few = evaluate_spans(v, starts, ends, np.full(4, 3), factor[:20], model)
-    np.testing.assert_array_equal(few[0, 1], spans[0, 1])
-    assert np.isinf(few[0, 3])
-    near = evaluate_spans(v, starts, ends, np.array([2, 2, 3, 3]), factor, model)
-    asked = np.array([[0, 1, 1, 0], [0, 0, 1, 0], [0, 0, 0, 1], [0, 0, 0, 0]], bool)
-    np.testing.assert_array_equal(near, np.where(asked, spans, -np.inf))
+    evidence = SpanEvidence(v, factor, model)
+    starts, ends = np.array([0, 11, 11, 30, 30, 0]), np.array([9, 30, 31, 60, 61, len(v)])
+    found = evidence.evaluate(starts, ends)
+    assert found == pytest.approx(plain[ends, ends - starts], abs=1e-7)
+    assert np.isfinite(found).any()
+    assert np.isinf(evidence.evaluate(starts, np.minimum(starts + 1, ends))).all()
+    few = evidence._replace(factor=factor[:20]).evaluate(starts, ends)
+    np.testing.assert_array_equal(few, np.where(ends - starts < 20, found, -np.inf))
 
 
-@given(st.lists(st.booleans(), max_size=12))
-def test_no_way_leads_past_a_sure_valley(sure):
-    places = [False, *sure, False]
-    for i, farthest in enumerate(_find_farthest(np.array(sure, bool))):
-        allowed = [j for j in range(len(places)) if not any(places[i + 1 : j])]
-        assert farthest == max(allowed)
+class PlainWays:
+    """All pairs of valleys, as the equations say."""
+
+    def __init__(self, evidence, starts, ends, rest, sure, given):
+        self.rest = rest
+        self.movement = evaluate_all(evidence, starts, ends, sure, given)
+        self.best, self.log_probability = search(self.movement, rest)
+
+    def weigh(self):
+        return weigh(self.movement, self.rest)
 
 
-def test_search_and_weights_against_all_ways():
-    rng = np.random.default_rng(5)
-    n = 8
-    movement, rest = rng.normal(scale=3, size=(n, n)), np.r_[0.0, rng.normal(size=n - 2), 0.0]
-    ways, values = [], []
-    for count in range(n - 1):
-        for inner in combinations(range(1, n - 1), count):
-            way = (0, *inner, n - 1)
-            ways.append(way)
-            values.append(sum(movement[i, j] + rest[j] for i, j in pairwise(way)))
-    path, value = _search(movement, rest)
-    assert value == pytest.approx(max(values), abs=1e-12)
-    assert tuple(path) == ways[int(np.argmax(values))]
-    weights = np.exp(np.array(values) - logsumexp(values))
-    expected = [sum(w for way, w in zip(ways, weights, strict=True) if k in way) for k in range(n)]
-    np.testing.assert_allclose(_weigh(movement, rest), expected, atol=1e-12)
+def compare_with_all_pairs(monkeypatch, time, paths, longest_s=None):
+    """Segment as it is done and by all pairs of valleys, these found one by one."""
+    found = find_movements(time, paths, longest_s)
+    with monkeypatch.context() as patch:
+        patch.setattr(valley_vmci, "Spans", lambda *arguments: arguments)
+        patch.setattr(valley_vmci, "Ways", lambda arguments: PlainWays(*arguments))
+        patch.setattr(valley_vmci, "find_valleys", plain_valleys.find_valleys)
+        plain = find_movements(time, paths, longest_s)
+    np.testing.assert_array_equal(found.candidates_s, plain.candidates_s)
+    np.testing.assert_array_equal(found.borders_s, plain.borders_s)
+    np.testing.assert_array_equal(found.rests, plain.rests)
+    assert found.log_probability == pytest.approx(plain.log_probability, abs=1e-6)
+    np.testing.assert_allclose(
+        found.candidate_probability, plain.candidate_probability, rtol=0, atol=1e-4
+    )
+    return found
+
+
+def stir(seed, duration_s, rate_hz, minor, variation):
+    """An ellipse that is drawn again and again: no rest, and few sure valleys."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(round(100 * duration_s)) / 100
+    slow = [gaussian_filter1d(rng.normal(size=len(t)), 70) * 13 for _ in range(2)]
+    phase = np.cumsum(2 * np.pi * rate_hz * np.exp(variation * slow[0])) / 100
+    size = 0.15 * np.exp(variation * slow[1])
+    path = np.stack([size * np.cos(phase), minor * size * np.sin(phase), 0 * t], axis=1)
+    return t, (path + rng.normal(scale=2e-4, size=path.shape))[:, np.newaxis]
+
+
+@pytest.mark.parametrize(
+    ("rate_hz", "minor", "variation"),
+    [(0.5, 0.42, 0.05), (1.0, 0.35, 0.2), (1.5, 0.35, 0.02), (2.0, 0.4, 0.3)],
+)
+@pytest.mark.parametrize("n_hands", [1, 2])
+def test_continuous_movement_has_the_borders_of_all_pairs(
+    monkeypatch, rate_hz, minor, variation, n_hands
+):
+    # Movements are long from 64 samples on.
+    monkeypatch.setattr(long_spans, "_LEAST_WIDTH", 16)
+    for module in (long_spans, spans):
+        monkeypatch.setattr(module, "REACH", 32)
+    time, paths = stir(1, 16.0, rate_hz, minor, variation)
+    if n_hands == 2:
+        paths = np.concatenate([paths, stir(2, 16.0, 1.1 * rate_hz, minor, variation)[1]], axis=1)
+    compare_with_all_pairs(monkeypatch, time, paths)
+
+
+@settings(deadline=None, max_examples=15)
+@given(
+    st.integers(0, 10_000),
+    st.floats(4.0, 15.0),
+    st.floats(0.05, 0.5),
+    st.integers(1, 3),
+    st.one_of(st.none(), st.floats(0.5, 20.0)),
+)
+def test_smooth_noise_has_the_borders_of_all_pairs(seed, duration_s, smooth_s, n_axes, longest_s):
+    rng = np.random.default_rng(seed)
+    n = round(100 * duration_s)
+    paths = np.zeros((n, 1, 3))
+    paths[:, 0, :n_axes] = gaussian_filter1d(rng.normal(size=(n, n_axes)), 100 * smooth_s, axis=0)
+    with pytest.MonkeyPatch.context() as patch:
+        compare_with_all_pairs(patch, np.arange(n) / 100, paths, longest_s)
+
+
+@pytest.mark.parametrize("pause_s", [0.0, 0.8])
+def test_reaches_have_the_borders_of_all_pairs(monkeypatch, pause_s):
+    time, paths, borders = reach(4, n_moves=12, pause_s=pause_s)
+    assert len(compare_with_all_pairs(monkeypatch, time, paths).borders_s) == len(borders)
+
+
+def test_real_recordings_have_the_borders_of_all_pairs(monkeypatch):
+    folder = REAL_DATA / "pick_and_place"
+    if not folder.is_dir():
+        pytest.skip(f"no real recordings in {folder}; set BESMAN_REAL_DATA")
+    for path in sorted(folder.glob("*.tsv")):
+        recording = read_recording(path)
+        paths = recording.positions[:, [recording.names.index("Hand top")]].copy()
+        seen = np.isfinite(paths).all(axis=(1, 2))
+        row = np.arange(len(paths))
+        for axis in range(3):
+            paths[:, 0, axis] = np.interp(row, row[seen], paths[seen, 0, axis])
+        compare_with_all_pairs(monkeypatch, recording.time, paths)
 
 
 @pytest.mark.parametrize("n_movements", [3, 12])

@@ -1,4 +1,5 @@
 import numpy as np
+import plain_valleys
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -64,6 +65,21 @@ def test_valleys_are_in_order_and_know_no_unit(speed, unit):
     assert np.all((places >= 0) & (places <= len(speed)))
     power = 2.0 ** np.round(np.log2(unit))
     assert find_valleys(power * speed) == valleys
+
+
+@given(
+    arrays(float, st.integers(2, 60), elements=st.floats(0, 1)),
+    st.sampled_from([0, 1, 3]),
+    st.sampled_from([0.0, 0.2, 0.6]),
+    st.sampled_from([0.2, 0.5, 0.9]),
+)
+def test_valleys_go_in_the_order_of_a_plain_search(speed, digits, hill, depth):
+    # Rounded, so that hills and minima are alike.
+    speed = np.round(speed, digits)
+    shape = ValleyShape(hill=hill, depth=depth)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        plain = plain_valleys.find_valleys(speed, shape)
+    assert find_valleys(speed, shape) == plain
 
 
 def test_rests_at_the_ends_are_found():

@@ -1,0 +1,60 @@
+"""Commands about run folders: runs, clean; and what check says of one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from besman.cli.terminal import open_terminal, say
+
+
+def say_check(folder: Path) -> None:
+    """Say what is whole in a run folder and what is not; exit code 1 if something is not."""
+    from besman.pipeline.check_run import check_run
+
+    whole, faults = check_run(folder)
+    for line in whole:
+        say(line)
+    for line in faults:
+        say(f"not whole: {line}")
+    if faults:
+        say("the command that made the run repairs it")
+        raise typer.Exit(1)
+
+
+def runs(
+    folder: Annotated[Path, typer.Argument(help="A folder of runs.")] = Path("runs"),
+) -> None:
+    """List the runs in a folder: status, recipe, size."""
+    from besman.pipeline.runs import list_runs
+    from besman.report.runs_table import runs_table
+
+    found = list_runs(folder)
+    if not found:
+        say(f"{folder}: no runs here")
+        return
+    open_terminal().print(runs_table(found, folder))
+
+
+def clean(
+    run: Annotated[Path, typer.Argument(help="A run folder.")],
+    yes: Annotated[bool, typer.Option("--yes", help="Remove it, in place of saying so.")] = False,
+) -> None:
+    """Say what lies in a run folder and is no part of the run; with --yes remove it."""
+    from besman.pipeline.runs import find_removable, remove
+    from besman.report.runs_table import size
+
+    found = find_removable(run)
+    if not found:
+        say(f"{run}: nothing to remove")
+        return
+    for one in found:
+        say(f"{one.path.relative_to(run)}: {size(one.n_bytes)}, {one.why}")
+    total = size(sum(one.n_bytes for one in found))
+    if yes:
+        remove(run, found)
+        say(f"removed: {total}")
+    else:
+        say(f"{total} in all; besman clean {run} --yes removes it")
