@@ -18,9 +18,11 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
 from pathlib import Path
 
+import psutil
+
 TESTS = Path(__file__).resolve().parents[1] / "tests"
 # A worker that says nothing for so long is stuck where no signal reaches it.
-SILENT_S = 60.0
+SILENT_S = 20.0
 
 
 def main():
@@ -77,34 +79,37 @@ def start(seed, errors):
 def run(seed, numbers):
     """Try mutants in a worker process; another one where it dies."""
     found = []
-    errors = tempfile.TemporaryFile(mode="w+")
-    worker = start(seed, errors)
-    for number in numbers:
-        print(number, file=worker.stdin, flush=True)
-        ready, _, _ = select.select([worker.stdout], [], [], SILENT_S)
-        line = worker.stdout.readline() if ready else ""
-        if line:
-            found.append({"number": number, **json.loads(line)})
-            continue
-        worker.kill()
-        kind = "traceback" if ready else "hang"
-        words = (
-            f"the process ended with {worker.wait()}: {last_line(errors)}" if ready else "no answer"
-        )
-        found.append(
-            {
-                "number": number,
-                "target": "?",
-                "which": "",
-                "kind": kind,
-                "words": words,
-                "seconds": 0,
-            }
-        )
+    with tempfile.TemporaryFile(mode="w+") as errors:
         worker = start(seed, errors)
-    worker.stdin.close()
-    worker.wait()
+        for number in numbers:
+            print(number, file=worker.stdin, flush=True)
+            line, why = answer_of(worker)
+            if line:
+                found.append({"number": number, **json.loads(line)})
+                continue
+            words = why if why else f"the process ended with {worker.wait()}: {last_line(errors)}"
+            kind = "hang" if why else "traceback"
+            found.append({"number": number, **UNKNOWN, "kind": kind, "words": words})
+            worker = start(seed, errors)
+        worker.stdin.close()
+        worker.wait()
     return found
+
+
+UNKNOWN = {"target": "?", "which": "", "seconds": 0.0}
+
+
+def answer_of(worker):
+    """Return a worker's next line and, if it computes and says nothing, that it was ended."""
+    process = psutil.Process(worker.pid)
+    began = sum(process.cpu_times()[:2])
+    while not select.select([worker.stdout], [], [], SILENT_S)[0]:
+        # A machine that is busy with other things is no hang.
+        if sum(process.cpu_times()[:2]) - began > SILENT_S:
+            worker.kill()
+            worker.wait()
+            return "", f"no answer after {SILENT_S:g} s of CPU"
+    return worker.stdout.readline(), ""
 
 
 def last_line(file):

@@ -9,13 +9,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from besman.foreign.names import fault_of_characters
+from besman.foreign.names import LONGEST_TEXT, fault_of_characters
 
 SMALLEST = 1e-12
 """Nothing but zero is nearer to zero."""
-
-LONGEST_TEXT = 4096
-"""Characters of a text; no path is longer."""
 
 # Keys of sentences, which may have several lines.
 _SENTENCES = ("assumed",)
@@ -41,6 +38,11 @@ class Range:
     low: float
     high: float
     reason: str
+
+    @property
+    def shown(self) -> str:
+        """The endings for a table; all other keys have none of them."""
+        return ", ".join(f"``{ending}``" for ending in self.endings if ending) or "anything else"
 
     @property
     def words(self) -> str:

@@ -130,7 +130,7 @@ def resolve_paths(content: dict[str, Any], folder: Path, paths: PathKeys) -> Non
 def absolute(paths: Any, folder: Path) -> Any:
     """Make paths absolute; what is no path is left for the config's own check."""
     if isinstance(paths, str):
-        return str((folder / paths).resolve())
+        return _below(folder, paths)
     if isinstance(paths, list):
         return [absolute(path, folder) for path in paths]
     return paths
@@ -139,4 +139,12 @@ def absolute(paths: Any, folder: Path) -> Any:
 def own_file(name: Any, folder: Path) -> Any:
     """Make the path of a user's own file absolute; a resource's name stays as it is."""
     is_path = isinstance(name, str) and name.endswith(".yaml")
-    return str((folder / name).resolve()) if is_path else name
+    return _below(folder, name) if is_path else name
+
+
+def _below(folder: Path, path: str) -> str:
+    """Make a path absolute; a text that no path can be is left for the config's own check."""
+    try:
+        return str((folder / path).resolve())
+    except (OSError, ValueError):
+        return path

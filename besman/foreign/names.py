@@ -7,6 +7,9 @@ import unicodedata
 LONGEST = 200
 """Characters of a name."""
 
+LONGEST_TEXT = 4096
+"""Characters of any text that is no sentence; no path is longer."""
+
 # Control characters, halves of a character, line and paragraph ends.
 _REFUSED = {"Cc", "Cs", "Zl", "Zp"}
 _TURNS_TEXT = {*"\u200e\u200f\u061c", *map(chr, (*range(0x202A, 0x202F), *range(0x2066, 0x206A)))}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from xml.etree import ElementTree
 
 from besman.foreign.names import fault_of_part_name
@@ -14,26 +15,64 @@ DEEPEST = 64
 MOST_CHARACTERS = 20_000_000
 """Of a whole URDF; meshes are files of their own."""
 
-_LENGTH_M = (-100.0, 100.0)
-_RANGES: dict[str, dict[str, tuple[int, tuple[float, float]]]] = {
-    "origin": {"xyz": (3, _LENGTH_M), "rpy": (3, (-1000.0, 1000.0))},
-    "axis": {"xyz": (3, (-1000.0, 1000.0))},
-    "mass": {"value": (1, (0.0, 1e4))},
-    "inertia": dict.fromkeys(("ixx", "iyy", "izz", "ixy", "ixz", "iyz"), (1, (-1e6, 1e6))),
-    "cylinder": {"radius": (1, (0.0, 10.0)), "length": (1, (0.0, 100.0))},
-    "capsule": {"radius": (1, (0.0, 10.0)), "length": (1, (0.0, 100.0))},
-    "sphere": {"radius": (1, (0.0, 10.0))},
-    "box": {"size": (3, (0.0, 100.0))},
-    "mesh": {"scale": (3, (-1e6, 1e6))},
-    "mimic": {"multiplier": (1, (-1e6, 1e6)), "offset": (1, (-1e6, 1e6))},
-}
-"""By element and attribute: how many numbers, and the least and greatest, in SI units.
+
+@dataclass(frozen=True)
+class UrdfRange:
+    """What the numbers of an attribute may be.
+
+    Attributes
+    ----------
+    element, attribute : str
+    count : int
+        How many numbers it has.
+    low, high : float
+        Least and greatest of each, in SI units.
+    is_extent : bool
+        Whether zero is none.
+    """
+
+    element: str
+    attribute: str
+    count: int
+    low: float
+    high: float
+    is_extent: bool = False
+
+    @property
+    def words(self) -> str:
+        """For example ``-100 to 100``."""
+        return f"{'more than ' if self.is_extent else ''}{self.low:g} to {self.high:g}"
+
+
+RANGES = (
+    UrdfRange("origin", "xyz", 3, -100.0, 100.0),
+    UrdfRange("origin", "rpy", 3, -1000.0, 1000.0),
+    UrdfRange("axis", "xyz", 3, -1000.0, 1000.0),
+    UrdfRange("mass", "value", 1, 0.0, 1e4),
+    *(
+        UrdfRange("inertia", f"i{axes}", 1, -1e6, 1e6)
+        for axes in ["xx", "yy", "zz", "xy", "xz", "yz"]
+    ),
+    UrdfRange("cylinder", "radius", 1, 0.0, 10.0, True),
+    UrdfRange("cylinder", "length", 1, 0.0, 100.0),
+    UrdfRange("capsule", "radius", 1, 0.0, 10.0, True),
+    UrdfRange("capsule", "length", 1, 0.0, 100.0),
+    UrdfRange("sphere", "radius", 1, 0.0, 10.0, True),
+    UrdfRange("box", "size", 3, 0.0, 100.0),
+    UrdfRange("mesh", "scale", 3, -1e6, 1e6),
+    UrdfRange("mimic", "multiplier", 1, -1e6, 1e6),
+    UrdfRange("mimic", "offset", 1, -1e6, 1e6),
+)
+"""The numbers of a URDF that are looked at.
 
 Limits of joints are held against the ranges of a robot.yaml: a URDF may have other joints, too.
 """
 
-# What has no extent or direction is none.
-_ABOVE_ZERO = {("cylinder", "radius"), ("capsule", "radius"), ("sphere", "radius")}
+_BY_ELEMENT: dict[str, list[UrdfRange]] = {}
+for _one in RANGES:
+    _BY_ELEMENT.setdefault(_one.element, []).append(_one)
+
+# Nothing is declared: no recording or arm needs it.
 _DECLARATION = re.compile(r"<!\s*(DOCTYPE|ENTITY)", re.IGNORECASE)
 
 
@@ -161,32 +200,27 @@ def _check_numbers(element: ElementTree.Element, place: str, moves: bool = True)
     if element.tag in ("link", "joint"):
         place = f"{element.tag} {element.get('name')}: "
         moves = element.get("type") != "fixed"
-    for key, (count, (low, high)) in _RANGES.get(str(element.tag), {}).items():
-        text = element.get(key)
-        if text is None:
-            continue
-        where = f"{place}<{element.tag}> {key}"
-        try:
-            values = [parse_number(word) for word in text.split()]
-        except ValueError:
-            values = []
-        if len(values) != count:
-            number = "a number" if count == 1 else f"{count} numbers"
-            raise UrdfTextError(f"{where}: got {text!r:.60}, expected {number}")
-        above = (element.tag, key) in _ABOVE_ZERO
-        if not all(low <= value <= high and not (above and value <= 0) for value in values):
-            least = "more than 0" if above else f"{low:g}"
-            raise UrdfTextError(f"{where}: got {text!r:.60}, expected {least} to {high:g}")
-        if element.tag == "axis" and moves and sum(value * value for value in values) < 1e-12:
-            raise UrdfTextError(f"{where}: got {text!r:.60}, expected a direction")
+    for allowed in _BY_ELEMENT.get(str(element.tag), ()):
+        text = element.get(allowed.attribute)
+        if text is not None:
+            where = f"{place}<{element.tag}> {allowed.attribute}"
+            values = _check_attribute(text, allowed, where)
+            if element.tag == "axis" and moves and sum(value * value for value in values) < 1e-12:
+                raise UrdfTextError(f"{where}: got {text!r:.60}, expected a direction")
     for child in element:
         _check_numbers(child, place, moves)
 
 
-def ranges() -> list[tuple[str, str, float, float]]:
-    """Return element, attribute, least and greatest value of all numbers that are looked at."""
-    return [
-        (tag, key, low, high)
-        for tag, attributes in _RANGES.items()
-        for key, (_, (low, high)) in attributes.items()
-    ]
+def _check_attribute(text: str, allowed: UrdfRange, where: str) -> list[float]:
+    """Return the numbers of an attribute; refuse what is none, or out of range."""
+    try:
+        values = [parse_number(word) for word in text.split()]
+    except ValueError:
+        values = []
+    if len(values) != allowed.count:
+        number = "a number" if allowed.count == 1 else f"{allowed.count} numbers"
+        raise UrdfTextError(f"{where}: got {text!r:.60}, expected {number}")
+    inside = all(allowed.low <= value <= allowed.high for value in values)
+    if not inside or (allowed.is_extent and min(values) <= 0):
+        raise UrdfTextError(f"{where}: got {text!r:.60}, expected {allowed.words}")
+    return values

@@ -88,7 +88,7 @@ def find_faults(positions: FloatArray, rate_hz: float, joined: BoolArray) -> Fau
 
 def _suspects(positions: FloatArray, rate_hz: float, joined: BoolArray) -> list[int]:
     """Return the trajectories with a step that may begin a spike."""
-    least = float(_reach(np.array(1.0 / rate_hz))) / 2.0
+    least = float(_reach(1.0 / rate_hz)) / 2.0
     with np.errstate(over="ignore"):
         steps = positions[1:] - positions[:-1]
     np.abs(steps, out=steps)
@@ -106,9 +106,10 @@ def _suspects(positions: FloatArray, rate_hz: float, joined: BoolArray) -> list[
     return [int(column) for column in np.flatnonzero(suspect)]
 
 
-def _reach(seconds: FloatArray) -> FloatArray:
+def _reach(seconds: FloatArray | float) -> FloatArray:
     """Return how far a body can be from where it is expected after so many seconds, metres."""
-    return SMALLEST_M + np.minimum(_ACCELERATION_M_S2 * seconds**2, _SPEED_M_S * seconds)
+    pause = np.asarray(seconds, dtype=np.float64)
+    return np.asarray(SMALLEST_M + np.minimum(_ACCELERATION_M_S2 * pause**2, _SPEED_M_S * pause))
 
 
 def _spikes_of(path: FloatArray, time: FloatArray) -> BoolArray:
@@ -133,19 +134,20 @@ def _spikes_of(path: FloatArray, time: FloatArray) -> BoolArray:
 
 def _length_from(path: FloatArray, time: FloatArray, before: int) -> int:
     """Return how many samples after one are a spike; 0 if none."""
-    for length in range(1, LONGEST + 1):
+    best, slowest = 0, np.inf
+    for length in range(1, min(LONGEST, len(path) - before - 2) + 1):
         after = before + length + 1
-        if after >= len(path):
-            return 0
         inside = slice(before + 1, after)
-        share = (time[inside] - time[before]) / (time[after] - time[before])
+        duration = float(time[after] - time[before])
+        share = (time[inside] - time[before]) / duration
         line = path[before] + share[:, None] * (path[after] - path[before])
         away = np.linalg.norm(path[inside] - line, axis=1)
         pause = max(time[before + 1] - time[before], time[after] - time[after - 1])
         apart = float(np.linalg.norm(path[after] - path[before]))
-        if np.all(away > max(float(_reach(np.array(pause))), apart)):
-            return length
-    return 0
+        # Of several ends the calmest: two samples of one spike may lie close to each other.
+        if apart / duration < slowest and np.all(away > max(float(_reach(pause)), apart)):
+            best, slowest = length, apart / duration
+    return best
 
 
 def _mark_ends(path: FloatArray, time: FloatArray, found: BoolArray) -> None:

@@ -16,7 +16,6 @@ from pydantic import BaseModel
 
 from besman.exceptions import BesmanError, RunError
 from besman.foreign.json_text import parse_json
-from besman.foreign.names import fault_of_characters
 from besman.records.frozen import Record
 from besman.records.npz import ERRORS, Arrays
 from besman.records.schema import check_fields
@@ -98,9 +97,7 @@ def load_record(path: Path, most_bytes: int | None = None) -> Any:
     """
     try:
         with Arrays(path, most_bytes) as arrays:
-            found = _decode(parse_json(str(arrays[_TREE])), arrays)
-        _check_texts(found)
-        return found
+            return _decode(parse_json(str(arrays[_TREE])), arrays)
     except (*ERRORS, BesmanError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
         raise RunError(f"{path}: cannot be read as a record: {reason}") from None
@@ -161,17 +158,6 @@ def _decode(tree: Any, arrays: Arrays) -> Any:
     if "record" in tree:
         return _decode_record(tree, arrays)
     raise ValueError(f"unknown entry {sorted(tree)!r:.60}")
-
-
-def _check_texts(value: Any) -> None:
-    """Refuse texts outside of records that a terminal would obey."""
-    if isinstance(value, str):
-        fault = fault_of_characters(value)
-        if fault is not None:
-            raise ValueError(f"{value!r:.60} {fault}")
-    elif isinstance(value, tuple | dict):
-        for item in value.items() if isinstance(value, dict) else value:
-            _check_texts(item)
 
 
 def _decode_record(tree: dict[str, Any], arrays: Arrays) -> Any:

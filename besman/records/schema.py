@@ -11,7 +11,7 @@ from typing import Any, Literal, Union, cast
 
 import numpy as np
 
-from besman.foreign.names import fault_of_characters
+from besman.foreign.names import LONGEST_TEXT, fault_of_characters
 
 # Kinds of numbers in a file that an array may be made of.
 _KINDS = {"f": "fiu", "i": "iu", "b": "b"}
@@ -58,6 +58,7 @@ def _check(value: Any, hint: Any, where: str) -> None:
     """Refuse a value that is not of a type."""
     origin, inner = typing.get_origin(hint), typing.get_args(hint)
     if hint is Any:
+        _check_texts_in(value, where)
         return
     if origin in (Union, types.UnionType):
         _check_union(value, inner, where)
@@ -78,8 +79,19 @@ def _check(value: Any, hint: Any, where: str) -> None:
         raise ValueError(f"{where}: got {_kind(value)}, expected {_name(hint)}")
     elif hint is str and not where.endswith(_SENTENCES):
         fault = fault_of_characters(value)
+        if len(value) > LONGEST_TEXT:
+            fault = f"has {len(value)} characters, more than {LONGEST_TEXT}"
         if fault is not None:
             raise ValueError(f"{where}: {value!r:.60} {fault}")
+
+
+def _check_texts_in(value: Any, where: str) -> None:
+    """Refuse texts of which the annotation says nothing, but a terminal would obey."""
+    if isinstance(value, str):
+        _check(value, str, where)
+    elif isinstance(value, dict | tuple):
+        for item in value.items() if isinstance(value, dict) else value:
+            _check_texts_in(item, where)
 
 
 def _check_union(value: Any, options: tuple[Any, ...], where: str) -> None:

@@ -4,104 +4,12 @@ Every function takes a random generator and bytes and returns bytes; the same ge
 same bytes. None knows how besman reads: they know the formats only.
 """
 
-import io
 import json
 import re
-import zipfile
 
-import numpy as np
 import yaml
+from fuzz.odd_values import NAMES, NUMBERS
 
-NUMBERS = [
-    "0",
-    "-0",
-    "-1",
-    "1",
-    "2",
-    "3",
-    "7",
-    "29",
-    "1000",
-    "99999",
-    "300000000",
-    "99999999999",
-    "2147483648",
-    "18446744073709551616",
-    "-99999999",
-    "1e-38",
-    "1e-300",
-    "0.001",
-    "0.5",
-    "1e9",
-    "1e30",
-    "1e38",
-    "1e300",
-    "-1e300",
-    "1e308",
-    "1e400",
-    "-1e400",
-    "1e-400",
-    "nan",
-    "NaN",
-    "inf",
-    "-inf",
-    "Infinity",
-    "null",
-    "1_000",
-    "1_0.5",
-    "²",
-    "١٢٣",
-    "３",
-    "0x10",
-    "1e",
-    "1e5e5",
-    "--1",
-    "+-1",
-    "1,5",
-    "1.5.5",
-    ".",
-    "-",
-    "1000001",
-    "12.3e4",
-    "-.5",
-    "5.",
-] + ["", " ", "9" * 400, "9" * 5000, "-" + "9" * 5000, "0." + "1" * 3000, "1e" + "9" * 30]
-NAMES = [
-    "",
-    " ",
-    "a\x00b",
-    "a\nb",
-    "a\rb",
-    "\x1b[31mred",
-    "\x9b31m",
-    "\u2028",
-    "\u202etxt",
-    "=1+1",
-    "+1",
-    "-1",
-    "@SUM(1)",
-    "[/]",
-    "[red]",
-    "<script>alert(1)</script>",
-    "../../etc/passwd",
-    "x" * 300,
-    "x" * 100_000,
-    "nul\x00.urdf",
-    "*7",
-    "New 0001",
-    "Hand top",
-    "é",
-    "手",
-    "'",
-    '"',
-    "\\",
-    "%s",
-    "${x}",
-    "a\tb",
-    "nan",
-    "None",
-    "__class__",
-]
 _NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?(?![\w.])")
 _WORD = re.compile(r"[A-Za-z_][\w -]*[A-Za-z_\d]")
 
@@ -127,7 +35,7 @@ def cut(rng, content):
     return content[: rng.randrange(len(content) + 1)]
 
 
-def _flip(rng, content):
+def flip(rng, content):
     changed = bytearray(content)
     for _ in range(rng.choice((1, 1, 2, 8))):
         if changed:
@@ -135,7 +43,7 @@ def _flip(rng, content):
     return bytes(changed)
 
 
-def _splice(rng, content):
+def splice(rng, content):
     start, end = sorted(rng.randrange(len(content) + 1) for _ in range(2))
     piece = content[start : min(end, start + 200)]
     at = rng.randrange(len(content) + 1)
@@ -193,7 +101,7 @@ def _insert(rng, content):
     return content[:at] + rng.choice(NUMBERS + NAMES) + content[at:]
 
 
-_TEXT = (cut, _flip, _splice, _lines, _lines, _number, _number, _number, _word, _word, _insert)
+_TEXT = (cut, flip, splice, _lines, _lines, _number, _number, _number, _word, _word, _insert)
 _TEXT = (*_TEXT, _encode, *_TEXT)
 
 
@@ -236,7 +144,7 @@ def table(rng, content):
 DEEP = (100_000, 3_000, 200)
 
 
-def _nest(rng, inside):
+def nest(rng, inside):
     depth = rng.choice(DEEP)
     return "[" * depth + inside + "]" * depth
 
@@ -277,8 +185,9 @@ def tree(rng, value):
 
 
 _LEAVES = [
-    None, True, False, 0, -1, 1, 2, 7, 400, 10**6, 10**21, -(10**21), 10**300, 1e300, -1e300, 1e-300,
-    float("nan"), float("inf"), 0.5, 1000.5, [], {}, [1, 2, 3], [[1], [2]], {"a": 1}, "1", "1e3",
+    None, True, False, 0, -1, 1, 2, 7, 400, 10**6, 10**21, -(10**21), 10**300, 1e300, -1e300,
+    1e-300, float("nan"), float("inf"), 0.5, 1000.5, [], {}, [1, 2, 3], [[1], [2]], {"a": 1}, "1",
+    "1e3",
     "1_000", "nan", *NAMES,
 ]  # fmt: skip
 
@@ -289,7 +198,7 @@ def json_file(rng, content):
     if action < 0.3:
         return text(rng, content)
     if action < 0.34:
-        return _nest(rng, content.decode()).encode()
+        return nest(rng, content.decode()).encode()
     if action < 0.37:
         return re.sub(rb"\d+", b"9" * 5000, content, count=1)
     return json.dumps(tree(rng, json.loads(content))).encode("utf-8", "surrogatepass")
@@ -329,7 +238,7 @@ def _yaml_odd(rng, content):
     if action == 0:
         return content + "\n" + _bomb(rng)
     if action == 1:
-        return content + "\nx: " + _nest(rng, "1")
+        return content + "\nx: " + nest(rng, "1")
     if action == 2:
         return content + "\n? " + rng.choice(_YAML_LINES) + "\n: 1\n"
     if action == 3:
@@ -360,7 +269,7 @@ def settings(rng, content):
     if rng.random() < 0.3:
         key = rng.choice((*NAMES, key + "." + rng.choice(NAMES), key.partition(".")[0]))
     else:
-        value = rng.choice(_YAML_LINES + NUMBERS + NAMES + [_bomb(rng), _nest(rng, "1")])
+        value = rng.choice(_YAML_LINES + NUMBERS + NAMES + [_bomb(rng), nest(rng, "1")])
     lines[at] = (key + rng.choice("=====:") + value).replace("\n", "\r")
     return "\n".join(lines)
 
@@ -410,86 +319,3 @@ def xml_file(rng, content):
     if action < 0.55:
         return _attribute(rng, content)
     return _element(rng, content) if action < 0.75 else text(rng, content)
-
-
-_FLOATS = (0.0, -1.0, 1.0, 1e30, -1e30, 3e38, 1e-38, 1e6, 5e5, float("nan"), float("inf"))
-
-
-def c3d(rng, content):
-    """Break C3D: header, parameters, numbers, end."""
-    if rng.random() < 0.15:
-        return rng.choice((cut, _splice, _flip))(rng, content)
-    changed = bytearray(content)
-    for _ in range(rng.choice((1, 1, 2, 4))):
-        where = rng.random()
-        last = min(len(changed), 24 if where < 0.4 else 3000 if where < 0.7 else len(changed)) - 4
-        at = rng.randrange(max(1, last))
-        kind = rng.randrange(4)
-        if kind == 0:
-            changed[at] = rng.randrange(256)
-        elif kind == 1:
-            changed[at : at + 2] = rng.choice((0, 1, 2, 255, 32768, 65535)).to_bytes(2, "little")
-        elif kind == 2:
-            at -= at % 4
-            changed[at : at + 4] = np.float32(rng.choice(_FLOATS)).tobytes()
-        else:
-            name = rng.choice(NAMES).encode()[:8]
-            changed[at : at + len(name)] = name
-    return bytes(changed)
-
-
-def npz(rng, content):
-    """Break a record: arrays of other shape, type or values, and the tree around them."""
-    if rng.random() < 0.1:
-        return rng.choice((cut, _splice, _flip))(rng, content)
-    with np.load(io.BytesIO(content), allow_pickle=False) as archive:
-        arrays = {name: archive[name] for name in archive.files}
-    names = [name for name in arrays if name != "__tree__"]
-    raw = {}
-    if rng.random() < 0.5 and names:
-        name = rng.choice(names)
-        changed = _array(rng, arrays[name])
-        if isinstance(changed, bytes):
-            raw[name] = changed
-        else:
-            arrays[name] = changed
-    else:
-        changed = tree(rng, json.loads(str(arrays["__tree__"])))
-        written = json.dumps(changed).encode("utf-8", "replace").decode()
-        arrays["__tree__"] = np.array(_nest(rng, "") if rng.random() < 0.02 else written)
-    if rng.random() < 0.05:
-        arrays.pop(rng.choice(list(arrays)))
-    buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, array in arrays.items():
-            file = io.BytesIO()
-            np.lib.format.write_array(file, array, allow_pickle=True)
-            archive.writestr(f"{name}.npy", raw.get(name) or file.getvalue())
-    return buffer.getvalue()
-
-
-def _array(rng, array):
-    action = rng.randrange(9)
-    if action == 0:
-        return array[..., None]
-    if action == 1:
-        return array[:-1] if array.ndim else np.array([array])
-    if action == 2:
-        return np.concatenate([array, array]) if array.ndim else np.array([array, array])
-    if action == 3:
-        kind = rng.choice(("U8", "c16", "bool", "i1", "f2", "u8", "O", "M8[s]", "S4"))
-        return array.real.astype("i8").astype(kind) if kind == "M8[s]" else array.astype(kind)
-    if action == 4:
-        return array.T.copy() if array.ndim > 1 else array[::-1].copy()
-    if action == 5:
-        return np.empty((0,) * array.ndim, array.dtype)
-    if action == 6:
-        header = io.BytesIO()
-        described = {"descr": "<f8", "fortran_order": False, "shape": (10 ** rng.choice((9, 12)),)}
-        np.lib.format.write_array_header_1_0(header, described)
-        return header.getvalue()
-    changed = array.astype(np.float64 if array.dtype.kind in "fiub" else array.dtype)
-    if changed.size and changed.dtype.kind == "f":
-        at = rng.randrange(changed.size)
-        changed.flat[at] = rng.choice((np.nan, np.inf, -np.inf, 1e300, -1.0, 0.5, 1e9))
-    return changed if rng.random() < 0.7 or array.dtype.kind == "f" else changed.astype(array.dtype)

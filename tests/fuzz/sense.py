@@ -78,11 +78,11 @@ def _of_text(path, recording):
         if any(_odd_digits(one) for one in (*counts, *rows)):
             found.append("digits that are none")
         declared = counts[1].strip()
-        if declared.isascii() and declared.isdigit() and recording.first_frame == 1:
-            if int(declared) != n_rows:
+        if declared.isascii() and declared.isdigit():
+            # What begins later may be a part of a take, of which all frames are counted.
+            if recording.first_frame == 1 and declared.lstrip("0") != str(n_rows):
                 found.append("NO_OF_FRAMES that differs")
-        if declared.isascii() and declared.isdigit() and len(declared) < 10:
-            if int(declared) < n_rows:
+            elif len(declared) < 10 and int(declared) < n_rows:
                 found.append("more frames than NO_OF_FRAMES")
     elif path.suffix == ".csv":
         rows = [line for line in text.split("\n") if line and line[0] != "#"][1:]
@@ -213,18 +213,19 @@ _PLAIN = {"str": (str,), "int": (int,), "float": (float, int), "bool": (bool,)}
 def of_record(folder, record):
     problems = set()
 
-    def look(value):
+    def look(value, is_field=False):
         if isinstance(value, tuple | list):
             for item in value:
-                look(item)
+                look(item, is_field)
         elif isinstance(value, str):
-            if _odd_text(value):
+            # What is outside of every record is no name.
+            if is_field and _odd_text(value):
                 problems.add("control characters in a text")
         elif dataclasses.is_dataclass(value):
             for one in dataclasses.fields(value):
                 held = getattr(value, one.name)
                 look_at_field(type(value).__name__, one, held)
-                look(held)
+                look(held, one.name not in ("reason", "failure"))
 
     def look_at_field(kind, one, held):
         allowed = _PLAIN.get(str(one.type))
@@ -249,8 +250,8 @@ def of_record(folder, record):
         if one.name == "time" and not (np.diff(held) > 0).all():
             problems.add("times that do not rise")
         if one.name == "positions" and kind.endswith("Recording"):
-            if (np.abs(held[np.isfinite(held)]) > FARTHEST_M).any():
-                problems.add("coordinates beyond 1 km")
+            far = np.abs(held[np.isfinite(held)]) > FARTHEST_M
+            problems.update(["coordinates beyond 1 km"] if far.any() else [])
 
     look(record)
     return sorted(problems)

@@ -4,18 +4,15 @@ The functions are those behind the commands. What is read is judged by `sense`, 
 of the readers.
 """
 
-import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from fuzz import mutations, sense
-from places import DATA, SAMPLE, TESTS, TOP
-
-Files = dict[str, bytes]
+from fuzz import binary_mutations, mutations, sense, whole_files
+from fuzz.whole_files import Files
+from places import TESTS, TOP
 
 
 @dataclass(frozen=True)
@@ -41,163 +38,6 @@ class Target:
     read: Callable[[Path], Any]
     judge: Callable[[Path, Any], list[str]] = field(default=lambda folder, found: [])
     share: int = 4
-
-
-def head(path: Path, n_rows: int) -> str:
-    """Return the first rows of a TSV as a whole file."""
-    lines = path.read_text().split("\n")
-    first = next(at for at, line in enumerate(lines) if line.startswith("Frame")) + 1
-    text = "\n".join(lines[: first + n_rows]) + "\n"
-    return re.sub(r"NO_OF_FRAMES\t\d+", f"NO_OF_FRAMES\t{n_rows}", text)
-
-
-@cache
-def named() -> Files:
-    return {"a.tsv": head(SAMPLE / "subject1.tsv", 40).encode()}
-
-
-@cache
-def longer() -> Files:
-    return {"a.tsv": head(SAMPLE / "subject1.tsv", 120).encode()}
-
-
-@cache
-def other_header() -> Files:
-    text = head(SAMPLE / "subject1.tsv", 30)
-    text = text.replace("FREQUENCY\t100", "FREQUENCY\tEXT").replace("DESCRIPTION\t--\n", "")
-    events = "EVENT\tthrow\t12\t0.12\nTRAJECTORY_TYPES\tMeasured\n"
-    return {
-        "a.tsv": ("FILE_VERSION\t2.0.0\n" + text.replace("DATA_INC", events + "DATA_INC")).encode()
-    }
-
-
-@cache
-def without_frames() -> Files:
-    lines = head(SAMPLE / "subject1.tsv", 30).split("\n")
-    at = next(k for k, line in enumerate(lines) if line.startswith("Frame"))
-    body = [line.split("\t", 2)[2] for line in lines[at + 1 :] if line]
-    body[7] = body[7].replace(body[7].split("\t")[2], "null")
-    return {"a.tsv": ("\n".join(lines[:at] + body) + "\n").encode()}
-
-
-@cache
-def unnamed() -> Files:
-    dots = head(DATA / "stick_throw_unlabelled" / "subject1.tsv", 60)
-    person = head(DATA / "stick_throw_calibration" / "person.tsv", 40)
-    return {"a.tsv": dots.encode(), "person.tsv": person.encode()}
-
-
-def _recording(folder: Path, n_rows: int = 20):
-    from besman.io.recordings.formats import read_recording
-
-    (folder / "a.tsv").write_text(head(SAMPLE / "subject1.tsv", n_rows))
-    return read_recording(folder / "a.tsv")
-
-
-def _made(make: Callable[[Path], None]) -> Files:
-    """Return the files that a function writes into a new folder."""
-    import tempfile
-
-    with tempfile.TemporaryDirectory() as name:
-        make(Path(name))
-        return {path.name: path.read_bytes() for path in sorted(Path(name).iterdir())}
-
-
-@cache
-def c3d() -> Files:
-    from besman.io.recordings.c3d import write_c3d
-
-    def make(folder):
-        write_c3d(_recording(folder), folder / "a.c3d")
-        (folder / "a.tsv").unlink()
-
-    return _made(make)
-
-
-@cache
-def mvnx() -> Files:
-    from dataclasses import replace
-
-    from besman.io.recordings.mvnx import write_mvnx
-
-    def make(folder):
-        recording = _recording(folder)
-        shape = (*recording.positions.shape[:2], 4)
-        turns = np.broadcast_to([1.0, 0.0, 0.0, 0.0], shape)
-        write_mvnx(replace(recording, orientations=turns), folder / "a.mvnx")
-        (folder / "a.tsv").unlink()
-
-    return _made(make)
-
-
-@cache
-def joint_log() -> Files:
-    from besman.io.recordings.exoskeleton import write_joint_log
-
-    text = (TESTS / "fuzz" / "arm.urdf").read_text()
-
-    def make(folder):
-        (folder / "arm.urdf").write_text(text)
-        time = np.arange(25) / 50
-        angles = 0.3 * np.sin(time[:, None] * [1.0, 2.0])
-        bodies = {"shoulder": "upper", "elbow": "fore", "wrist": "hand"}
-        write_joint_log(folder / "a.csv", time, angles, ["a", "b"], "arm.urdf", bodies)
-
-    return _made(make)
-
-
-@cache
-def segments() -> Files:
-    return {
-        "a.tsv": head(SAMPLE / "subject1.tsv", 40).encode(),
-        "a_manually_segmented.json": b"""{"segments": [
-{"start index": 1, "end index": 12, "label": "swing_back", "layer": "right_hand"},
-{"start index": 12, "end index": 30, "label": "throw", "layer": "right_hand"},
-{"start index": 1, "end index": 30, "label": "throwing", "layer": "actions"},
-{"start index": 14, "end index": 20, "label": "throw_part"}],
-"events": {"throws": [{"release_frame": 25, "release_time_s": 0.24, "touchdown_time_s": 0.39,
-"release_m": [0.1, 0.2, 1.3], "touchdown_m": [2.0, 0.1, 0.0]}]}}""",
-        "a_truth.json": b"""{"trajectories": ["back_top", "back_left", "back_right", "shoulder",
-"elbow", "hand_top", "hand_left", "hand_right", "stick"]}""",
-    }
-
-
-def _yaml(path: Path) -> Files:
-    return {"a.yaml": path.read_bytes()}
-
-
-@cache
-def pipeline(name: str) -> Files:
-    return _yaml(TOP / "pipelines" / f"{name}.yaml")
-
-
-@cache
-def arm() -> Files:
-    return {
-        "robot.yaml": (TESTS / "fuzz" / "arm.yaml").read_bytes(),
-        "arm.urdf": (TESTS / "fuzz" / "arm.urdf").read_bytes(),
-    }
-
-
-@cache
-def model(method: str) -> Files:
-    from besman.stages.recognize.model import Examples, Recipe, fit_model
-    from besman.stages.recognize.model_files import save_model
-
-    rng = np.random.default_rng(0)
-    labels = ("idle", "idle", "idle", "throw", "throw", "throw")
-    settings = {"hmm": {"n_states": 1, "random_state": 0}, "dtw": {"band_points": 2}}
-    values = rng.normal(size=(6, 5, 3)) + 3 * np.arange(6)[:, None, None]
-    bounds = np.arange(12).reshape(6, 2) * 10
-    recipe = Recipe(("positions",), ("hand_top",), (), 5)
-    about = Examples(labels, ("a.tsv",) * 6, bounds, "ab" * 32)
-    made = fit_model(values, about, recipe, method, settings.get(method, {"n_neighbors": 1}), 2.0)
-    return _made(lambda folder: save_model(made, folder / "m"))
-
-
-@cache
-def record(name: str) -> Files:
-    return {"a.npz": (TESTS / "records" / "written_by_58ea6d7" / f"{name}.npz").read_bytes()}
 
 
 def read_recording(folder: Path):
@@ -294,30 +134,10 @@ def read_ros(folder: Path):
     return read_ros_joint_trajectory(path)
 
 
-@cache
-def ros(ending: str) -> Files:
-    from besman.io.exports import ros_joint_trajectory, write_ros_joint_trajectory
-
-    time = np.arange(4) / 10
-    values = np.ones((4, 2))
-    message = ros_joint_trajectory(time, values, values, values, ("a", "b"))
-    return _made(lambda folder: write_ros_joint_trajectory(folder / f"a.{ending}", message))
-
-
 def read_joint_csv(folder: Path):
     from besman.io.exports import read_joint_csv as read
 
     return *read(folder / "a.csv"), ()
-
-
-@cache
-def joint_csv() -> Files:
-    from besman.io.exports import write_joint_csv
-
-    time, values = np.arange(6) / 10, np.ones((6, 2))
-    return _made(
-        lambda folder: write_joint_csv(folder / "a.csv", time, values, values, values, ("a", "b"))
-    )
 
 
 _SETTINGS = (
@@ -330,45 +150,58 @@ _MARKERS = ("right_arm", "two_arms", "xsens", "exoskeleton")
 _RECIPES = ("ur5_stick_throw", "rh5_two_arms", "ur10_lever", "iiwa7_grasp")
 
 TARGETS = {
-    "tsv": Target(named, {"a.tsv": mutations.table}, read_recording, share=20, **_READ),
-    "tsv of EXT": Target(other_header, {"a.tsv": mutations.table}, read_recording, **_READ),
-    "tsv bare": Target(without_frames, {"a.tsv": mutations.table}, read_recording, **_READ),
-    "segment": Target(longer, {"a.tsv": mutations.table}, segment, sense.of_borders, 3),
-    "label": Target(
-        unnamed, dict.fromkeys(("a.tsv", "person.tsv"), mutations.table), label_markers, share=1
+    "tsv": Target(whole_files.named, {"a.tsv": mutations.table}, read_recording, share=20, **_READ),
+    "tsv of EXT": Target(
+        whole_files.other_header, {"a.tsv": mutations.table}, read_recording, **_READ
     ),
-    "c3d": Target(c3d, {"a.c3d": mutations.c3d}, read_recording, share=16, **_READ),
-    "mvnx": Target(mvnx, {"a.mvnx": mutations.xml_file}, read_recording, share=8, **_READ),
+    "tsv bare": Target(
+        whole_files.without_frames, {"a.tsv": mutations.table}, read_recording, **_READ
+    ),
+    "segment": Target(whole_files.longer, {"a.tsv": mutations.table}, segment, sense.of_borders, 3),
+    "label": Target(
+        whole_files.unnamed,
+        dict.fromkeys(("a.tsv", "person.tsv"), mutations.table),
+        label_markers,
+        share=1,
+    ),
+    "c3d": Target(
+        whole_files.c3d, {"a.c3d": binary_mutations.c3d}, read_recording, share=16, **_READ
+    ),
+    "mvnx": Target(
+        whole_files.mvnx, {"a.mvnx": mutations.xml_file}, read_recording, share=8, **_READ
+    ),
     "joint log": Target(
-        joint_log,
+        whole_files.joint_log,
         {"a.csv": mutations.table, "arm.urdf": mutations.xml_file},
         read_recording,
         share=8,
         **_READ,
     ),
-    "joint csv": Target(joint_csv, {"a.csv": mutations.table}, read_joint_csv, sense.of_arrays, 1),
+    "joint csv": Target(
+        whole_files.joint_csv, {"a.csv": mutations.table}, read_joint_csv, sense.of_arrays, 1
+    ),
     "segments": Target(
-        segments,
+        whole_files.segments,
         {"a_manually_segmented.json": mutations.json_file, "a_truth.json": mutations.json_file},
         read_inputs,
         sense.of_segments,
         8,
     ),
     "marker set": Target(
-        lambda: _yaml(TOP / "configs" / "markers" / "right_arm.yaml"),
+        lambda: whole_files.yaml_at(TOP / "configs" / "markers" / "right_arm.yaml"),
         {"a.yaml": mutations.yaml_file},
         load_marker_set,
         sense.of_config,
     ),
     "robot": Target(
-        arm,
+        whole_files.arm,
         {"robot.yaml": mutations.yaml_file, "arm.urdf": mutations.xml_file},
         load_robot,
         sense.of_robot,
         8,
     ),
     "robots add": Target(
-        lambda: {"arm.urdf": arm()["arm.urdf"]},
+        lambda: {"arm.urdf": whole_files.arm()["arm.urdf"]},
         {"arm.urdf": mutations.xml_file},
         add_robot,
         sense.of_robot,
@@ -382,7 +215,7 @@ TARGETS = {
     ),
     **{
         f"task {name}": Target(
-            lambda name=name: _yaml(TOP / "configs" / "tasks" / f"{name}.yaml"),
+            lambda name=name: whole_files.yaml_at(TOP / "configs" / "tasks" / f"{name}.yaml"),
             {"a.yaml": mutations.yaml_file},
             load_task,
             sense.of_config,
@@ -392,7 +225,7 @@ TARGETS = {
     },
     **{
         f"pipeline {name}": Target(
-            lambda name=name: pipeline(name),
+            lambda name=name: whole_files.pipeline(name),
             {"a.yaml": mutations.yaml_file},
             load_pipeline,
             sense.of_config,
@@ -402,8 +235,8 @@ TARGETS = {
     },
     **{
         f"model {method}": Target(
-            lambda method=method: model(method),
-            {"m.npz": mutations.npz, "m.json": mutations.json_file},
+            lambda method=method: whole_files.model(method),
+            {"m.npz": binary_mutations.npz, "m.json": mutations.json_file},
             load_model,
             sense.of_model,
             share,
@@ -412,8 +245,8 @@ TARGETS = {
     },
     **{
         f"record {path.stem}": Target(
-            lambda path=path: record(path.stem),
-            {"a.npz": mutations.npz},
+            lambda path=path: whole_files.record(path.stem),
+            {"a.npz": binary_mutations.npz},
             load_record,
             sense.of_record,
             1,
@@ -422,7 +255,7 @@ TARGETS = {
     },
     **{
         f"ros {ending}": Target(
-            lambda ending=ending: ros(ending),
+            lambda ending=ending: whole_files.ros(ending),
             {f"a.{ending}": mutations.json_file if ending == "json" else mutations.yaml_file},
             read_ros,
             sense.of_arrays,

@@ -1,9 +1,15 @@
 """Faults put into a smooth path are found again, and nothing else is."""
 
+import warnings
+
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from places import DATA, REAL_DATA
 
 from besman.geometry.spikes import LONGEST, find_faults
+from besman.io.recordings.formats import find_recordings, read_recording
 
 RATE_HZ = 100.0
 N = 300
@@ -48,3 +54,57 @@ def test_a_trajectory_without_a_name_may_be_another_thing_after_a_gap(path):
     path[120:] += [60.0, 0.0, 0.0]
     assert faults(path, joined=False).jumps == ()
     assert faults(path, joined=True).jumps == ((120, 0),)
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    rate_hz=st.sampled_from([24.0, 30.0, 60.0, 100.0, 240.0, 500.0, 1000.0]),
+    spikes=st.lists(
+        st.tuples(st.integers(0, 2), st.floats(0, 1), st.integers(1, LONGEST), st.integers(0, 99)),
+        max_size=4,
+    ),
+    size_m=st.floats(2.5, 100.0),
+    together=st.booleans(),
+)
+def test_spikes_of_any_rate_are_found_and_nothing_else(rate_hz, spikes, size_m, together):
+    """Up to four of them, of up to ten frames each, on three markers of a throwing arm."""
+    n = max(80, int(2 * rate_hz))
+    time = np.arange(n)[:, None] / rate_hz
+    # A throw: 8 m/s within 0.15 s.
+    swing = 1.2 / (1 + np.exp(-27 * (time - time[-1] / 2)))
+    path = np.stack([0.5 * np.sin(3 * time + k) * [1, 0.5, 0.2] + swing for k in range(3)], axis=1)
+    true = np.zeros((n, 3), dtype=bool)
+    for column, share, length, seed in spikes:
+        start = int(share * (n - length))
+        # Some samples between two of them, or they are one that lasts longer.
+        if true[max(0, start - LONGEST) : start + length + LONGEST, column].any():
+            continue
+        random = np.random.default_rng(seed)
+        away = random.normal(size=(1 if together else length, 3))
+        away *= size_m / np.linalg.norm(away, axis=1, keepdims=True)
+        path[start : start + length, column] += away
+        true[start : start + length, column] = True
+    found = find_faults(path, rate_hz, np.ones(3, dtype=bool))
+    # Of those at the ends, only what is too fast for a way without a return is told.
+    inside = slice(LONGEST + 1, -LONGEST - 1)
+    np.testing.assert_array_equal(found.spikes[inside], true[inside])
+    assert not (found.spikes & ~true).any()
+
+
+def test_what_was_recorded_has_none():
+    """Neither the sample nor, where they are, any real recording, also with frames left out."""
+    folders = [folder for folder in DATA.iterdir() if folder.is_dir()]
+    folders += [path for path in (REAL_DATA / "pick_and_place", REAL_DATA / "c3d") if path.is_dir()]
+    looked_at = 0
+    for path in find_recordings(folders):
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            recording = read_recording(path)
+        assert not [one for one in said if "UNITS" not in str(one.message)], path
+        named = np.array([name is not None for name in recording.names])
+        step = 2 if recording.rate_hz >= 60 and named.all() else 1
+        found = find_faults(recording.positions[::step], recording.rate_hz / step, named)
+        assert not found.spikes.any(), path
+        assert found.jumps == (), path
+        looked_at += 1
+    assert looked_at >= 11

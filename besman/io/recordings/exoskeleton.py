@@ -229,7 +229,8 @@ def _read_table(rows: list[str], columns: list[str], data_line: int, path: Path)
         cells = line.split(",")
         try:
             table[row] = np.array(cells, dtype=np.float64)
-            usable = bool(np.isfinite(table[row]).all()) and not has_odd_digits(line)
+            usable = len(cells) == len(columns) and not has_odd_digits(line)
+            usable = usable and bool(np.isfinite(table[row]).all())
         except ValueError:
             usable = False
         if not usable:

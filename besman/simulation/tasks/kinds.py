@@ -110,7 +110,7 @@ def load_task(name_or_path: str) -> Task:
     path: Path = find_resource("configs/tasks", name_or_path)
     content, lines = read_yaml(path)
     kinds, kind = {one.name: one for one in KINDS}, content.get("kind")
-    if kind not in kinds:
+    if not isinstance(kind, str) or kind not in kinds:
         where = f"{path}:{lines[('kind',)]}" if "kind" in content else f"{path}"
-        raise ConfigError(f"{where}: kind: got {kind!r}; {nearest(str(kind), kinds)}")
+        raise ConfigError(f"{where}: kind: got {kind!r:.60}; {nearest(str(kind), kinds)}")
     return parse_config(content, kinds[kind].load(), path, lines)

@@ -106,7 +106,8 @@ def _check_parameters(model: RecognitionModel) -> None:
     for name, shape in shapes.items():
         value = model.parameters[name]
         fits = isinstance(value, np.ndarray) and value.dtype.kind == "f" and value.shape == shape
-        if not fits or not np.all(np.abs(value) <= GREATEST):
+        # Half precision cannot hold what it is compared with.
+        if not fits or not np.all(np.abs(value.astype(np.float64)) <= GREATEST):
             raise RecognitionError(
                 f"model: parameters: {name}: expected finite numbers of shape {shape}"
             )
