@@ -66,7 +66,7 @@ inputs = read_inputs(
     str(resource_folder("data") / "stick_throw_calibration" / "person.tsv"),
 )
 label = LabelTrajectoriesConfig(learn_from="person.tsv", longest_rigid_gap_s=3.0)
-labelled = label.run(inputs.recordings, load_marker_set("right_arm"), *inputs.teacher)
+labelled = label.run(inputs.recordings, load_marker_set("right_arm"), inputs.teacher)
 demonstrations = SelectConfig(label="throw").run(labelled, inputs.truth)[:1]
 
 # As in examples 4 and 5, on the own arm. A throw may also begin elsewhere.

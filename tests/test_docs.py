@@ -53,10 +53,10 @@ def test_names_of_the_code_exist(page):
 def test_the_method_names_every_stage():
     text = (DOCS / "method.md").read_text()
     assert len(NAME.findall(text)) > 50
-    for package in ("labelling", "segmentation", "recognition", "hierarchy", "mapping", "robot"):
-        assert f"besman.{package}." in text
-    for package in ("imitation", "refinement", "transfer"):
-        assert f"besman.{package}." in text
+    for stage in ("label", "segment", "recognize", "compose", "select", "map", "refine"):
+        assert f"besman.stages.{stage}." in text
+    for room in ("robot", "motion", "search", "classifiers", "transfer"):
+        assert f"besman.{room}." in text
     assert not found("besman.stages.segment.vmci.no_such_function")
 
 

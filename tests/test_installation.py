@@ -92,6 +92,7 @@ def third_party(folder: str) -> tuple[dict[str, Path], dict[str, Path]]:
     """Return the distributions that a folder's code needs, and can do without, with a file each."""
     files = [path for path in (TOP / folder).rglob("*.py") if "_build" not in path.parts]
     own = {path.stem for place in TARGETS for path in (TOP / place).rglob("*.py")}
+    own |= {path.name for path in (TOP / "tests").iterdir() if path.is_dir()}
     needed, optional = {}, {}
     for path in files:
         for names, found in zip(imports(path.read_text()), (needed, optional), strict=True):

@@ -17,6 +17,11 @@ from besman.synthetic.names import DATASET_NOTES
 
 _DATASETS = ", ".join(f"{name} ({note})" if note else name for name, note in DATASET_NOTES.items())
 
+LearnFrom = Annotated[
+    Path | None,
+    typer.Option(help="A recording with names, to learn the distances of markers from."),
+]
+
 
 def train(
     segments: Annotated[
@@ -29,6 +34,7 @@ def train(
         list[str] | None,
         typer.Option("--set", help="KEY=VALUE of recognize, e.g. method=hmm."),
     ] = None,
+    learn_from: LearnFrom = None,
 ) -> None:
     """Learn to name segments; a pipeline uses the model with recognize: {model: PATH}."""
     from besman.cli.terminal import open_terminal
@@ -36,7 +42,7 @@ def train(
     from besman.stages.recognize.model_files import load_model
     from besman.standalone.train_files import train_files
 
-    written = train_files(segments, out, markers, tuple(settings or ()))
+    written = train_files(segments, out, markers, tuple(settings or ()), learn_from)
     counts = list_counts(Counter(load_model(written[0]).labels))
     lines = [f"learnt {counts}", *(f"wrote {path}" for path in written)]
     open_terminal().print("\n".join(lines), soft_wrap=True)
@@ -51,6 +57,7 @@ def segment(
     rate_hz: Annotated[
         float | None, typer.Option(help="Sampling rate of a method that has one.")
     ] = None,
+    learn_from: LearnFrom = None,
     json_file: Json = None,
 ) -> None:
     """Find the borders of the building blocks in recordings."""
@@ -58,7 +65,7 @@ def segment(
     from besman.io.atomic_files import write_json
     from besman.standalone.segment_files import segment_files, segment_table
 
-    found = segment_files(recordings, method, markers, rate_hz)
+    found = segment_files(recordings, method, markers, rate_hz, learn_from)
     open_terminal().print(segment_table(found))
     if json_file is not None:
         write_json(json_file, found)
@@ -104,12 +111,13 @@ def follow(
 
 
 def label_markers(
-    recording: Annotated[Path, typer.Argument(help="A recording without names.")],
+    recording: Annotated[Path, typer.Argument(help="A recording, wholly or partly unnamed.")],
     out: Annotated[Path, typer.Option(help=f"File to write, {one_of(WRITTEN_SUFFIXES)}.")],
     markers: Annotated[str, typer.Option(help="Marker set.")] = "right_arm",
-    learn_from: Annotated[
-        Path | None, typer.Option(help="A recording with names, to learn distances from.")
-    ] = None,
+    learn_from: LearnFrom = None,
+    ignore_names: Annotated[
+        bool, typer.Option("--ignore-names", help="Name all anew, whatever they are called.")
+    ] = False,
     fill: Annotated[bool, typer.Option("--fill", help="Fill short gaps.")] = False,
     figure: Annotated[
         Path | None,
@@ -117,7 +125,7 @@ def label_markers(
     ] = None,
     json_file: Json = None,
 ) -> None:
-    """Name the unnamed trajectories of a recording; what is not sure stays unnamed."""
+    """Name what has no name in a recording; what is not sure stays unnamed."""
     from besman.cli.terminal import open_terminal
     from besman.io.atomic_files import write_json
     from besman.standalone.label_file import (
@@ -130,7 +138,7 @@ def label_markers(
 
     if figure is not None:
         check_figure(figure)
-    read, named = label_file(recording, markers, out, learn_from, fill)
+    read, named = label_file(recording, markers, out, learn_from, fill, ignore_names)
     summary = summarise(read, named)
     console = open_terminal()
     for table in summary_tables(summary):

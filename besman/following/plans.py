@@ -11,7 +11,7 @@ from besman.exceptions import ConfigError
 from besman.following.arms import FollowedArm
 from besman.following.follower import Follower
 from besman.person.body import find_body
-from besman.person.marker_set import load_marker_set
+from besman.person.marker_set import MarkerSet, load_marker_set
 from besman.pipeline.config import learn_from
 from besman.pipeline.finished_run import read_recipe, trained_model
 from besman.pipeline.stored_run import open_run
@@ -19,6 +19,7 @@ from besman.records import LabelledRecording, Recording
 from besman.records.layers import side_of
 from besman.stages.compose.actions import LevelModel
 from besman.stages.compose.borders import measure_brisk
+from besman.stages.label.methods import DefaultLabelConfig, LabelMethod
 from besman.stages.label.stage import LabelConfig
 from besman.stages.recognize.model import RecognitionModel
 from besman.stages.recognize.model_files import load_model
@@ -53,7 +54,7 @@ class FollowPlan:
     """
 
     models: tuple[tuple[RecognitionModel, tuple[str, ...]], ...]
-    label: Any = field(default_factory=LabelConfig)
+    label: LabelMethod = field(default_factory=DefaultLabelConfig)
     teacher: str | None = None
     segment: VmciOnlineConfig = field(default_factory=VmciOnlineConfig)
     levels: tuple[LevelModel, ...] = ()
@@ -140,7 +141,7 @@ def label_stream(plan: FollowPlan, recording: Recording) -> LabelledRecording:
         If the marker set does not fit the recording.
     """
     marker_set = load_marker_set(plan.label.markers)
-    if not isinstance(plan.label, LabelConfig):
+    if _finds_names(plan.label, recording, marker_set):
         from besman.io.recordings.formats import read_recording
 
         teachers = () if plan.teacher is None else (read_recording(Path(plan.teacher)),)
@@ -159,6 +160,14 @@ def label_stream(plan: FollowPlan, recording: Recording) -> LabelledRecording:
         recording.first_frame,
         None if turned is None else turned[:, rows],
     )
+
+
+def _finds_names(label: LabelMethod, recording: Recording, marker_set: MarkerSet) -> bool:
+    """Tell whether trajectories have to be named: required markers lack a name."""
+    if not label.looks_at_names:
+        return True
+    own = marker_set.find(recording.names, recording.source)
+    return not isinstance(label, LabelConfig) and not own.keys() >= set(marker_set.required)
 
 
 def make_follower(

@@ -30,11 +30,12 @@ def interpolate_cubic(x: Numbers, y: FloatArray, at: Numbers) -> FloatArray:
     -------
     array, shape (A, K)
     """
+    x, at = np.asarray(x, dtype=np.float64), np.asarray(at, dtype=np.float64)
     if len(x) > _MANY:
         from scipy.interpolate import CubicSpline
 
         return np.asarray(CubicSpline(x, y)(at))
-    dx = np.diff(x)[:, np.newaxis].astype(np.float64)
+    dx = np.diff(x)[:, np.newaxis]
     secants = np.diff(y, axis=0) / dx
     slopes = _find_slopes(dx, secants)
     bend = (slopes[:-1] + slopes[1:] - 2.0 * secants) / dx

@@ -100,6 +100,25 @@ class MarkerSet(Config):
         return tuple(self.roles[role] for role in roles if role in self.roles)
 
     def match(self, names: Sequence[str | None], source: str) -> dict[str, int]:
+        """Find the markers among the trajectories of a recording; all required ones are there.
+
+        Parameters and result are those of `find`.
+
+        Raises
+        ------
+        LabellingError
+            If a required marker is not there, or two trajectories stand for one marker.
+        """
+        found = self.find(names, source)
+        missing = [marker for marker in self.required if marker not in found]
+        if missing:
+            there = ", ".join(sorted(name for name in names if name)) or "no named trajectory"
+            raise LabellingError(
+                f"{source}: marker {missing[0]!r} of {self.name} is not there; got: {there}"
+            )
+        return found
+
+    def find(self, names: Sequence[str | None], source: str) -> dict[str, int]:
         """Find the markers among the trajectories of a recording.
 
         Parameters
@@ -117,7 +136,7 @@ class MarkerSet(Config):
         Raises
         ------
         LabellingError
-            If a required marker is not there, or two trajectories stand for one marker.
+            If two trajectories stand for one marker.
         """
         owners = {
             normalise_name(spelling): marker
@@ -135,12 +154,6 @@ class MarkerSet(Config):
                     f"marker {marker!r} of {self.name}; expected one"
                 )
             found[marker] = index
-        missing = [marker for marker in self.required if marker not in found]
-        if missing:
-            there = ", ".join(sorted(name for name in names if name)) or "no named trajectory"
-            raise LabellingError(
-                f"{source}: marker {missing[0]!r} of {self.name} is not there; got: {there}"
-            )
         return {marker: found[marker] for marker in self.markers if marker in found}
 
 

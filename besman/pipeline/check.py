@@ -3,20 +3,27 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from besman.config.resources import find_resource
-from besman.exceptions import ConfigError, RecognitionError, RefinementError, nearest
-from besman.person.marker_set import load_marker_set
+from besman.exceptions import ConfigError, RecognitionError, nearest
+from besman.person.marker_set import MarkerSet, load_marker_set
 from besman.pipeline.config import PipelineConfig, learn_from, load_pipeline, needs_no_examples
+from besman.records import MotionPlan
 from besman.records.layers import complete_truth, side_of
-from besman.robot.model import load_robot
+from besman.robot.model import Robot, load_robot
+from besman.simulation.task import Task
 from besman.simulation.tasks.kinds import load_task
 from besman.stages.compose.stage import leave_out_actions
-from besman.stages.label.stage import LabelTrajectoriesConfig
+from besman.stages.label.methods import LabelMethod
+from besman.stages.label.stage import NamingBase
 from besman.stages.read.read_inputs import Inputs, read_inputs
 from besman.stages.recognize.model_files import load_model
+from besman.stages.refine.stage import check_tool, place_plan
+from besman.stages.select.flight import check_thrown
 
 
 def check_pipeline(name: str, settings: tuple[str, ...] = ()) -> list[str]:
@@ -37,7 +44,7 @@ def check_pipeline(name: str, settings: tuple[str, ...] = ()) -> list[str]:
     Raises
     ------
     BesmanError
-        For the first thing that would stop a run.
+        For the first thing that would stop a run, in the words of the run.
     """
     path = find_resource("pipelines", name)
     config = load_pipeline(path, settings)
@@ -45,11 +52,12 @@ def check_pipeline(name: str, settings: tuple[str, ...] = ()) -> list[str]:
     lines += _check_recordings(config)
     robot = load_robot(config.robot, config.tool)
     task = load_task(config.task)
-    if task.tool != robot.tool.name:
-        raise RefinementError(
-            f"task {config.task}: needs tool {task.tool!r}, got tool: {robot.tool.name!r}"
-        )
+    _check_task(robot, task, thrown=config.select.object is not None)
     lines.append(f"robot: {robot.name} with {robot.tool.name}, {robot.n} joints")
+    if config.second_arm is not None:
+        second = load_robot(config.second_arm.robot, config.second_arm.tool)
+        _check_task(second, task, thrown=config.select.other_arm.object is not None)
+        lines.append(f"second arm: {second.name} with {second.tool.name}, {second.n} joints")
     method, usual = config.imitate.method, task.motion_plan
     other = "" if method == usual else f"; made for {usual}, imitated by {method}"
     lines.append(f"task: {config.task}, success within {100 * task.success_radius_m:g} cm{other}")
@@ -60,22 +68,76 @@ def _check_recordings(config: PipelineConfig) -> list[str]:
     """Read the recordings, match their markers and look for examples of the class selected."""
     inputs = read_inputs(config.recordings, learn_from(config))
     markers = load_marker_set(config.label.markers)
-    state = f"all markers of {markers.name} there"
-    if isinstance(config.label, LabelTrajectoriesConfig):
-        model = config.label.learn(markers, inputs.teacher)
-        state = f"to be named as {model.n_markers} markers of {markers.name}"
-    else:
-        for recording in inputs.recordings:
-            markers.match(recording.names, recording.source)
+    state, expected = _check_markers(config.label, inputs, markers)
     seconds = sum(len(recording.time) / recording.rate_hz for recording in inputs.recordings)
     n = len(inputs.recordings)
     lines = [f"recordings: {n}, {seconds:.0f} s, {state}"]
+    if config.select.object is not None:
+        lines += _check_object(config.select.object, expected)
     if needs_no_examples(config):
         lines.append(_check_model(config))
-    else:
-        examples = read_inputs(config.training) if config.training else inputs
-        lines.append(_check_examples(config, examples))
+        return lines
+    examples = inputs
+    if config.training:
+        examples = read_inputs(config.training, learn_from(config))
+        state, _ = _check_markers(config.label, examples, markers)
+        lines.append(f"training: {len(examples.recordings)} recordings, {state}")
+    lines.append(_check_examples(config, examples))
     return lines
+
+
+def _check_markers(
+    label: LabelMethod, inputs: Inputs, markers: MarkerSet
+) -> tuple[str, dict[str, tuple[str, ...]]]:
+    """Label what has names; say what has, and which markers each recording may turn out to have."""
+    expected = {}
+    unnamed = []
+    for recording in inputs.recordings:
+        taken = label.take_given(recording, markers, inputs.teacher)
+        if taken is None:
+            unnamed.append(recording)
+        else:
+            expected[recording.source] = taken.markers
+    if not unnamed:
+        return f"all markers of {markers.name} there", expected
+    assert isinstance(label, NamingBase)
+    model = label.learn(markers, inputs.teacher)
+    for recording in unnamed:
+        own = markers.find(recording.names, recording.source) if label.looks_at_names else ()
+        expected[recording.source] = tuple(dict.fromkeys((*own, *model.markers)))
+    some = f"{len(unnamed)} of them " if expected.keys() - {one.source for one in unnamed} else ""
+    return f"{some}to be named as {model.n_markers} markers of {markers.name}", expected
+
+
+def _check_object(thrown: str, expected: Mapping[str, Sequence[str]]) -> list[str]:
+    """Refuse recordings of which none has the thrown object's marker; list those without."""
+    without = [source for source, markers in expected.items() if thrown not in markers]
+    if len(without) == len(expected):
+        check_thrown(thrown, expected[without[0]], without[0])
+    return [f"without marker {thrown} of a thrown object: {', '.join(without)}"] if without else []
+
+
+def _check_task(robot: Robot, task: Task, thrown: bool) -> None:
+    """Refuse a tool that is not the task's, and a task that needs what no motion will have."""
+    check_tool(robot, task)
+    n = robot.n
+    poses = np.zeros((2, 7))
+    poses[:, 3], poses[1, 0] = 1.0, 0.02
+    # As a demonstration gives it; of a thrown object the touchdown is known too.
+    plan = MotionPlan(
+        weights=np.zeros((n, 1)),
+        start=robot.home,
+        goal=robot.home,
+        duration=1.0,
+        joint_names=robot.joint_names,
+        rmse=0.0,
+        goal_pose=poses[1],
+        target=np.full(3, 0.0 if thrown else np.nan),
+        name="every motion",
+        label="",
+        start_pose=poses[0],
+    )
+    place_plan(plan, robot, task)
 
 
 def _check_model(config: PipelineConfig) -> str:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from besman.exceptions import RunError
 from besman.pipeline.derived_files import stale_files
-from besman.pipeline.run_record import find_faults, find_leftovers
+from besman.pipeline.run_record import find_file_faults, find_leftovers
 from besman.pipeline.sealed_page import PAGE, fault_of_page
 from besman.pipeline.stage_store import DamageError, check_record, read_description
 from besman.pipeline.stored_run import StoredRun, open_run
@@ -89,7 +89,7 @@ def _export_faults(run: StoredRun) -> list[str]:
     others = [place for place in run.folder.glob("exports*") if place.name not in listed]
     files = {name: one["files"] for name, one in listed.items()}
     files |= {place.name: {} for place in others if place.is_dir()}
-    return [fault for name in files for fault in find_faults(run.folder / name, files[name])]
+    return [fault for name in files for fault in find_file_faults(run.folder / name, files[name])]
 
 
 def _page_faults(run: StoredRun) -> list[str]:

@@ -16,7 +16,8 @@ from besman.person.marker_set import load_marker_set
 from besman.stages.compose.stage import ComposeConfig
 from besman.stages.imitate.methods import ImitateStage
 from besman.stages.imitate.stage import ImitateConfig
-from besman.stages.label.stage import LabelConfig, LabelStage, LabelTrajectoriesConfig
+from besman.stages.label.methods import DefaultLabelConfig, LabelStage
+from besman.stages.label.stage import NamingBase
 from besman.stages.map.stage import MapConfig
 from besman.stages.recognize.stage import RecognizeConfig, RecognizeStage
 from besman.stages.refine.methods import RefineStage
@@ -86,7 +87,7 @@ class PipelineConfig(Config):
     second_arm: SecondArmConfig | None = None
     task: str
     margin_s: Annotated[float, Field(gt=0)] = 0.3
-    label: LabelStage = LabelConfig()
+    label: LabelStage = DefaultLabelConfig()
     segment: SegmentStage = DefaultSegmentConfig()
     recognize: RecognizeStage = RecognizeConfig()
     compose: ComposeConfig | None = None
@@ -136,9 +137,6 @@ def load_pipeline(path: Path, settings: tuple[str, ...] = ()) -> PipelineConfig:
     content, lines = read_yaml(path)
     resolve_paths(content, path.resolve().parent, PATHS)
     apply_settings(content, settings, PipelineConfig, PATHS)
-    if isinstance(content.get("label"), dict):
-        # A config without a method is the simplest one.
-        content["label"].setdefault("method", "named")
     content = {k: v for k, v in content.items() if v is not None}
     return _look_at_arms(parse_config(content, PipelineConfig, path, lines))
 
@@ -169,4 +167,4 @@ def needs_no_examples(config: PipelineConfig) -> bool:
 
 def learn_from(config: PipelineConfig) -> str | None:
     """Return the path of the recording that the label stage learns from, if it does."""
-    return config.label.learn_from if isinstance(config.label, LabelTrajectoriesConfig) else None
+    return config.label.learn_from if isinstance(config.label, NamingBase) else None

@@ -157,7 +157,7 @@ class RunRecord:
         listed = self._state["exports"].get(folder.name)
         if listed is None or listed["of"] != of:
             return ""
-        return next(iter(find_faults(folder, listed["files"])), None)
+        return next(iter(find_file_faults(folder, listed["files"])), None)
 
     def add_timing(self, row: dict[str, Any], n_failed: int = 0) -> None:
         """Add a row to the timing table."""
@@ -215,7 +215,7 @@ def find_leftovers(folder: Path, stages: list[str]) -> list[Path]:
     return sorted(hidden + [path for path in others if path.name not in stages])
 
 
-def find_faults(folder: Path, files: dict[str, str]) -> list[str]:
+def find_file_faults(folder: Path, files: dict[str, str]) -> list[str]:
     """Say what is missing, cut or foreign in a folder of exports.
 
     Parameters

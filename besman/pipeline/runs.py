@@ -10,7 +10,7 @@ from besman.exceptions import ConfigError, RunError
 from besman.io.atomic_files import remove_folder, says_where
 from besman.pipeline.derived_files import stale_files
 from besman.pipeline.run_lock import take_lock
-from besman.pipeline.run_record import find_faults, find_leftovers
+from besman.pipeline.run_record import find_file_faults, find_leftovers
 from besman.pipeline.stored_run import open_run
 
 
@@ -114,7 +114,7 @@ def find_removable(folder: Path) -> tuple[Removable, ...]:
     found = {path: "is no part of this run" for path in find_leftovers(folder, names)}
     found |= {path: "was left half written" for path in folder.glob(".*.tmp*")}
     for name, one in run.state.get("exports", {}).items():
-        for fault in find_faults(folder / name, one["files"]):
+        for fault in find_file_faults(folder / name, one["files"]):
             path, _, why = fault.partition(" ")
             if why == "is no part of this run":
                 found[folder / path] = why

@@ -56,7 +56,7 @@ def svg(figure: Figure) -> str:
     canvas, text = FigureCanvasSVG(figure), io.StringIO()
     with rc_context({"svg.hashsalt": "besman", "svg.fonttype": "none"}):
         _settle_layout(figure)
-        canvas.print_svg(text, metadata={"Date": None})
+        canvas.print_svg(text, metadata={"Date": None})  # type: ignore[no-untyped-call]
     content = text.getvalue()
     return content[content.index("<svg") :]
 

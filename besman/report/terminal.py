@@ -96,6 +96,8 @@ def outcome_lines(results: dict[str, Any]) -> list[str]:
     """
     lines = []
     label = results.get("label", {})
+    if "names" in label:
+        lines.append(f"marker names: {_names(label['names'])}")
     if "right_share" in label:
         lines.append(
             f"labelling: {label['right_share']:.2%} of the marker samples named right, "
@@ -118,6 +120,16 @@ def outcome_lines(results: dict[str, Any]) -> list[str]:
     for suffix, arm in (("", ""), ("_second", "second arm, ")):
         lines += [arm + line for line in _arm_lines(results, suffix)]
     return lines
+
+
+def _names(recordings: list[dict[str, Any]]) -> str:
+    """Say how many markers recordings named themselves, and how many were found."""
+    taken = sum(one["taken"] for one in recordings)
+    found = sum(one["found"] for one in recordings)
+    said = f"{taken} taken from the recordings" if taken or not found else ""
+    if found:
+        said += f"{', ' if said else ''}{found} found among trajectories without names"
+    return said
 
 
 def _arm_lines(results: dict[str, Any], suffix: str) -> list[str]:

@@ -13,9 +13,9 @@ from besman.io.atomic_files import check_file, written_aside
 from besman.io.recordings.formats import find_writer, read_recording, write_recording
 from besman.person.marker_set import load_marker_set
 from besman.records import Recording
+from besman.stages.label.methods import DefaultLabelConfig
 from besman.stages.label.named_recording import NamedRecording
 from besman.stages.label.results import review_rows
-from besman.stages.label.stage import LabelTrajectoriesConfig
 from besman.stages.label.trajectories import name_trajectories
 
 if TYPE_CHECKING:
@@ -28,15 +28,16 @@ def label_file(
     out: Path,
     learn_from: Path | None = None,
     fill: bool = False,
+    ignore_names: bool = False,
 ) -> tuple[Recording, NamedRecording]:
     """Name the trajectories of a recording and write it with names.
 
-    What got no name is written too, as unnamed trajectories.
+    Names that it has are kept where they fit the marker set. What got no name is written too.
 
     Parameters
     ----------
     path : Path
-        The recording; names that it has are not looked at.
+        The recording.
     markers : str
         A marker set.
     out : Path
@@ -45,6 +46,8 @@ def label_file(
         A recording with names, from which distances are learnt.
     fill : bool
         Whether to fill short gaps.
+    ignore_names : bool
+        Whether all trajectories are named anew, whatever they are called.
 
     Returns
     -------
@@ -62,12 +65,15 @@ def label_file(
         raise LabellingError(f"{out}: is there already; give another name with --out")
     find_writer(out)
     check_file(out)
-    config = LabelTrajectoriesConfig(markers=markers)
+    config = DefaultLabelConfig(markers=markers)
     marker_set = load_marker_set(markers)
     recording = read_recording(path)
+    if ignore_names:
+        recording = replace(recording, names=(None,) * len(recording.names))
+    given = marker_set.find(recording.names, recording.source) or None
     teacher = None if learn_from is None else read_recording(learn_from)
     model = config.learn(marker_set, teacher)
-    named = name_trajectories(recording, marker_set, model, config.threshold)
+    named = name_trajectories(recording, marker_set, model, config.threshold, given)
     if fill:
         named = config.fill(named, marker_set)
     write_recording(with_unnamed(recording, named), out)
@@ -75,7 +81,7 @@ def label_file(
 
 
 def with_unnamed(recording: Recording, named: NamedRecording) -> Recording:
-    """Return the named markers, then what is left of the trajectories without names."""
+    """Return the named markers, then what is left of the trajectories, as it is called."""
     rest = recording.positions.copy()
     for decision in named.decisions:
         if decision.named:
@@ -84,7 +90,7 @@ def with_unnamed(recording: Recording, named: NamedRecording) -> Recording:
     return replace(
         recording,
         positions=np.concatenate((named.positions, rest[:, kept]), axis=1),
-        names=(*named.markers, *(None,) * int(kept.sum())),
+        names=(*named.markers, *(recording.names[column] for column in np.flatnonzero(kept))),
     )
 
 

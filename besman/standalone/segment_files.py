@@ -9,15 +9,21 @@ from besman.config.yaml_file import parse_config
 from besman.exceptions import ConfigError, nearest
 from besman.io.recordings.formats import find_recordings, read_recording
 from besman.person.marker_set import load_marker_set
-from besman.stages.label.stage import LabelConfig
+from besman.stages.label.methods import DefaultLabelConfig
 from besman.stages.segment.methods import CONFIGS
 
 if TYPE_CHECKING:
     from rich.table import Table
 
+_LONGEST_GAP_S = 0.5
+
 
 def segment_files(
-    paths: list[Path], method: str, markers: str, rate_hz: float | None
+    paths: list[Path],
+    method: str,
+    markers: str,
+    rate_hz: float | None,
+    learn_from: Path | None = None,
 ) -> list[dict[str, Any]]:
     """Segment recordings.
 
@@ -31,6 +37,8 @@ def segment_files(
         Marker set.
     rate_hz : float, optional
         Sampling rate of the method; its default if not given.
+    learn_from : Path, optional
+        A recording with names, by which trajectories without names are named.
 
     Returns
     -------
@@ -53,11 +61,12 @@ def segment_files(
     if method not in CONFIGS:
         raise ConfigError(f"besman segment: --method: got {method!r}; {nearest(method, CONFIGS)}")
     config = parse_config(content, CONFIGS[method], "besman segment")
-    label = LabelConfig(markers=markers, longest_gap_s=0.5)
+    label = DefaultLabelConfig(markers=markers, longest_gap_s=_LONGEST_GAP_S)
+    teacher = None if learn_from is None else read_recording(learn_from)
     found = []
     for path in find_recordings(paths):
         recording = read_recording(path)
-        (segments,) = config.run(label.run((recording,), marker_set))
+        (segments,) = config.run(label.run((recording,), marker_set, teacher))
         borders = [*segments.bounds[:, 0].tolist(), int(segments.bounds[-1, 1])]
         found.append(
             {

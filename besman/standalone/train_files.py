@@ -11,7 +11,7 @@ from besman.exceptions import RecognitionError
 from besman.io.recordings.formats import find_recordings
 from besman.io.segments_json import segments_path
 from besman.person.marker_set import load_marker_set
-from besman.stages.label.stage import LabelConfig
+from besman.stages.label.methods import DefaultLabelConfig
 from besman.stages.read.read_inputs import read_inputs
 from besman.stages.recognize.model_files import check_model_place, save_model
 from besman.stages.recognize.stage import RecognizeStage
@@ -24,7 +24,11 @@ class _Training(Config):
 
 
 def train_files(
-    paths: list[Path], out: Path, markers: str, settings: tuple[str, ...]
+    paths: list[Path],
+    out: Path,
+    markers: str,
+    settings: tuple[str, ...],
+    learn_from: Path | None = None,
 ) -> tuple[Path, Path]:
     """Learn from recordings and their manual segments, and write the model.
 
@@ -38,6 +42,8 @@ def train_files(
         Marker set.
     settings : tuple of str
         ``KEY=VALUE`` of the pipeline's section ``recognize``.
+    learn_from : Path, optional
+        A recording with names, by which trajectories without names are named.
 
     Returns
     -------
@@ -52,15 +58,16 @@ def train_files(
     content = dict(parse_setting(setting, "method=hmm") for setting in settings)
     check_model_place(out)
     stage = parse_config({"recognize": content}, _Training, "besman train").recognize
-    inputs = read_inputs([str(_recording(path)) for path in paths])
+    teacher = None if learn_from is None else str(learn_from)
+    inputs = read_inputs([str(_recording(path)) for path in paths], teacher)
     truth = tuple(segments for segments in inputs.truth if segments is not None)
     if not truth:
         raise RecognitionError(
             f"{paths[0]}: nothing is labelled; expected STEM_manually_segmented.json beside "
             "STEM.tsv"
         )
-    label = LabelConfig(markers=markers, longest_gap_s=_LONGEST_GAP_S)
-    recordings = label.run(inputs.recordings, load_marker_set(markers))
+    label = DefaultLabelConfig(markers=markers, longest_gap_s=_LONGEST_GAP_S)
+    recordings = label.run(inputs.recordings, load_marker_set(markers), inputs.teacher)
     return save_model(stage.train(recordings, truth), out)
 
 

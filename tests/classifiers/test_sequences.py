@@ -60,6 +60,7 @@ def test_a_library_that_is_missing_is_named_with_its_extra(monkeypatch):
     assert import_extra("json", "any", "any").loads("1") == 1
     monkeypatch.setitem(sys.modules, "tslearn.metrics", None)
     with pytest.raises(
-        RecognitionError, match=r"method dtw needs tslearn, .*: pip install besman\[sequences\]"
+        RecognitionError,
+        match=r"method dtw: tslearn is not installed; pip install 'besman\[sequences\]'",
     ):
         import_extra("tslearn.metrics", "dtw", "besman[sequences]")

@@ -5,15 +5,19 @@ import itertools
 
 import numpy as np
 import pytest
+from places import SAMPLE
 
 from besman.exceptions import LabellingError, RecognitionError, RecordingError, SegmentationError
 from besman.following.arms import FollowedArm
 from besman.following.follower import Follower
 from besman.following.plans import FollowPlan, label_stream, make_follower
+from besman.io.recordings.formats import read_recording
 from besman.records import LabelledRecording, LabelledSegments
 from besman.stages.compose.actions import compose_levels, train_level
 from besman.stages.compose.borders import candidate_borders, measure_brisk, merge_borders
-from besman.stages.label.stage import LabelConfig
+from besman.stages.label.methods import DefaultLabelConfig
+from besman.stages.label.named_recording import NamedRecording
+from besman.stages.label.stage import LabelConfig, LabelTrajectoriesConfig
 from besman.stages.recognize.model import name_segments
 from besman.stages.recognize.stage import RecognizeConfig
 from besman.stages.segment.sampling import sample_paths
@@ -326,6 +330,24 @@ def test_a_sensor_suit_is_followed_with_its_orientations():
         follower.push(recording.positions[0])
     follow(follower, samples, 10)
     check_pieces(follower.state.blocks["right"], *offline_blocks(recording, hand, model))
+
+
+@pytest.mark.parametrize("label", [DefaultLabelConfig(), LabelTrajectoriesConfig()])
+def test_names_of_a_stream_are_taken_or_found(label):
+    whole = read_recording(SAMPLE / "subject2.tsv")
+    positions = whole.positions[:600].copy()
+    positions[200:203, whole.names.index("Elbow")] = np.nan
+    named = dataclasses.replace(whole, time=whole.time[:600], positions=positions)
+    bare = dataclasses.replace(named, names=(None,) * len(named.names))
+    plan = FollowPlan((), label, str(SAMPLE / "subject1.tsv"))
+    own, found = (label_stream(plan, recording) for recording in (named, bare))
+    assert own.markers == found.markers
+    # With names of its own the stream keeps its gaps.
+    taken = label.looks_at_names
+    assert np.isnan(own.marker("elbow")).any() == taken
+    assert isinstance(own, NamedRecording) != taken
+    assert isinstance(found, NamedRecording)
+    assert not np.isnan(found.marker("elbow")).any()
 
 
 def test_bad_streams(lesson, walk):

@@ -7,7 +7,6 @@ import pytest
 from besman.exceptions import ConfigError, RobotError, RunError
 from besman.pipeline import retarget
 from besman.pipeline.retarget import (
-    Retargeted,
     RetargetPlan,
     plan_retargeting,
     raise_failures,
@@ -24,7 +23,7 @@ def test_a_recipe_is_the_runs_own_for_other_recordings(small_run):
     assert plan.folder == small_run.with_name(f"{small_run.name}_ur5_new")
     assert plan.config.recordings == (str(FILE.resolve()),)
     assert plan.config.training == ()
-    assert plan.config.refine.episodes == 25
+    assert plan.config.map.evaluations == 60
 
 
 def test_several_robots_have_folders_of_their_own(small_run, tmp_path):
@@ -61,4 +60,3 @@ def test_what_fails_for_one_robot_does_not_stop_the_others(monkeypatch):
 def test_an_error_of_besmans_own_needs_no_name():
     assert describe_error(RobotError("far  away")) == "far away"
     assert describe_error(KeyError("a")) == "KeyError: 'a'"
-    assert Retargeted(None).error is None

@@ -12,7 +12,13 @@ from besman.records import CartesianPlan, MotionPlan, Recording, Segments
 from besman.records import files as record_files
 from besman.records.files import digest, load_record, save_record
 
-SCALARS = st.none() | st.booleans() | st.integers(-5, 5) | st.text(max_size=5) | st.floats()
+SCALARS = (
+    st.none()
+    | st.booleans()
+    | st.integers(-5, 5)
+    | st.text("aZ0 äß漢:_-.[]{}", max_size=5)
+    | st.floats()
+)
 
 
 def _recording(value=0.0):

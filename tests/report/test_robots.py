@@ -21,6 +21,7 @@ def plan(tmp_path, name, miss):
         "refine": {"n_success": 2, "n_motions": 3, "miss_m": {"median": miss, "max": miss}},
     }
     (folder / "results.json").write_text(json.dumps(results))
+    (folder / "run.json").write_text(json.dumps({"status": "done"}))
     (folder / "timing.json").write_text(json.dumps({"total_wall_s": 12.0, "stages": []}))
     return SimpleNamespace(name=name, folder=folder)
 

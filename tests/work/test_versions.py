@@ -18,6 +18,8 @@ def test_libraries_have_their_versions_and_one_that_is_missing_says_so(monkeypat
         raise metadata.PackageNotFoundError(name)
 
     monkeypatch.setattr(versions.metadata, "version", missing)
+    # What was asked before is kept.
+    monkeypatch.setattr(versions, "_version", versions._version.__wrapped__)
     assert versions.library_versions()["numpy"] == "not installed"
 
 

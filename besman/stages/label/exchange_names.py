@@ -20,6 +20,7 @@ from besman.stages.label.scores import (
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
+_HELD = 1e3  # log likelihood ratio against an exchange that must not be
 _MOST_ORDER = 8.0  # log likelihood ratio that one observed order of distances may reach
 
 
@@ -30,6 +31,7 @@ def exchange_names(
     labels: IntArray,
     model: MarkerModel,
     weights: ScoreWeights,
+    held: npt.NDArray[np.bool_] | None = None,
 ) -> tuple[IntArray, FloatArray]:
     """Exchange the names of alike markers where a whole stretch is explained better.
 
@@ -45,6 +47,8 @@ def exchange_names(
         Present names.
     model, weights
         Marker set and what counts how much.
+    held : bool array, shape (N,), optional
+        Fragments that keep their names, and with them their stretches.
 
     Returns
     -------
@@ -70,6 +74,8 @@ def exchange_names(
         exchange = np.zeros(stretch[-1] + 1)
         np.add.at(exchange, stretch, score[both, a + b - labels[both]] - score[both, labels[both]])
         exchange -= _measure_order(pairs, labels, both, stretch, int(a), int(b), model, weights)
+        if held is not None:
+            exchange[stretch[held[both]]] = -_HELD
         same, other = _measure_stretch_links(
             fragments, ends, company, labels, both, stretch, int(a), int(b), model, weights
         )

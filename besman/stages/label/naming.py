@@ -42,6 +42,11 @@ _LEAST_PLAUSIBLE = 0.4
 
 DEFAULT_WEIGHTS = ScoreWeights()
 
+FREE = -2
+"""Of a fragment whose name is not known beforehand."""
+
+_RULED_OUT = -1e3  # worth of a name that a fragment cannot have
+
 
 @dataclass(frozen=True, eq=False)
 class Assignment:
@@ -70,6 +75,7 @@ def label_fragments(
     model: MarkerModel,
     weights: ScoreWeights = DEFAULT_WEIGHTS,
     *,
+    known: IntArray | None = None,
     threshold: float = 0.8,
     anchor_every_s: float = 4.0,
 ) -> Assignment:
@@ -78,11 +84,14 @@ def label_fragments(
     Parameters
     ----------
     fragments : Fragments
-        Unnamed.
+        Unnamed, but for what `known` says.
     model : MarkerModel
         Marker set.
     weights : ScoreWeights
         What counts how much.
+    known : int array, shape (N,), optional
+        Marker of each fragment that is known, `GHOST` where it is known to be none, `FREE` where
+        nothing is. Those of one marker share no frame.
     threshold : float
         Least confidence of a name that is given.
     anchor_every_s : float
@@ -103,21 +112,26 @@ def label_fragments(
             f"nothing to name: all {fragments.n_frames} frames are empty, expected at least "
             "one frame in which a marker was seen"
         )
+    if known is None:
+        known = np.full(fragments.n_fragments, FREE, dtype=np.int64)
+    held = known != FREE
     pairs = measure_pairs(fragments)
     labels = _start_labels(fragments, pairs, model, weights, anchor_every_s)
+    labels = np.where(held, known, labels)
     ends = measure_ends(fragments)
     score, model_now = np.zeros((len(labels), model.n_markers)), model
     for turn in range(_N_TURNS):
         if turn:
-            labels, _ = exchange_names(fragments, pairs, ends, labels, model, weights)
+            labels, _ = exchange_names(fragments, pairs, ends, labels, model, weights, held)
             seen = observe_distances(pairs, labels, model.n_markers)
             model_now = adapt_marker_model(model, *seen)
-        labels, score = _repeat_rounds(fragments, pairs, ends, labels, model_now, weights)
+        labels, score = _repeat_rounds(fragments, pairs, ends, labels, model_now, weights, known)
     margin = measure_margins(pairs, score, labels)
-    _, exchange_margin = exchange_names(fragments, pairs, ends, labels, model, weights)
+    _, exchange_margin = exchange_names(fragments, pairs, ends, labels, model, weights, held)
     margin = np.minimum(margin, exchange_margin)
     plausible = measure_plausibility(pairs, labels, model) >= _LEAST_PLAUSIBLE
     confidence = np.where(plausible, estimate_confidence(margin), 0.0)
+    confidence = np.where(held, 1.0, confidence)
     sure = np.where(confidence >= threshold, labels, GHOST)
     return Assignment(sure, labels, margin, confidence)
 
@@ -129,6 +143,7 @@ def _repeat_rounds(
     labels: IntArray,
     model: MarkerModel,
     weights: ScoreWeights,
+    known: IntArray,
 ) -> tuple[IntArray, FloatArray]:
     """Score all names given the present ones and assign anew until nothing changes."""
     length_s = fragments.n_samples / fragments.rate_hz
@@ -142,10 +157,20 @@ def _repeat_rounds(
         seen.add(labels.tobytes())
         score = score_distances(pairs, labels, model, weights, len(labels))
         score += score_links(fragments, ends, labels, model, weights) + worth
+        _hold_known(score, pairs, known)
         labels = assign_fragments(fragments, score)
         if labels.tobytes() in seen:
             break
     return labels, score
+
+
+def _hold_known(score: FloatArray, pairs: FragmentPairs, known: IntArray) -> None:
+    """Leave known fragments no other name, and no other fragment theirs in the same frames."""
+    score[known != FREE] = _RULED_OUT
+    taken = known[pairs.first] >= 0
+    score[pairs.second[taken], known[pairs.first[taken]]] = _RULED_OUT
+    (named,) = np.nonzero(known >= 0)
+    score[named, known[named]] = 1.0
 
 
 def _start_labels(

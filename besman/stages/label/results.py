@@ -17,6 +17,8 @@ def label_results(
     labelled: tuple[LabelledRecording, ...],
     marker_set: MarkerSet,
     truth: tuple[tuple[str, ...] | None, ...] = (),
+    *,
+    looks_at_names: bool = True,
 ) -> dict[str, Any]:
     """Return the figures of the labelling.
 
@@ -29,17 +31,21 @@ def label_results(
     truth : tuple of (tuple of str or None)
         For each recording the marker that each trajectory is, "ghost" for none; None where that
         is not known.
+    looks_at_names : bool
+        Whether names that trajectories carry were taken.
 
     Returns
     -------
     dict
-        ``n_recordings``; ``fragments``: unbroken stretches of trajectories; ``n_unnamed``: those
-        without a name; ``named_share``: named share of all samples seen; ``filled_samples``;
-        ``review``: what a person should look at; with truth ``right_share`` and ``wrong_share``
-        of the marker samples seen.
+        ``n_recordings``; ``names``: of each recording how many markers it named itself, ``taken``,
+        and how many were ``found``; ``fragments``: unbroken stretches of trajectories;
+        ``n_unnamed``: those without a name; ``named_share``: named share of all samples seen;
+        ``filled_samples``; ``review``: what a person should look at; with truth ``right_share``
+        and ``wrong_share`` of the marker samples seen.
     """
     fragments = n_unnamed = seen_samples = named_samples = filled_samples = 0
     review: list[dict[str, Any]] = []
+    names: list[dict[str, Any]] = []
     counts = np.zeros(3, dtype=np.int64)
     for index, (recording, result) in enumerate(zip(recordings, labelled, strict=True)):
         seen: BoolArray = np.all(np.isfinite(recording.positions), axis=2)
@@ -48,6 +54,10 @@ def label_results(
         seen_samples += int(seen.sum())
         named_samples += int((np.isfinite(result.positions[:, :, 0]) & ~result.filled).sum())
         filled_samples += int(result.filled.sum())
+        own = marker_set.find(recording.names, recording.source) if looks_at_names else {}
+        taken = len(own.keys() & set(result.markers))
+        n_found = len(result.markers) - taken
+        names.append({"recording": recording.source, "taken": taken, "found": n_found})
         if isinstance(result, NamedRecording):
             n_unnamed += sum(not decision.named for decision in result.decisions)
             review += review_rows(recording, result)
@@ -66,6 +76,7 @@ def label_results(
             ]
     results: dict[str, Any] = {
         "n_recordings": len(recordings),
+        "names": names,
         "fragments": fragments,
         "n_unnamed": n_unnamed,
         "named_share": named_samples / seen_samples if seen_samples else 0.0,

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from dataclasses import replace
-from typing import Annotated, Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -20,8 +21,26 @@ from besman.stages.label.results import label_results
 from besman.stages.label.trajectories import fill_markers, learn_from_recording, name_trajectories
 
 
-class _LabelStage(Stage):
-    """What both methods count and tell."""
+class LabelBase(Stage):
+    """What all methods have, count and tell.
+
+    Attributes
+    ----------
+    markers : str
+        A marker set of ``configs/markers`` or the path of one.
+    longest_gap_s : float
+        Gaps up to this length are filled by a spline. A longer one is an error in a required
+        marker, and stays a gap in an optional one.
+    longest_rigid_gap_s : float
+        Gaps up to this length are filled from the other markers of a rigid cluster.
+    """
+
+    markers: str = "right_arm"
+    longest_gap_s: float = Field(default=0.25, ge=0.0)
+    longest_rigid_gap_s: float = Field(default=1.0, ge=0.0)
+
+    looks_at_names: ClassVar[bool] = True
+    """Whether names that trajectories carry count."""
 
     def items(self, recordings: tuple[Recording, ...], *others: Any) -> Items:
         """Count the recordings."""
@@ -36,29 +55,79 @@ class _LabelStage(Stage):
         *others: Any,
     ) -> dict[str, Any]:
         """Return what was named, and how much of it right; see `label_results`."""
-        return label_results(recordings, labelled, marker_set, truth.names)
+        return label_results(
+            recordings, labelled, marker_set, truth.names, looks_at_names=self.looks_at_names
+        )
+
+    @abstractmethod
+    def take_given(
+        self, recording: Recording, marker_set: MarkerSet, teacher: Recording | None = None
+    ) -> LabelledRecording | None:
+        """Take a recording's own names for markers, if these are all that is needed.
+
+        Parameters
+        ----------
+        recording, marker_set, teacher
+            As of ``run``.
+
+        Returns
+        -------
+        LabelledRecording or None
+            None where names have to be found.
+
+        Raises
+        ------
+        LabellingError
+            If that cannot help: a required marker is missing or hidden for too long.
+        """
+
+    def fill_samples(self, rate_hz: float) -> tuple[int, int]:
+        """Return how many samples at a stretch are filled by a spline, and from a cluster."""
+        # A length in seconds that is a whole number of samples must not lose one to rounding.
+        return (
+            int(np.floor(self.longest_gap_s * rate_hz + 1e-6)),
+            int(np.floor(self.longest_rigid_gap_s * rate_hz + 1e-6)),
+        )
+
+    def take_names(
+        self, recording: Recording, columns: dict[str, int], marker_set: MarkerSet
+    ) -> LabelledRecording:
+        """Take trajectories for markers as they are named, and fill the gaps that may be filled."""
+        positions, filled = fill_markers(
+            recording.positions[:, list(columns.values())],
+            tuple(columns),
+            marker_set,
+            *self.fill_samples(recording.rate_hz),
+        )
+        return LabelledRecording(
+            time=recording.time,
+            positions=positions,
+            markers=tuple(columns),
+            filled=filled,
+            rate_hz=recording.rate_hz,
+            source=recording.source,
+            first_frame=recording.first_frame,
+            orientations=_keep_orientations(recording, tuple(columns.values())),
+        )
+
+    def refuse_gaps(self, labelled: LabelledRecording, marker_set: MarkerSet) -> None:
+        """Raise a LabellingError if a required marker still has a gap."""
+        for marker in marker_set.required:
+            _refuse_gap(labelled.marker(marker), marker, labelled, self.longest_gap_s)
 
 
-class LabelConfig(_LabelStage):
+class LabelConfig(LabelBase):
     """Take named trajectories for markers and fill short gaps.
 
     Attributes
     ----------
     method : "named"
         Trajectories carry names.
-    markers : str
-        A marker set of ``configs/markers`` or the path of one.
-    longest_gap_s : float
-        Gaps up to this length are filled by a spline. A longer one is an error in a required
-        marker, and stays a gap in an optional one.
-    longest_rigid_gap_s : float
-        Gaps up to this length are filled from the other markers of a rigid cluster.
+    markers, longest_gap_s, longest_rigid_gap_s
+        As in `LabelBase`.
     """
 
     method: Literal["named"] = "named"
-    markers: str = "right_arm"
-    longest_gap_s: float = Field(default=0.25, ge=0.0)
-    longest_rigid_gap_s: float = Field(default=1.0, ge=0.0)
 
     def run(
         self,
@@ -90,38 +159,18 @@ class LabelConfig(_LabelStage):
         """
         labelled = []
         for number, recording in enumerate(recordings, start=1):
-            labelled.append(self._label(recording, marker_set))
+            labelled.append(self.take_given(recording, marker_set))
             work.progress(number / len(recordings))
         return tuple(labelled)
 
-    def _label(self, recording: Recording, marker_set: MarkerSet) -> LabelledRecording:
-        """Label one recording."""
+    def take_given(
+        self, recording: Recording, marker_set: MarkerSet, teacher: Recording | None = None
+    ) -> LabelledRecording:
+        """Take a recording's own names for markers."""
         columns = marker_set.match(recording.names, recording.source)
-        # A length in seconds that is a whole number of samples must not lose one to rounding.
-        longest, longest_rigid = (
-            int(np.floor(length_s * recording.rate_hz + 1e-6))
-            for length_s in (self.longest_gap_s, self.longest_rigid_gap_s)
-        )
-        positions, filled = fill_markers(
-            recording.positions[:, list(columns.values())],
-            tuple(columns),
-            marker_set,
-            longest,
-            longest_rigid,
-        )
-        for index, marker in enumerate(columns):
-            if marker in marker_set.required:
-                _refuse_gap(positions[:, index], marker, recording, self.longest_gap_s)
-        return LabelledRecording(
-            time=recording.time,
-            positions=positions,
-            markers=tuple(columns),
-            filled=filled,
-            rate_hz=recording.rate_hz,
-            source=recording.source,
-            first_frame=recording.first_frame,
-            orientations=_keep_orientations(recording, tuple(columns.values())),
-        )
+        labelled = self.take_names(recording, columns, marker_set)
+        self.refuse_gaps(labelled, marker_set)
+        return labelled
 
 
 def _keep_orientations(recording: Recording, columns: tuple[int, ...]) -> FloatArray | None:
@@ -133,7 +182,7 @@ def _keep_orientations(recording: Recording, columns: tuple[int, ...]) -> FloatA
 
 
 def _refuse_gap(
-    positions: FloatArray, marker: str, recording: Recording, longest_gap_s: float
+    positions: FloatArray, marker: str, recording: LabelledRecording, longest_gap_s: float
 ) -> None:
     """Raise an error if a required marker still has a gap."""
     runs = find_runs(np.isnan(positions[:, 0]))
@@ -149,32 +198,77 @@ def _refuse_gap(
     )
 
 
-class LabelTrajectoriesConfig(_LabelStage):
+class NamingBase(LabelBase):
+    """What methods have that find names.
+
+    Attributes
+    ----------
+    learn_from : str, optional
+        A recording with names, from which the distances of the markers are learnt; relative to
+        the pipeline's file. Without it the marker set's own pose is used.
+    threshold : float
+        A name less sure than this is not given, and is listed for review.
+    """
+
+    learn_from: str | None = None
+    threshold: float = Field(default=0.8, gt=0.5, lt=1.0)
+
+    def learn(self, marker_set: MarkerSet, teacher: Recording | None = None) -> MarkerModel:
+        """Return the model of the markers: from the teacher, or from the set's own pose."""
+        if teacher is not None:
+            return learn_from_recording(teacher, marker_set)
+        return model_from_pose(marker_set)
+
+    def fill(self, named: NamedRecording, marker_set: MarkerSet) -> NamedRecording:
+        """Fill the gaps that are not too long."""
+        positions, filled = fill_markers(
+            named.positions, named.markers, marker_set, *self.fill_samples(named.rate_hz)
+        )
+        return replace(named, positions=positions, filled=filled)
+
+    def find_names(
+        self,
+        recording: Recording,
+        marker_set: MarkerSet,
+        model: MarkerModel,
+        given: dict[str, int] | None = None,
+    ) -> NamedRecording:
+        """Name what has no name, and fill gaps; see `name_trajectories`.
+
+        Raises
+        ------
+        LabellingError
+            If the marker set does not fit, or a required marker is not found or has a gap that
+            is too long.
+        """
+        found = name_trajectories(recording, marker_set, model, self.threshold, given)
+        named = self.fill(found, marker_set)
+        for marker in marker_set.required:
+            if marker not in named.markers:
+                raise LabellingError(
+                    f"{recording.source}: marker {marker!r} of {marker_set.name} was not found "
+                    f"with confidence {self.threshold:g}; found: {', '.join(named.markers)}"
+                )
+        self.refuse_gaps(named, marker_set)
+        return named
+
+
+class LabelTrajectoriesConfig(NamingBase):
     """Name unnamed, broken trajectories, and fill gaps.
 
     Attributes
     ----------
     method : "trajectories"
         Trajectories carry no names, or none that are trusted.
-    markers : str
-        A marker set of ``configs/markers`` or the path of one.
-    learn_from : str, optional
-        A recording with names, from which the distances of the markers are learnt; relative to
-        the pipeline's file. Without it the marker set's own pose is used.
-    threshold : float
-        A name less sure than this is not given, and is listed for review.
-    longest_gap_s : float
-        Gaps up to this length are filled by a spline.
-    longest_rigid_gap_s : float
-        Gaps up to this length are filled from the other markers of a rigid cluster.
+    markers, longest_gap_s, longest_rigid_gap_s
+        As in `LabelBase`.
+    learn_from, threshold
+        As in `NamingBase`.
     """
 
     method: Literal["trajectories"] = "trajectories"
-    markers: str = "right_arm"
-    learn_from: str | None = None
-    threshold: float = Field(default=0.8, gt=0.5, lt=1.0)
-    longest_gap_s: float = Field(default=0.25, ge=0.0)
-    longest_rigid_gap_s: float = Field(default=1.0, ge=0.0)
+
+    looks_at_names: ClassVar[bool] = False
 
     def run(
         self,
@@ -202,50 +296,16 @@ class LabelTrajectoriesConfig(_LabelStage):
         Raises
         ------
         LabellingError
-            If the marker set does not fit, or a required marker is not found or has a gap that
-            is too long.
+            As `find_names`.
         """
         model = self.learn(marker_set, teacher)
         labelled = []
         for number, recording in enumerate(recordings, start=1):
-            named = name_trajectories(recording, marker_set, model, self.threshold)
-            filled = self.fill(named, marker_set)
-            self._check(filled, recording, marker_set)
-            labelled.append(filled)
+            labelled.append(self.find_names(recording, marker_set, model))
             work.progress(number / len(recordings))
         return tuple(labelled)
 
-    def learn(self, marker_set: MarkerSet, teacher: Recording | None = None) -> MarkerModel:
-        """Return the model of the markers: from the teacher, or from the set's own pose."""
-        if teacher is not None:
-            return learn_from_recording(teacher, marker_set)
-        return model_from_pose(marker_set)
-
-    def fill(self, named: NamedRecording, marker_set: MarkerSet) -> NamedRecording:
-        """Fill the gaps that are not too long."""
-        longest, longest_rigid = (
-            int(np.floor(length_s * named.rate_hz + 1e-6))
-            for length_s in (self.longest_gap_s, self.longest_rigid_gap_s)
-        )
-        positions, filled = fill_markers(
-            named.positions, named.markers, marker_set, longest, longest_rigid
-        )
-        return replace(named, positions=positions, filled=filled)
-
-    def _check(self, named: NamedRecording, recording: Recording, marker_set: MarkerSet) -> None:
-        """Raise an error if a required marker is not there or still has a gap."""
-        for marker in marker_set.required:
-            if marker not in named.markers:
-                raise LabellingError(
-                    f"{recording.source}: marker {marker!r} of {marker_set.name} was not found "
-                    f"with confidence {self.threshold:g}; found: {', '.join(named.markers)}"
-                )
-            _refuse_gap(
-                named.marker(marker),
-                marker,
-                recording,
-                self.longest_gap_s,
-            )
-
-
-LabelStage = Annotated[LabelConfig | LabelTrajectoriesConfig, Field(discriminator="method")]
+    def take_given(
+        self, recording: Recording, marker_set: MarkerSet, teacher: Recording | None = None
+    ) -> None:
+        """Take no name that a recording has."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import numpy.typing as npt
 
@@ -14,10 +16,11 @@ from besman.stages.label.fragments import split_fragments
 from besman.stages.label.learning import learn_marker_model
 from besman.stages.label.model import MarkerModel
 from besman.stages.label.named_recording import NameDecision, NamedRecording
-from besman.stages.label.naming import label_fragments
+from besman.stages.label.naming import FREE, label_fragments
 from besman.stages.label.scores import GHOST
 
 FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
 
 _LEAST_TO_LEARN_S = 0.4
 _LEAST_FOUND = 0.5
@@ -64,19 +67,27 @@ def learn_from_recording(teacher: Recording, marker_set: MarkerSet) -> MarkerMod
 
 
 def name_trajectories(
-    recording: Recording, marker_set: MarkerSet, model: MarkerModel, threshold: float
+    recording: Recording,
+    marker_set: MarkerSet,
+    model: MarkerModel,
+    threshold: float,
+    given: Mapping[str, int] | None = None,
 ) -> NamedRecording:
-    """Name the trajectories of a recording; names that it has are not looked at.
+    """Name the trajectories of a recording.
 
     Parameters
     ----------
     recording : Recording
-        Unnamed, broken trajectories.
+        Broken trajectories.
     marker_set : MarkerSet
     model : MarkerModel
         Statistics of its markers.
     threshold : float
         Least confidence of a name that is given.
+    given : mapping of str to int, optional
+        Trajectory of each marker whose name is taken from the recording; other trajectories with
+        a name then are no markers, and those without get what names are left. If not given, the
+        recording's names are not looked at.
 
     Returns
     -------
@@ -94,33 +105,49 @@ def name_trajectories(
             f"{recording.source}: nothing to name: no marker is seen in any of "
             f"{fragments.n_frames} frames"
         )
-    answer = label_fragments(fragments, model, threshold=threshold)
-    found = np.unique(answer.labels[answer.labels != GHOST])
-    names = tuple(model.markers[k] for k in found)
-    _refuse_misfit(recording, marker_set, names)
-    positions = np.full((len(recording.time), len(found), 3), np.nan)
+    known = None if given is None else _known_labels(recording, fragments.column, model, given)
+    answer = label_fragments(fragments, model, known=known, threshold=threshold)
+    owners = {column: marker for marker, column in (given or {}).items()}
+    paths: dict[str, FloatArray] = {}
     decisions = []
     for k, label in enumerate(answer.labels):
         start, stop = int(fragments.start[k]), int(fragments.stop[k])
         column = int(fragments.column[k])
-        if label != GHOST:
-            place = int(np.searchsorted(found, label))
-            positions[start:stop, place] = recording.positions[start:stop, column]
-        best = "" if answer.best[k] == GHOST else model.markers[answer.best[k]]
+        guess = "" if answer.best[k] == GHOST else model.markers[answer.best[k]]
+        best = owners.get(column, guess)
+        named = label != GHOST or column in owners
+        if named:
+            path = paths.setdefault(best, np.full((len(recording.time), 3), np.nan))
+            path[start:stop] = recording.positions[start:stop, column]
         confidence = round(float(answer.confidence[k]), 4)
-        decisions.append(NameDecision(column, start, stop, best, confidence, bool(label != GHOST)))
-    order = [names.index(marker) for marker in marker_set.markers if marker in names]
+        decisions.append(NameDecision(column, start, stop, best, confidence, named))
+    _refuse_misfit(recording, marker_set, tuple(paths))
+    markers = tuple(marker for marker in marker_set.markers if marker in paths)
+    positions = np.empty((len(recording.time), len(markers), 3))
+    for index, marker in enumerate(markers):
+        positions[:, index] = paths[marker]
     return NamedRecording(
         time=recording.time,
-        positions=positions[:, order],
-        markers=tuple(names[k] for k in order),
-        filled=np.zeros((len(recording.time), len(order)), dtype=np.bool_),
+        positions=positions,
+        markers=markers,
+        filled=np.zeros((len(recording.time), len(markers)), dtype=np.bool_),
         rate_hz=recording.rate_hz,
         source=recording.source,
         first_frame=recording.first_frame,
         decisions=tuple(decisions),
         threshold=threshold,
     )
+
+
+def _known_labels(
+    recording: Recording, columns: IntArray, model: MarkerModel, given: Mapping[str, int]
+) -> IntArray:
+    """Return what the recording's names say of each fragment; see `label_fragments`."""
+    of_column = np.array([FREE if name is None else GHOST for name in recording.names])
+    for marker, column in given.items():
+        # Of a marker that the model has not, the name is all that is known.
+        of_column[column] = model.markers.index(marker) if marker in model.markers else GHOST
+    return of_column[columns]
 
 
 def _refuse_misfit(recording: Recording, marker_set: MarkerSet, names: tuple[str, ...]) -> None:

@@ -152,7 +152,7 @@ class RefinementConfig(Stage):
         RefinementError
             If a plan and the task or the robot do not belong together.
         """
-        _check(robot, task)
+        check_tool(robot, task)
         if self.pool:
             return (self._refine_side_by_side(plans, robot, task, work),)
         refine = partial(self._refine, robot=robot, task=task, folder=work.checkpoints)
@@ -242,8 +242,8 @@ def _seed_of(plan: AnyPlan) -> int:
     return zlib.crc32(whole.tobytes())
 
 
-def _check(robot: Robot, task: Task) -> None:
-    """Refuse a robot and a task that do not belong together."""
+def check_tool(robot: Robot, task: Task) -> None:
+    """Refuse a robot and a task that do not belong together: a RefinementError."""
     if robot.tool.name != task.tool:
         raise RefinementError(
             f"task {task.kind}: robot {robot.name} carries tool {robot.tool.name!r}, "

@@ -7,6 +7,8 @@ L. Gutzeit: From human movement recordings to robot behavior, thesis, section 7.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 
@@ -50,11 +52,7 @@ def object_touchdown(
     MappingError
         If the recording has no such marker.
     """
-    if marker not in recording.markers:
-        raise MappingError(
-            f"{recording.source}: the recording has no marker {marker!r} of a thrown object; "
-            f"markers: {', '.join(recording.markers)}"
-        )
+    check_thrown(marker, recording.markers, recording.source)
     last = min(len(recording.time), bounds[1] + int(_LONGEST_FLIGHT_S * recording.rate_hz))
     rows = np.arange(bounds[0], last)
     path = recording.marker(marker)[rows]
@@ -62,6 +60,15 @@ def object_touchdown(
     if flight is None:
         return np.full(3, np.nan)
     return _fall(recording.time[rows[flight]], path[flight])
+
+
+def check_thrown(marker: str, markers: Sequence[str], source: str) -> None:
+    """Refuse a recording without the marker of a thrown object: a MappingError."""
+    if marker not in markers:
+        raise MappingError(
+            f"{source}: the recording has no marker {marker!r} of a thrown object; "
+            f"markers: {', '.join(markers)}"
+        )
 
 
 def _flight(path: FloatArray, rate_hz: float, n_throw: int) -> slice | None:

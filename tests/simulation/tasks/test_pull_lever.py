@@ -11,7 +11,8 @@ from besman.exceptions import RefinementError
 from besman.robot.model import load_robot
 from besman.simulation.episodes import Movements
 from besman.simulation.tasks.kinds import load_task
-from besman.simulation.tasks.pull_lever.lever_scene import find_hinge, lever_model
+from besman.simulation.tasks.pull_lever.hinge import find_hinge
+from besman.simulation.tasks.pull_lever.lever_scene import lever_model
 from besman.simulation.trial import try_plans
 from besman.stages.refine.stage import CmaEsConfig
 

@@ -84,11 +84,12 @@ def test_negative_limit():
 def test_results_and_progress():
     recordings = (make(hand=slice(50, 60)), make(stick=slice(0, 100)))
     done: list[float] = []
-    labelled = LabelConfig().run(recordings, MARKERS, Work(progress=done.append))
+    labelled = LabelConfig().run(recordings, MARKERS, work=Work(progress=done.append))
     assert done == [0.5, 1.0]
     results = label_results(recordings, labelled, MARKERS)
     assert results == {
         "n_recordings": 2,
+        "names": [{"recording": "run.tsv", "taken": 3, "found": 0}] * 2,
         "fragments": 9,
         "n_unnamed": 2,
         "named_share": pytest.approx((590 + 500) / (790 + 700)),

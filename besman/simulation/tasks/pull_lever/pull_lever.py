@@ -19,14 +19,13 @@ from besman.robot.mujoco_model import servo_controls
 from besman.simulation.episodes import Episodes, Movements, Playback, arm_failure, tracking_errors
 from besman.simulation.physics import SimulatedStates, run_physics
 from besman.simulation.task import PlacedBy
+from besman.simulation.tasks.pull_lever.hinge import Hinge, find_hinge
 from besman.simulation.tasks.pull_lever.sections import (
     PullLeverFields,
 )
 
 if TYPE_CHECKING:
     import mujoco
-
-    from besman.simulation.tasks.pull_lever.lever_scene import Hinge
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -68,8 +67,6 @@ class PullLeverConfig(PullLeverFields):
 
     def _hinge(self, plan: AnyPlan) -> Hinge:
         """Find the hinge that belongs to a demonstration."""
-        from besman.simulation.tasks.pull_lever.lever_scene import find_hinge
-
         return find_hinge(
             plan.start_pose, plan.goal_pose, self.lever.length_m, self.lever.offset_m, plan.name
         )
