@@ -70,7 +70,6 @@ def read_tsv(path: Path, partial: bool = False) -> Recording:
     header = read_header(lines, path)
     _look_for_cut(lines, header, path, partial)
     clock, positions = _read_numbers(lines, header, path)
-    del lines
     frames = _read_frames(clock, header, path)
     _check_count(frames, header, path, partial)
     rate_hz = _find_rate(clock, header, path)
@@ -133,7 +132,7 @@ def write_tsv(recording: Recording, path: Path) -> None:
 def _read_lines(path: Path) -> TextLines:
     """Read the file."""
     try:
-        lines = TextLines(path.read_bytes())
+        lines = TextLines.of(path)
     except FileNotFoundError:
         raise RecordingError(f"{path}: no such file") from None
     except OSError as error:
@@ -199,6 +198,8 @@ def _read_numbers(lines: TextLines, header: QtmHeader, path: Path) -> tuple[Floa
     row = 0
     for block in lines.blocks(header.data_line):
         rows = slice(row, row + block.count(b"\n") + 1)
+        if rows.stop > len(n_tabs):
+            break
         text = _drop_last_tabs(block, n_tabs[rows] == width)
         values = parse_cells(text, (rows.stop - row) * width)
         if values is None:
@@ -207,6 +208,8 @@ def _read_numbers(lines: TextLines, header: QtmHeader, path: Path) -> tuple[Floa
         clock[rows], cells = values[:, : clock.shape[1]], values[:, clock.shape[1] :]
         positions[rows] = cells.reshape(-1, n_markers, 3)
         row = rows.stop
+    if row != len(n_tabs):
+        raise RecordingError(f"{path}: changed while it was read; is it still being written?")
     return clock, positions
 
 

@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from besman.exceptions import RecordingError
-from besman.io.recordings import text_lines
+from besman.io.recordings import qtm_tsv, text_lines
 from besman.io.recordings.number_cells import parse_cells
 from besman.io.recordings.qtm_tsv import read_tsv, write_tsv
 from besman.records import Recording
@@ -55,7 +55,7 @@ def test_long_recordings_are_read_by_parts(tmp_path, monkeypatch):
     write_tsv(Recording(np.arange(500) / 100, positions, tuple("abcd"), 100.0, path.name), path)
     whole = read_tsv(path)
     np.testing.assert_allclose(whole.positions, positions, rtol=0, atol=6e-7)
-    monkeypatch.setattr(text_lines, "_BLOCK", 1000)
+    monkeypatch.setattr(text_lines, "_AT_ONCE", 1000)
     parts = read_tsv(path)
     assert parts.positions.tobytes() == whole.positions.tobytes()
     assert parts.time.tobytes() == whole.time.tobytes()
@@ -67,6 +67,11 @@ def test_long_recordings_are_read_by_parts(tmp_path, monkeypatch):
                       enumerate(lines[320:420])]  # fmt: skip
     path.write_text("\r\n".join(lines) + "\r\n")
     assert read_tsv(path).positions.tobytes() == whole.positions.tobytes()
+    with monkeypatch.context() as patch:
+        count = qtm_tsv._count_tabs
+        patch.setattr(qtm_tsv, "_count_tabs", lambda *arguments: count(*arguments)[:-1])
+        with pytest.raises(RecordingError, match="changed while it was read"):
+            read_tsv(path)
     lines[300] = lines[300].replace("\t", "\tx", 4)
     path.write_text("\n".join(lines))
     with pytest.raises(RecordingError, match=r"a\.tsv:301: column 2: got 'x"):
