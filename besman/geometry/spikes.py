@@ -89,17 +89,17 @@ def find_faults(positions: FloatArray, rate_hz: float, joined: BoolArray) -> Fau
 def _suspects(positions: FloatArray, rate_hz: float, joined: BoolArray) -> list[int]:
     """Return the trajectories with a step that may begin a spike."""
     least = float(_reach(1.0 / rate_hz)) / 2.0
-    with np.errstate(over="ignore"):
-        steps = positions[1:] - positions[:-1]
-    np.abs(steps, out=steps)
-    # Of a step that long, one coordinate is at least this long; few trajectories have one.
-    suspect = (steps > least / np.sqrt(3.0)).any(axis=0).any(axis=1)
-    for column in np.flatnonzero(suspect):
-        longest = np.minimum(steps[:, column], _FARTHEST_M)
-        suspect[column] = np.any(np.linalg.norm(longest, axis=1) > least)
+    suspect = np.zeros(positions.shape[1], dtype=np.bool_)
+    for column in range(positions.shape[1]):
+        with np.errstate(over="ignore"):
+            steps = np.abs(np.diff(positions[:, column], axis=0))
+        # Of a step that long, one coordinate is at least this long; few trajectories have one.
+        if np.any(steps > least / np.sqrt(3.0)):
+            longest = np.minimum(steps, _FARTHEST_M)
+            suspect[column] = np.any(np.linalg.norm(longest, axis=1) > least)
     # A step over a gap is no number.
     gaps = np.isnan(positions[:, :, 0]).any(axis=0)
-    for column in np.flatnonzero(joined & gaps & ~suspect):
+    for column in np.flatnonzero(joined & gaps & ~suspect).tolist():
         runs = find_runs(~np.isnan(positions[:, column, 0]))
         before, after = positions[runs[:-1, 1] - 1, column], positions[runs[1:, 0], column]
         suspect[column] = np.any(np.abs(after - before) > least / np.sqrt(3.0))

@@ -20,16 +20,31 @@ class ShapeError(BesmanError):
     """An array of a record that has the wrong shape."""
 
 
+def hand_over(array: FloatArray) -> FloatArray:
+    """Make an array read-only for a record to take as it is, without a copy.
+
+    Parameters
+    ----------
+    array : array
+        In C order, not a view of another one, and without a view that is still written to.
+    """
+    array.setflags(write=False)
+    return array
+
+
 def freeze(record: object, shapes: dict[str, tuple[int | str, ...]], **dtypes: type) -> None:
     """Copy the named arrays, make them read-only and check their shapes against each other.
 
+    Those of another record and those handed over (`hand_over`) are read-only and taken as they are.
     A letter in a shape stands for any length, the same wherever it occurs in the record.
     """
     lengths: dict[str, int] = {}
     for name, shape in shapes.items():
         dtype = dtypes.get(name, np.float64)
         # One layout in memory, because sums over other layouts round differently.
-        array: npt.NDArray[Any] = np.array(getattr(record, name), dtype=dtype, order="C")
+        array: npt.NDArray[Any] = np.asarray(getattr(record, name), dtype=dtype, order="C")
+        if array.flags.writeable or array.base is not None:
+            array = np.array(array, order="C")
         if array.size == 0 and 0 not in array.shape[: len(shape)]:
             array = array.reshape([0 if isinstance(side, str) else side for side in shape])
         expected = [lengths.get(side, side) if isinstance(side, str) else side for side in shape]

@@ -65,15 +65,16 @@ def segment_files(
     teacher = None if learn_from is None else read_recording(learn_from)
     found = []
     for path in find_recordings(paths):
-        recording = read_recording(path)
-        (segments,) = config.run(label.run((recording,), marker_set, teacher))
+        # Nothing holds the recording any longer once it is labelled.
+        labelled = label.run((read_recording(path),), marker_set, teacher)
+        (segments,) = config.run(labelled)
         borders = [*segments.bounds[:, 0].tolist(), int(segments.bounds[-1, 1])]
         found.append(
             {
-                "recording": recording.source,
-                "rate_hz": recording.rate_hz,
-                "borders_s": [border / recording.rate_hz for border in borders],
-                "frames": [recording.first_frame + border for border in borders],
+                "recording": segments.source,
+                "rate_hz": segments.rate_hz,
+                "borders_s": [border / segments.rate_hz for border in borders],
+                "frames": [segments.first_frame + border for border in borders],
                 "labels": None,
             }
         )

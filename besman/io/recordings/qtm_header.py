@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -50,12 +51,12 @@ class QtmHeader:
         )
 
 
-def read_header(lines: list[str], path: Path) -> QtmHeader:
+def read_header(lines: Sequence[str], path: Path) -> QtmHeader:
     """Read the lines above the numbers.
 
     Parameters
     ----------
-    lines : list of str
+    lines : sequence of str
         Of the whole file.
     path : Path
         Named in errors.
@@ -146,7 +147,7 @@ def _read_marker_names(
 
 def _find_time_columns(
     columns: list[str] | None,
-    lines: list[str],
+    lines: Sequence[str],
     data_line: int,
     markers: tuple[str | None, ...],
     path: Path,

@@ -12,8 +12,11 @@ import numpy.typing as npt
 from besman.exceptions import RecordingError, RecordingWarning
 from besman.foreign.numbers import has_odd_digits, parse_number
 from besman.io.atomic_files import written_aside
+from besman.io.recordings.number_cells import parse_cells
 from besman.io.recordings.qtm_header import QtmHeader, read_header
+from besman.io.recordings.text_lines import TextLines
 from besman.records import Recording
+from besman.records.frozen import hand_over
 from besman.records.recordings import GREATEST_FRAME, RATES_HZ
 
 FloatArray = npt.NDArray[np.float64]
@@ -22,8 +25,6 @@ FloatArray = npt.NDArray[np.float64]
 _CLOCK_TOLERANCE = 0.05
 _EMPTY_CELL = re.compile(r"\t *(?=\t)")
 _MISSING = re.compile(r"\bnull\b", re.IGNORECASE)
-# Characters from which on compiled code pays, although it has to be loaded.
-_LONG_TEXT = 8_000_000
 # A step of time may deviate this much from the usual one.
 _STEP_TOLERANCE = 0.5
 _DECIMAL = re.compile(r"[+-]?[0-9]*\.[0-9]+")
@@ -65,22 +66,17 @@ def read_tsv(path: Path, partial: bool = False) -> Recording:
     RecordingWarning
         If NO_OF_FRAMES says something else than the lines, or times do not rise evenly.
     """
-    lines, is_ended = _read_lines(path)
+    lines = _read_lines(path)
     header = read_header(lines, path)
-    _look_for_cut(lines, is_ended, header, path, partial)
-    values = _read_numbers(lines, header, path)
-    frames = _read_frames(values, header, path)
+    _look_for_cut(lines, header, path, partial)
+    clock, positions = _read_numbers(lines, header, path)
+    frames = _read_frames(clock, header, path)
     _check_count(frames, header, path, partial)
-    rate_hz = _find_rate(values, header, path)
-    columns = [
-        column
-        for column in range(header.n_columns)
-        if column not in (header.frame_column, header.time_column)
-    ]
-    positions = values[:, columns].reshape(len(values), len(header.markers), 3) / 1000.0
+    rate_hz = _find_rate(clock, header, path)
+    positions /= 1000.0
     return Recording(
         time=(frames - 1) / rate_hz,
-        positions=positions,
+        positions=hand_over(positions),
         names=header.names,
         rate_hz=rate_hz,
         source=path.name,
@@ -133,44 +129,35 @@ def write_tsv(recording: Recording, path: Path) -> None:
             file.write(line * len(block) % tuple(block.ravel().tolist()))
 
 
-def _read_lines(path: Path) -> tuple[list[str], bool]:
-    """Return the lines without line ends and blank ones at the end, and whether the last ended."""
+def _read_lines(path: Path) -> TextLines:
+    """Read the file."""
     try:
-        content = path.read_bytes()
+        lines = TextLines.of(path)
     except FileNotFoundError:
         raise RecordingError(f"{path}: no such file") from None
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read: {error.strerror}") from None
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        # Older exports are written in the code page of the recording computer.
-        text = content.decode("latin-1")
-    # Tabs at the end of the last line may be gaps, so only blanks and line ends go.
-    lines = text.replace("\r\n", "\n").rstrip(" \n").split("\n")
-    if not any(line.strip() for line in lines):
+    if lines.is_blank:
         raise RecordingError(f"{path}: the file is empty; expected a Qualisys TSV recording")
-    return lines, text.endswith("\n")
+    return lines
 
 
-def _look_for_cut(
-    lines: list[str], is_ended: bool, header: QtmHeader, path: Path, partial: bool
-) -> None:
+def _look_for_cut(lines: TextLines, header: QtmHeader, path: Path, partial: bool) -> None:
     """Refuse a last line that was cut, or take it away."""
-    body = lines[header.data_line :]
-    if len(body) < 2:
+    n_rows = len(lines) - header.data_line
+    if n_rows < 2:
         return
-    width, before = header.n_columns, body[-_ROWS_ABOVE:-1]
-    n_tabs = body[-1].count("\t")
+    *before, last = lines.last(min(_ROWS_ABOVE, n_rows))
+    width, n_tabs = header.n_columns, last.count("\t")
     if n_tabs not in (width, width - 1):
         reason = f"got {n_tabs + 1} columns, expected {width}"
-    elif not is_ended and _is_shorter(body[-1], before, n_tabs):
+    elif not lines.is_ended and _is_shorter(last, before, n_tabs):
         reason = "the line ends before those above it do"
     else:
         return
     if not partial:
         raise RecordingError(f"{path}:{len(lines)}: {reason}; is the file cut? {_TAKE}")
-    lines.pop()
+    lines.drop_last()
 
 
 def _is_shorter(line: str, before: list[str], n_tabs: int) -> bool:
@@ -202,34 +189,67 @@ def _check_count(
     warnings.warn(f"{path.name}: {says}", RecordingWarning, stacklevel=6)
 
 
-def _read_numbers(lines: list[str], header: QtmHeader, path: Path) -> FloatArray:
-    """Parse the body, shape (T, columns), in the file's units."""
-    body = lines[header.data_line :]
-    if not body:
-        raise RecordingError(f"{path}:{len(lines)}: no frames after the header; is the file cut?")
-    width = header.n_columns
-    n_tabs = np.fromiter(map(str.count, body, ["\t"] * len(body)), np.int64, len(body))
-    wrong = np.flatnonzero((n_tabs != width) & (n_tabs != width - 1))
-    if wrong.size == 0:
-        # A tab at the end of a line is punctuation only where all cells stand before it.
-        trailing = np.flatnonzero(n_tabs == width)
-        bad = [row for row in trailing if body[row][-1:].strip()]
-        wrong = np.array(bad[:1], dtype=np.int64)
-    if wrong.size:
-        row = int(wrong[0])
-        raise RecordingError(
-            f"{path}:{header.data_line + row + 1}: got {n_tabs[row] + 1} columns, "
-            f"expected {width}; is the file cut?"
-        )
-    text = "\n".join(
-        line[:-1] if tabs == width else line for line, tabs in zip(body, n_tabs, strict=True)
-    )
-    if len(text) > _LONG_TEXT:
-        from besman.io.recordings.number_kernel import parse_numbers
+def _read_numbers(lines: TextLines, header: QtmHeader, path: Path) -> tuple[FloatArray, FloatArray]:
+    """Parse the body: the columns before the markers, (T, 0 to 2), and positions (T, M, 3), mm."""
+    width, n_markers = header.n_columns, len(header.markers)
+    n_tabs = _count_tabs(lines, header, path)
+    clock = np.empty((len(n_tabs), width - 3 * n_markers))
+    positions = np.empty((len(n_tabs), n_markers, 3))
+    row = 0
+    for block in lines.blocks(header.data_line):
+        rows = slice(row, row + block.count(b"\n") + 1)
+        if rows.stop > len(n_tabs):
+            break
+        text = _drop_last_tabs(block, n_tabs[rows] == width)
+        values = parse_cells(text, (rows.stop - row) * width)
+        if values is None:
+            values = _parse_odd_cells(lines.decode(text), header, path, row)
+        values = values.reshape(-1, width)
+        clock[rows], cells = values[:, : clock.shape[1]], values[:, clock.shape[1] :]
+        positions[rows] = cells.reshape(-1, n_markers, 3)
+        row = rows.stop
+    if row != len(n_tabs):
+        raise RecordingError(f"{path}: changed while it was read; is it still being written?")
+    return clock, positions
 
-        found = parse_numbers(text, len(body) * width)
-        if found is not None:
-            return found.reshape(len(body), width)
+
+def _count_tabs(lines: TextLines, header: QtmHeader, path: Path) -> npt.NDArray[np.int64]:
+    """Count the tabs of every line of numbers; refuse one with more or fewer cells."""
+    width, counts = header.n_columns, [np.empty(0, dtype=np.int64)]
+    row = 0
+    for block in lines.blocks(header.data_line):
+        body = block.split(b"\n")
+        n_tabs = np.fromiter((line.count(b"\t") for line in body), np.int64, len(body))
+        wrong = np.flatnonzero((n_tabs != width) & (n_tabs != width - 1))
+        if wrong.size == 0:
+            # A tab at the end of a line is punctuation only where all cells stand before it.
+            trailing = np.flatnonzero(n_tabs == width)
+            bad = [k for k in trailing if body[k].rstrip(b" ")[-1:] != b"\t"]
+            wrong = np.array(bad[:1], dtype=np.int64)
+        if wrong.size:
+            raise RecordingError(
+                f"{path}:{header.data_line + row + int(wrong[0]) + 1}: got "
+                f"{n_tabs[wrong[0]] + 1} columns, expected {width}; is the file cut?"
+            )
+        counts.append(n_tabs)
+        row += len(body)
+    if row == 0:
+        raise RecordingError(f"{path}:{len(lines)}: no frames after the header; is the file cut?")
+    return np.concatenate(counts)
+
+
+def _drop_last_tabs(block: bytes, trailing: npt.NDArray[np.bool_]) -> bytes:
+    """Take the tabs away that some lines end with."""
+    if not trailing.any():
+        return block
+    if trailing.all() and b" \n" not in block and not block.endswith(b" "):
+        return (block + b"\n").replace(b"\t\n", b"\n")[:-1]
+    rows = zip(block.split(b"\n"), trailing, strict=True)
+    return b"\n".join(row.rstrip(b" ")[:-1] if has_one else row for row, has_one in rows)
+
+
+def _parse_odd_cells(text: str, header: QtmHeader, path: Path, first_row: int) -> FloatArray:
+    """Parse cells of which not all are plain; refuse what is no number."""
     is_odd = has_odd_digits(text)
     text = _MISSING.sub("nan", "\t" + text.replace("\n", "\t\n\t") + "\t")
     cells = _EMPTY_CELL.sub("\tnan", text).replace("\t\n", "").strip("\t").split("\t")
@@ -238,11 +258,11 @@ def _read_numbers(lines: list[str], header: QtmHeader, path: Path) -> FloatArray
     except ValueError:
         values = np.array([np.inf])
     if is_odd or np.isinf(values).any():
-        _raise_bad_cell(cells, header, path)
-    return values.reshape(len(body), width)
+        _raise_bad_cell(cells, header, path, first_row)
+    return values
 
 
-def _raise_bad_cell(cells: list[str], header: QtmHeader, path: Path) -> None:
+def _raise_bad_cell(cells: list[str], header: QtmHeader, path: Path, first_row: int) -> None:
     """Name the first cell that is not a number."""
     for index, cell in enumerate(cells):
         try:
@@ -252,7 +272,7 @@ def _raise_bad_cell(cells: list[str], header: QtmHeader, path: Path) -> None:
         if not usable:
             row, column = divmod(index, header.n_columns)
             raise RecordingError(
-                f"{path}:{header.data_line + row + 1}: column {column + 1}: got "
+                f"{path}:{header.data_line + first_row + row + 1}: column {column + 1}: got "
                 f"{cell.strip()!r:.60}, expected a number, nan, null or nothing"
             )
 

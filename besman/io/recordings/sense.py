@@ -162,7 +162,12 @@ def _places(recording: Recording, spikes: npt.NDArray[np.bool_]) -> list[str]:
 def _check_distances(recording: Recording, path: Path) -> None:
     """Refuse coordinates that no camera sees."""
     positions = recording.positions
-    greatest = float(np.fmax.reduce(np.abs(positions), axis=None, initial=0.0))
+    greatest = float(
+        max(
+            np.fmax.reduce(positions, axis=None, initial=0.0),
+            -np.fmin.reduce(positions, axis=None, initial=0.0),
+        )
+    )
     if greatest <= _FARTHEST_MEDIAN_M:
         return
     distances = np.abs(positions[~np.isnan(positions)])

@@ -14,11 +14,17 @@ from besman.exceptions import LabellingError
 from besman.geometry.gaps import find_runs
 from besman.person.marker_set import MarkerSet
 from besman.records import FloatArray, LabelledRecording, Recording
+from besman.records.frozen import hand_over
 from besman.stages.label.model import MarkerModel
 from besman.stages.label.model_from_pose import model_from_pose
 from besman.stages.label.named_recording import NamedRecording
 from besman.stages.label.results import label_results
-from besman.stages.label.trajectories import fill_markers, learn_from_recording, name_trajectories
+from besman.stages.label.trajectories import (
+    fill_in_place,
+    fill_markers,
+    learn_from_recording,
+    name_trajectories,
+)
 
 
 class LabelBase(Stage):
@@ -93,15 +99,13 @@ class LabelBase(Stage):
         self, recording: Recording, columns: dict[str, int], marker_set: MarkerSet
     ) -> LabelledRecording:
         """Take trajectories for markers as they are named, and fill the gaps that may be filled."""
-        positions, filled = fill_markers(
-            recording.positions[:, list(columns.values())],
-            tuple(columns),
-            marker_set,
-            *self.fill_samples(recording.rate_hz),
+        positions = np.take(recording.positions, list(columns.values()), axis=1)
+        filled = fill_in_place(
+            positions, tuple(columns), marker_set, *self.fill_samples(recording.rate_hz)
         )
         return LabelledRecording(
             time=recording.time,
-            positions=positions,
+            positions=hand_over(positions),
             markers=tuple(columns),
             filled=filled,
             rate_hz=recording.rate_hz,

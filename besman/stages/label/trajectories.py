@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from besman.exceptions import LabellingError
 from besman.geometry.gaps import BoolArray, fill_gaps
-from besman.geometry.rigid_bodies import fill_cluster
+from besman.geometry.rigid_bodies import fill_members
 from besman.person.marker_set import MarkerSet
 from besman.records import Recording
 from besman.stages.label.fragments import split_fragments
@@ -187,18 +187,28 @@ def fill_markers(
     filled : bool array, shape (T, M)
     """
     result = positions.copy()
+    return result, fill_in_place(result, markers, marker_set, longest, longest_rigid)
+
+
+def fill_in_place(
+    positions: FloatArray,
+    markers: tuple[str, ...],
+    marker_set: MarkerSet,
+    longest: int,
+    longest_rigid: int,
+) -> BoolArray:
+    """Fill gaps as `fill_markers` does, in the array given; return which samples were filled."""
     filled = np.zeros(positions.shape[:2], dtype=np.bool_)
 
     def fill_clusters() -> None:
         for cluster in marker_set.clusters.values():
             member = [markers.index(marker) for marker in cluster if marker in markers]
-            result[:, member], repaired = fill_cluster(result[:, member], longest_rigid)
-            filled[:, member] |= repaired
+            filled[:, member] |= fill_members(positions, member, longest_rigid)
 
     fill_clusters()
     for k in range(len(markers)):
-        result[:, k], splined = fill_gaps(result[:, k], longest)
+        positions[:, k], splined = fill_gaps(positions[:, k], longest)
         filled[:, k] |= splined
     # A mate's own short gap no longer stands in the way.
     fill_clusters()
-    return result, filled
+    return filled

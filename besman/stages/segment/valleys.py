@@ -18,6 +18,9 @@ IntArray = npt.NDArray[np.int64]
 # Borders are placed on this grid, whatever the rate of the recording.
 GRID_HZ = 100.0
 
+# Rates that differ by less are one: samples do not come apart by 10 ns in a day.
+_SAME_RATE = 1e-13
+
 # A Gaussian bell is below this share within so many standard deviations.
 _TRUNCATE = 4.0
 
@@ -81,7 +84,9 @@ def smooth_speed(time: npt.ArrayLike, paths: npt.ArrayLike, smoothing_s: float) 
     x = np.asarray(paths, dtype=np.float64).reshape(len(t), -1)
     x = x - x[0]
     rate_hz = (len(t) - 1) / (t[-1] - t[0])
-    if rate_hz > GRID_HZ * (1 + 1e-6):
+    if abs(rate_hz / GRID_HZ - 1) < _SAME_RATE:
+        grid = x
+    elif rate_hz > GRID_HZ * (1 + 1e-6):
         grid = resample(t, x, GRID_HZ)
     else:
         n_grid = int(np.floor((len(t) - 1) / rate_hz * GRID_HZ + 1e-6)) + 1
