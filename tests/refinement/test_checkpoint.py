@@ -42,7 +42,9 @@ def config_of(method, **more):
 
     from besman.refinement.methods import RefineStage
 
-    return TypeAdapter(RefineStage).validate_python({"method": method, "episodes": 40, **more})
+    # The imitation alone, two generations, and a part of one.
+    few = {"method": method, "episodes": 24, "population": 8}
+    return TypeAdapter(RefineStage).validate_python({**few, **more})
 
 
 def test_generations_come_back_as_they_were(tmp_path):
@@ -83,6 +85,7 @@ def test_an_ended_search_goes_on_as_if_it_had_not_been(robot, make_plan, tmp_pat
     assert_same(kept, whole)
     (own,) = tmp_path.iterdir()
     generations = sorted(own.iterdir())
+    assert len(generations) == 4
     for path in generations[2:]:
         path.unlink()
     before = [path.read_bytes() for path in generations[:2]]
@@ -121,7 +124,7 @@ def test_two_plans_of_one_name_do_not_share_what_they_keep(robot, make_plan, tmp
 
 def test_a_pool_ended_in_the_middle_of_a_generation_goes_on(robot, make_plan, tmp_path):
     plans = tuple(make_plan(0.5 + 0.04 * at, name=str(at), target=FAR) for at in range(3))
-    config = RefineConfig(episodes=30, pool=True)
+    config = RefineConfig(episodes=24, pool=True)
     (whole,) = refined(config, plans, robot)
     refined(config, plans, robot, tmp_path)
     for at, own in enumerate(sorted(tmp_path.iterdir())):
