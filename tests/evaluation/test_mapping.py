@@ -289,12 +289,26 @@ def test_bad_requests(tmp_path):
         evaluate_mapping([own], ["ur5", "ur5"])
 
 
+# The command, but with fewer placements to try than usual.
+COMMAND = """
+import sys
+
+from besman.cli import main
+from besman.evaluation import mapping
+from besman.mapping.stage import MapConfig
+
+few = MapConfig(evaluations=20, yaw=False)
+mapping.evaluate_mapping.__kwdefaults__["config"] = few
+main()
+"""
+
+
 @pytest.mark.slow
 def test_the_study_by_its_command(tmp_path):
     arguments = ["--subjects", "2", "--repetitions", "1", "--robot", "ur5", "--robot", "ur10"]
     out = ["--json", str(tmp_path / "rows.json"), "--figures", str(tmp_path / "figures")]
     # In a process of its own, whose memory is the study's.
-    command = [sys.executable, "-m", "besman", "evaluate", "mapping", *arguments, *out]
+    command = [sys.executable, "-c", COMMAND, "evaluate", "mapping", *arguments, *out]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     content = json.loads((tmp_path / "rows.json").read_text())
     assert content["experiment"] == "mapping"

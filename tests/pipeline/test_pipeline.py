@@ -178,7 +178,11 @@ def test_retarget_goes_on_if_one_of_several_robots_fails(
 ):
     options = [word for name in ("ur10", "ur11", "iiwa7") for word in ("--robot", name)]
     out = tmp_path / "all"
-    assert besman(monkeypatch, "retarget", finished, stranger, *options, "--out", out) == 2
+    run = shutil.copytree(finished, tmp_path / "run", ignore=shutil.ignore_patterns(".lock"))
+    recipe = (run / "pipeline.yaml").read_text()
+    assert "episodes: 400\n" in recipe
+    (run / "pipeline.yaml").write_text(recipe.replace("episodes: 400\n", "episodes: 2\n"))
+    assert besman(monkeypatch, "retarget", run, stranger, *options, "--out", out) == 2
     said = capsys.readouterr()
     assert re.search(r"ur10 +1 of 1 .*\n.*ur11 +failed.*\n.*iiwa7 +1 of 1 ", said.out)
     error = said.err.strip().splitlines()[-1]

@@ -41,7 +41,9 @@ def config_of(method, **more):
 
     from besman.stages.refine.methods import RefineStage
 
-    return TypeAdapter(RefineStage).validate_python({"method": method, "episodes": 40, **more})
+    # The imitation alone, two generations, and a part of one.
+    few = {"method": method, "episodes": 24, "population": 8}
+    return TypeAdapter(RefineStage).validate_python({**few, **more})
 
 
 def test_generations_come_back_as_they_were(tmp_path):
@@ -103,7 +105,7 @@ def test_two_plans_of_one_name_do_not_share_what_they_keep(robot, make_plan, tmp
 
 def test_a_pool_ended_in_the_middle_of_a_generation_goes_on(robot, make_plan, tmp_path):
     plans = tuple(make_plan(0.5 + 0.04 * at, name=str(at), target=FAR) for at in range(3))
-    config = CmaEsConfig(episodes=30, pool=True)
+    config = CmaEsConfig(episodes=24, pool=True)
     (whole,) = refined(config, plans, robot)
     refined(config, plans, robot, tmp_path)
     for at, own in enumerate(sorted(tmp_path.iterdir())):

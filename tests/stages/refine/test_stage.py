@@ -57,7 +57,7 @@ def test_the_best_plan_does_again_what_it_did(robot, motions):
 
 
 def test_neither_threads_nor_company_change_a_result(robot, plans):
-    config = CmaEsConfig(episodes=35)
+    config = CmaEsConfig(episodes=20)
     shares = []
     both = config.run(plans, robot, THROW)
     threaded = config.run(plans, robot, THROW, Work(jobs=3, progress=shares.append))
