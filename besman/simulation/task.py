@@ -146,6 +146,13 @@ class Task(Config):
         """The setting that keeps the task's things where they are, whatever the plan; or ""."""
         return ""
 
+    def aimed_by_plan(self) -> Task:
+        """Return the task whose target is that of a motion plan, whatever a setting says.
+
+        A template's context says where the target is.
+        """
+        return self
+
     @property
     @abstractmethod
     def rest_s(self) -> float:

@@ -84,6 +84,7 @@ def apply_template(
     context = np.asarray(context, dtype=np.float64)
     family = template.family
     point = template.policy.means(context[None])
+    task = task.aimed_by_plan()
     (learnt,) = family.plans(robot, context_kind(task), point, context[None])
     learnt = with_name(task.place(learnt, robot), family.names, context)
     try:

@@ -88,6 +88,7 @@ def prepare_lesson(
         If no motion succeeded, names do not belong to the task, or it is the same to the task
         where a motion is placed.
     """
+    task = task.aimed_by_plan()
     kind = context_kind(task)
     names = kind.choose(names)
     good = [motion.plan for motion in motions if motion.success]

@@ -8,6 +8,7 @@ from besman.pictures.camera import frame_points
 from besman.pictures.scene_geoms import farthest_path, scene_geoms
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.model import load_robot
+from besman.simulation.perturbed_trials import finer_task, lenient_task
 from besman.simulation.tasks.kinds import load_task
 from besman.simulation.trial import try_plans
 from besman.stages.refine.stage import CmaEsConfig
@@ -77,8 +78,12 @@ def test_milestones_do_again_what_the_search_says_of_them(robot, make_plan):
     assert (motion.returns[episodes] == best_so_far[episodes]).all()
     best = int(np.nanargmin(motion.misses))
     assert episodes[-1] == best
-    trials = try_plans(robot, THROW, [one for _, one in motion.milestones])
-    for episode, one in zip(episodes, trials, strict=True):
+    for episode, milestone in motion.milestones:
+        (one,) = try_plans(robot, THROW, [milestone])
+        if one.success:
+            # A success counts if it is one at a finer time step as well.
+            (fine,) = try_plans(robot, lenient_task(finer_task(THROW)), [milestone])
+            one = one if fine.success else fine
         np.testing.assert_array_equal(one.outcome, motion.outcomes[episode])
         assert one.reward == motion.returns[episode]
     assert motion.generations[0] == 0

@@ -90,7 +90,8 @@ def read_c3d(path: Path, units: Units | None = None, partial: bool = False) -> R
     rate_hz = _read_rate(sections, path)
     scale = _read_scale(sections, positions, units, path)
     return Recording(
-        time=(sections.first_frame - 1 + np.arange(len(positions))) / rate_hz,
+        # Some count frames from 1, as the format says, some from 0.
+        time=(max(sections.first_frame - 1, 0) + np.arange(len(positions))) / rate_hz,
         positions=positions * scale,
         names=names,
         rate_hz=rate_hz,
@@ -119,7 +120,7 @@ def write_c3d(recording: Recording, path: Path) -> None:
     import ezc3d
 
     n_samples, n_points = recording.positions.shape[:2]
-    last_frame = recording.first_frame + n_samples - 1
+    last_frame = max(recording.first_frame, 1) + n_samples - 1
     if last_frame > MAX_FRAMES or n_points > MAX_FRAMES:
         raise RecordingError(
             f"{path}: got {n_points} points and frames up to {last_frame}; C3D counts up to "
@@ -130,7 +131,7 @@ def write_c3d(recording: Recording, path: Path) -> None:
     coordinates = np.ones((4, n_points, n_samples))
     coordinates[:3] = np.where(gaps, 0.0, positions * 1000.0)
     file = ezc3d.c3d()
-    file["header"]["points"]["first_frame"] = recording.first_frame - 1
+    file["header"]["points"]["first_frame"] = max(recording.first_frame - 1, 0)
     points = file["parameters"]["POINT"]
     points["RATE"]["value"] = [recording.rate_hz]
     points["UNITS"]["value"] = ["mm"]

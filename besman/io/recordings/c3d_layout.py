@@ -115,9 +115,9 @@ def _read_points(
     (data_block,) = struct.unpack_from(f"{order}H", content, 16)
     if n_points == 0:
         raise RecordingError(f"{path}: the header counts no points; expected at least one")
-    if first == 0 or last < first:
+    if last < first:
         raise RecordingError(
-            f"{path}: frames {first} to {last}; expected frames that count up from 1, at most "
+            f"{path}: frames {first} to {last}; expected frames that count up, at most "
             f"{MAX_FRAMES}"
         )
     scale, rate_hz = _floats(content[12:16] + content[20:24], processor).tolist()

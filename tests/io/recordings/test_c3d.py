@@ -254,7 +254,6 @@ def patched(at, value):
         (patched(2, b"\x02\0"), "header counts 2 points and POINT:USED"),
         (patched(2, b"\0\0"), "header counts no points"),
         (patched(6, b"\x09\0\x02\0"), "frames 9 to 2; expected frames that count up"),
-        (patched(6, b"\0\0"), "frames 0 to"),
         (patched(12, struct.pack("<f", np.nan)), "scale in the header is nan"),
         (lambda content: content.replace(struct.pack("<f", 100), b"\0\0\0\0"), "POINT:RATE is 0"),
         (lambda content: content.replace(b"RATE", b"RATY"), ""),
@@ -270,6 +269,19 @@ def test_damaged_files(tmp_path, change, message):
     with pytest.raises(RecordingError, match=message) as caught:
         read_c3d(path)
     assert "\n" not in str(caught.value)
+
+
+def test_frames_may_count_from_0(tmp_path):
+    one, zero = tmp_path / "one.c3d", tmp_path / "zero.c3d"
+    write_c3d(record(), one)
+    content = one.read_bytes()
+    zero.write_bytes(content[:6] + struct.pack("<2H", 0, 19) + content[10:])
+    expected, found = read_c3d(one), read_c3d(zero)
+    assert (expected.first_frame, found.first_frame) == (1, 0)
+    np.testing.assert_array_equal(found.time, expected.time)
+    np.testing.assert_array_equal(found.positions, expected.positions)
+    write_c3d(found, zero)
+    assert zero.read_bytes() == content
 
 
 def test_missing_file(tmp_path):

@@ -76,7 +76,7 @@ def test_a_cut_at_any_byte_is_an_error_of_ours(points):
         (lambda whole: whole[:1] + b"\0" + whole[2:], "no C3D header"),
         (lambda whole: whole[:515] + b"\1" + whole[516:], "byte order 1 is unknown"),
         (lambda whole: whole[:2] + b"\0\0" + whole[4:], "the header counts no points"),
-        (lambda whole: whole[:6] + b"\0\0" + whole[8:], "frames 0 to 11; expected"),
+        (lambda whole: whole[:6] + b"\0\0" + whole[8:], "ends after 5 of 12 frames"),
         (lambda whole: whole[:12] + bytes(4) + whole[16:], "the scale in the header is 0"),
     ],
 )

@@ -172,7 +172,7 @@ def test_examples_of_two_samples_are_learnt_and_of_one_refused(one_arm):
     assert name_segments(model, recordings[0], bounds)[0] == ("forward", "up")
     shorter = dataclasses.replace(short, bounds=np.array([[0, 1], [100, 102]]))
     with pytest.raises(RecognitionError, match=r"0.tsv: got segment \[0, 1\); expected at least 2"):
-        RecognizeConfig(idle_s=1e6).train(recordings[:1], (shorter,))
+        RecognizeConfig(idle_s=1e5).train(recordings[:1], (shorter,))
 
 
 def test_an_example_with_a_gap_is_refused(one_arm):

@@ -207,10 +207,10 @@ def accuracy(real, seeds=5, **settings):
     recordings, truth = real
     values = []
     for seed in range(seeds):
-        stage = RecognizeConfig(seed=seed, idle_s=1e6, **settings)
+        stage = RecognizeConfig(seed=seed, idle_s=1e5, **settings)
         model = stage.train(recordings, truth)
         found = stage.run(recordings, truth, model)
-        values.append(score_labels(found, truth, lengths(recordings), model, idle_s=1e6).accuracy)
+        values.append(score_labels(found, truth, lengths(recordings), model, idle_s=1e5).accuracy)
     return np.mean(values)
 
 

@@ -116,10 +116,9 @@ class BallThrowConfig(ThrowConfig):
         "marker)"
     )
 
-    @property
-    def fixed_by(self) -> str:
-        """The target, if it is given."""
-        return "" if self.target_m is None else "target_m"
+    def aimed_by_plan(self) -> BallThrowConfig:
+        """Return the same task without a target of its own."""
+        return self.model_copy(update={"target_m": None})
 
     def place(self, plan: AnyPlan, robot: Robot) -> AnyPlan:
         """Return the plan with the task's target, if it has one."""
