@@ -26,8 +26,9 @@ PLANS = (
     VelocityDmpConfig(method="joint_dmp_velocity"),
     CartesianDmpConfig(method="cartesian_dmp"),
 )
-# Of 1 kHz samples for other libraries, which take a millisecond each.
-_LOOKS = 2
+# Samples for other libraries, which take half a millisecond each: of every movement of a hand, and
+# of one in so many of the others.
+_LOOKS, _LOOKED_AT = 3, 16
 # Above it gravity alone asks for what no slower movement gives back.
 _STATIC_SHARE = 0.998
 
@@ -87,11 +88,11 @@ def attempt(
     Outcome
     """
     started = time.process_time()
-    one = draw(seed, number, robots)
+    one = draw(seed, number, hand, robots)
     rng = np.random.default_rng([seed, number, 1])
     found: dict = {}
     try:
-        found = _from_hand(one, rng, number) if hand else _from_joints(one, rng)
+        found = _from_hand(one, rng) if hand else _from_joints(one, rng)
     except BesmanError as error:
         found = {"reason": reason_of(str(error).partition(": ")[2])}
     except Exception:
@@ -110,11 +111,11 @@ def reason_of(words: str) -> str:
     return re.split(r"; |, ", words)[0].strip()
 
 
-def _from_hand(one: Draw, rng: np.random.Generator, number: int) -> dict:
+def _from_hand(one: Draw, rng: np.random.Generator) -> dict:
     """Map a demonstration that stands where it is, and make a plan of some that are kept."""
-    check_demonstration(one.demonstration)
-    poses = tool_poses(one.demonstration, one.robot)
-    trajectory, report = map_one(one.demonstration, poses, one.robot, one.settings)
+    check_demonstration(one.path)
+    poses = tool_poses(one.path, one.robot)
+    trajectory, report = map_one(one.path, poses, one.robot, one.settings)
     reason = why_not(trajectory, report, one.settings)
     stretch = float(trajectory.time_stretch)
     if reason:
@@ -123,25 +124,26 @@ def _from_hand(one: Draw, rng: np.random.Generator, number: int) -> dict:
     found, samples = _check(one, trajectory, rng)
     if not trajectory.position_error.max() <= one.settings.greatest_error_m:
         found["position error"] += 1
-    plan, planned, more = _plan(one, trajectory, rng, number)
+    plan, planned, more = _plan(one, trajectory, rng)
     return {"stretch": stretch, "samples": samples + more, "found": found + planned, "plan": plan}
 
 
 def _from_joints(one: Draw, rng: np.random.Generator) -> dict:
     """Bring a path of the joints within limits; of what touches something only these are looked at."""
-    check_demonstration(one.demonstration)
+    if len(one.time) < 3:
+        return {"reason": "expected a demonstration of at least three poses"}
     settings = one.settings
-    # One in 32 with a change of the path.
-    change = settings.greatest_change_m * (rng.random() < 0.125)
+    # One in 80 with a change of the path.
+    change = settings.greatest_change_m * (rng.random() < 0.05)
     scaled = scale_path(
         one.robot,
-        one.demonstration.time,
-        one.joints,
+        one.time,
+        one.path,
         tolerance=ChangeTolerance(change, settings.greatest_change_rad, settings.free_spin),
         knot_spacing_s=settings.knot_spacing_s,
         least_duration_s=settings.least_duration_s,
     )
-    found, samples = _check(one, scaled, rng)
+    found, samples = _check(one, scaled, rng, _LOOKS * (rng.integers(_LOOKED_AT) == 0))
     reason = ""
     if found.pop("touch, by Coal", 0) + found.pop("self_collisions", 0):
         reason = "the arm touches itself"
@@ -151,10 +153,12 @@ def _from_joints(one: Draw, rng: np.random.Generator) -> dict:
     return {"reason": reason, "stretch": scaled.stretch, "samples": samples, "found": +found}
 
 
-def _check(one: Draw, path, rng: np.random.Generator) -> tuple[Counter, int]:
+def _check(
+    one: Draw, path, rng: np.random.Generator, looks: int = _LOOKS
+) -> tuple[Counter, int]:
     """Count what a path violates at 1 kHz, and the samples."""
     dense = resample_trajectory(path.time, path.positions, path.velocities, path.accelerations)
-    return violations(one.robot, dense, rng, _LOOKS), len(dense[0])
+    return violations(one.robot, dense, rng, looks), len(dense[0])
 
 
 def _static_share(one: Draw, path) -> float:
@@ -177,7 +181,7 @@ def _unscaled(one: Draw, trajectory: JointTrajectory, report: LimitReport) -> Co
 
 
 def _plan(
-    one: Draw, trajectory: JointTrajectory, rng: np.random.Generator, number: int
+    one: Draw, trajectory: JointTrajectory, rng: np.random.Generator
 ) -> tuple[str, Counter, int]:
     """Imitate every fourth demonstration and fit the plan to the arm: this is what is exported."""
     if rng.random() >= 0.25:

@@ -30,7 +30,7 @@ def violations(
     rng : Generator
         Draws the samples for other libraries.
     looks : int
-        How many of these besides both ends.
+        How many of these.
 
     Returns
     -------
@@ -50,11 +50,10 @@ def violations(
     found["velocity, by differences"] = _beyond(speeds, limits.velocity)
     pulls = np.diff(speeds, axis=0) / _STEP_S
     found["acceleration, by differences"] = _beyond(pulls, limits.acceleration)
-    rows = np.unique(np.append(rng.integers(len(time), size=looks), [0, len(time) - 1]))
-    states = [tuple(part[row] for part in movement[1:]) for row in rows]
-    torques = np.array([_pinocchio_torques(robot, *state) for state in states])
-    found["torque, by Pinocchio"] = _beyond(torques, limits.torque)
-    found["touch, by Coal"] = sum(coal_distance(robot, state[0]) <= 0 for state in states)
+    for row in rng.integers(len(time), size=looks):
+        state = [part[row] for part in movement[1:]]
+        found["torque, by Pinocchio"] += _beyond(_torques(robot, *state)[None], limits.torque)
+        found["touch, by Coal"] += int(not coal_distance(robot, state[0]) > 0)
     return +found
 
 
@@ -76,7 +75,7 @@ def _data(robot: Robot) -> pinocchio.Data:
     return robot.model.createData()
 
 
-def _pinocchio_torques(robot: Robot, *state: np.ndarray) -> np.ndarray:
+def _torques(robot: Robot, *state: np.ndarray) -> np.ndarray:
     return np.array(pinocchio.rnea(robot.model, _data(robot), *state))
 
 

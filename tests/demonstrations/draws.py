@@ -29,9 +29,8 @@ KINDS = (
     "turns",
     "half turn",
 )
-# Metres and radians of a unit of a shape; radians of a joint.
+# Metres and radians of a unit of a shape.
 _UNITS = np.repeat([0.25, 0.6], 3)
-_JOINT_UNIT_RAD = 0.6
 _SPEED = 10.0
 
 
@@ -45,36 +44,36 @@ class Draw:
         One of `KINDS`.
     robot : Robot
         With one of its tools.
-    demonstration : HandTrajectory
-        What is asked of the hand, in the robot's world frame.
-    joints : array, shape (T, n)
-        The same kind of path for the joints, rad; not the same movement.
+    time : array, shape (T,)
+        Seconds.
+    path : HandTrajectory or array, shape (T, n)
+        What is asked of the hand, in the robot's world frame; or angles of the joints, rad.
     settings : MappingSettings
         How it is mapped.
     """
 
     kind: str
     robot: Robot
-    demonstration: HandTrajectory
-    joints: np.ndarray
+    time: np.ndarray
+    path: HandTrajectory | np.ndarray
     settings: MappingSettings
 
 
-def draw(seed: int, number: int, robots: tuple[str, ...] = ROBOTS) -> Draw:
-    """Draw demonstration `number`; arms and kinds take turns, so every range has them all."""
+def draw(seed: int, number: int, hand: bool, robots: tuple[str, ...] = ROBOTS) -> Draw:
+    """Draw demonstration `number` of the hand, or a path of the joints.
+
+    Arms and kinds take turns, so every range has them all.
+    """
     rng = np.random.default_rng([seed, number])
     kind = KINDS[number // len(robots) % len(KINDS)]
     robot = _load(robots[number % len(robots)], int(rng.integers(100)))
     time = _times(rng, kind)
-    hand = _hand_path(rng, kind, robot, time)
-    poses = np.hstack([hand[:, :3, 3], rotation_to_quaternion(hand[:, :3, :3])])
-    return Draw(
-        kind,
-        robot,
-        HandTrajectory(time, poses, f"{seed}:{number}", kind),
-        _joint_path(rng, kind, robot, time),
-        _settings(rng),
-    )
+    settings = _settings(rng)
+    if not hand:
+        return Draw(kind, robot, time, _joint_path(rng, kind, robot, time), settings)
+    frames = _hand_path(rng, kind, robot, time)
+    poses = np.hstack([frames[:, :3, 3], rotation_to_quaternion(frames[:, :3, :3])])
+    return Draw(kind, robot, time, HandTrajectory(time, poses, f"{seed}:{number}", kind), settings)
 
 
 @cache
@@ -111,7 +110,7 @@ def _settings(rng: np.random.Generator) -> MappingSettings:
     return MappingSettings(
         free_spin=bool(rng.random() < 0.25),
         knot_spacing_s=float(rng.choice([0.02, 0.05, 0.05, 0.2])),
-        least_duration_s=float(rng.choice([0.0, 0.0, 0.0, 1.0])),
+        least_duration_s=0.5 * bool(rng.random() < 0.1),
         greatest_change_m=float(rng.choice([0.0, 0.0, 0.0, 0.005])),
     )
 
@@ -128,10 +127,10 @@ def _shape(rng: np.random.Generator, kind: str, time: np.ndarray, width: int) ->
         return np.where(u > rng.uniform(), rng.uniform(0.1, 2.0), 0.0) * way
     if kind == "spike":
         path = 0.3 * u * way
-        path[rng.integers(count)] += 10 ** rng.uniform(-1.0, 1.5) * rng.normal(size=width)
+        path[rng.integers(count)] += 10 ** rng.uniform(-1.0, 1.0) * rng.normal(size=width)
         return path
     if kind == "outside":
-        return 10 ** rng.uniform(0.3, 2.0) * u * way
+        return 10 ** rng.uniform(0.3, 1.5) * u * way
     if kind == "walk":
         return np.cumsum(rng.normal(0, rng.uniform(0.01, 0.3), (count, width)), axis=0)
     if kind == "noise":
@@ -188,16 +187,20 @@ def _hand_path(
 def _joint_path(
     rng: np.random.Generator, kind: str, robot: Robot, time: np.ndarray
 ) -> np.ndarray:
-    """Draw a path (T, n) of the joints, which inverse kinematics might have given or not."""
+    """Draw a path (T, n) of the joints, from hardly any movement to many radians."""
     if kind == "singular":
         return _through_singular(rng, robot, time)
-    path = _JOINT_UNIT_RAD * _shape(rng, kind, time, robot.n)
+    path = 10 ** rng.uniform(-2.5, -0.3) * _shape(rng, kind, time, robot.n)
     if kind == "10 m/s":
-        path = _to_and_fro(rng, time, robot.n, 1.5)
-    if kind in ("turns", "half turn"):
-        one = rng.integers(robot.n)
-        path[:, one] += np.where(time > time[-1] * rng.uniform(), np.pi, 0.0)
-    return _start(rng, robot) + path
+        path = _to_and_fro(rng, time, robot.n, 0.5)
+    if kind == "half turn":
+        turn = np.pi * 10 ** rng.uniform(-2.0, 0.0)
+        path[:, rng.integers(robot.n)] += np.where(time > time[-1] * rng.uniform(), turn, 0.0)
+    low, high = robot.limits.position_min, robot.limits.position_max
+    # Inverse kinematics gives none beyond. One in 16 to the very limits: there the path must be
+    # changed, which takes ten times as long.
+    edge = 0.1 * (high - low) * bool(rng.integers(16))
+    return np.clip(_start(rng, robot) + path, low + edge, high - edge)
 
 
 def _start(rng: np.random.Generator, robot: Robot) -> np.ndarray:
@@ -215,7 +218,8 @@ def _through_singular(rng: np.random.Generator, robot: Robot, time: np.ndarray) 
     way = rng.normal(size=robot.n)
     way *= rng.uniform(0.05, 1.0) / np.linalg.norm(way)
     u = np.linspace(-rng.uniform(0, 1), rng.uniform(0, 1), len(time))[:, None]
-    return places[rng.integers(len(places))] + u * way
+    path = places[rng.integers(len(places))] + u * way
+    return np.clip(path, robot.limits.position_min, robot.limits.position_max)
 
 
 @cache
@@ -228,6 +232,6 @@ def _singular(robot: Robot, count: int = 8) -> np.ndarray:
         for _ in range(2):
             for joint in range(robot.n):
                 tried = np.tile(place, (41, 1))
-                tried[1:, joint] = np.linspace(low[joint], high[joint], 40)
+                tried[1:, joint] = np.linspace(0.8 * low[joint], 0.8 * high[joint], 40)
                 place[joint] = tried[np.argmin(manipulability(robot.chain, tried)), joint]
     return found
