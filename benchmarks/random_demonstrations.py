@@ -19,9 +19,10 @@ import json
 import os
 import sys
 import time
-from collections import Counter
+from collections import Counter, defaultdict
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 
 # Before numpy is loaded: threads inside BLAS cost more than they save.
@@ -32,82 +33,91 @@ import numpy as np
 from demonstrations.attempts import Outcome, attempt
 from demonstrations.draws import ROBOTS
 
-BLOCK = 500
+BLOCK = 200
 
 
-def try_block(seed: int, first: int, count: int, hand: bool, robots: tuple[str, ...]) -> list:
+class Tally:
+    """What became of the demonstrations on one arm; a million outcomes need not be held."""
+
+    def __init__(self) -> None:
+        self.counts, self.reasons, self.plans = Counter(), Counter(), Counter()
+        self.stretches: list[float] = []
+        self.seconds = 0.0
+
+    def add(self, one: Outcome) -> None:
+        self.reasons[one.reason] += 1
+        if one.plan:
+            self.plans[one.plan] += 1
+        if not one.reason:
+            self.stretches.append(one.stretch)
+        self.counts += {"samples": one.samples, "violations": one.found.total()}
+        self.seconds += one.seconds
+
+    def __add__(self, other: "Tally") -> "Tally":
+        both = Tally()
+        for name in ("counts", "reasons", "plans", "stretches", "seconds"):
+            setattr(both, name, getattr(self, name) + getattr(other, name))
+        return both
+
+
+def try_block(
+    seed: int, first: int, count: int, hand: bool, robots: tuple[str, ...]
+) -> list[Outcome]:
     numbers = range(first, first + count)
     return [attempt(seed, number, hand=hand, robots=robots) for number in numbers]
 
 
-def try_all(given: argparse.Namespace) -> list[Outcome]:
-    """Try the whole range in blocks; say how fast it goes."""
-    began, found, failed = time.perf_counter(), [], 0
-    last = given.first + given.count
+def try_all(given: argparse.Namespace) -> tuple[dict[str, Tally], list[Outcome]]:
+    """Try the whole range in blocks; return what came of it by arm, and the failures."""
+    began, done, failed = time.perf_counter(), 0, []
+    tallies: defaultdict[str, Tally] = defaultdict(Tally)
+    last, robots = given.first + given.count, tuple(given.robots)
+    firsts = range(given.first, last, BLOCK)
+    counts = [min(BLOCK, last - first) for first in firsts]
+    one_block = partial(try_block, given.seed, hand=not given.joints, robots=robots)
     with ProcessPoolExecutor(given.jobs) as pool:
-        waiting = [
-            pool.submit(
-                try_block,
-                given.seed,
-                first,
-                min(BLOCK, last - first),
-                not given.joints,
-                tuple(given.robots),
-            )
-            for first in range(given.first, last, BLOCK)
-        ]
-        for block in waiting:
-            found += block.result()
-            failed += sum(bool(one.found) for one in block.result())
-            rate = len(found) / (time.perf_counter() - began)
-            print(
-                f"\r{given.first + len(found)} of {last}, {rate:.1f} a second, {failed} failed ",
-                end="",
-                file=sys.stderr,
-                flush=True,
-            )
+        for block in pool.map(one_block, firsts, counts):
+            for one in block:
+                tallies[one.robot].add(one)
+            failed += [one for one in block if one.found]
+            done += len(block)
+            rate = done / (time.perf_counter() - began)
+            line = f"{given.first + done} of {last}, {rate:.1f} a second, {len(failed)} failed"
+            print(f"\r{line} ", end="", file=sys.stderr, flush=True)
     print(file=sys.stderr)
-    return found
+    return dict(sorted(tallies.items())), failed
 
 
-def print_counts(found: list[Outcome]) -> None:
+def print_counts(tallies: dict[str, Tally]) -> None:
     """Print what became of them, by arm."""
     head = ("kept", "refused", "plans", "refused", "stretch 50 %", "95 %", "greatest")
     print(f"{'':12}{'tried':>9}" + "".join(f"{word:>13}" for word in head), end="")
     print(f"{'samples':>13}{'violations':>12}{'CPU s':>9}")
-    for name in (*sorted({one.robot for one in found}), "all"):
-        some = [one for one in found if name in ("all", one.robot)]
-        kept = [one for one in some if not one.reason]
-        plans = Counter(one.plan == "kept" for one in some if one.plan)
-        stretch = np.array([one.stretch for one in kept])
-        quantiles = np.nanpercentile(stretch, [50, 95, 100]) if len(kept) else [np.nan] * 3
-        print(f"{name:12}{len(some):9}{len(kept):13}{len(some) - len(kept):13}", end="")
-        print(f"{plans[True]:13}{plans[False]:13}", end="")
+    for name, tally in (*tallies.items(), ("all", sum(tallies.values(), Tally()))):
+        tried, kept = tally.reasons.total(), tally.reasons[""]
+        counts = kept, tried - kept, tally.plans["kept"], tally.plans.total() - tally.plans["kept"]
+        quantiles = np.percentile(tally.stretches or [np.nan], [50, 95, 100])
+        print(f"{name:12}{tried:9}" + "".join(f"{count:13}" for count in counts), end="")
         print("".join(f"{value:13.2f}" for value in quantiles), end="")
-        print(f"{sum(one.samples for one in some):13}", end="")
-        print(f"{sum(one.found.total() for one in some):12}", end="")
-        print(f"{sum(one.seconds for one in some):9.0f}")
+        print(f"{tally.counts['samples']:13}{tally.counts['violations']:12}{tally.seconds:9.0f}")
 
 
-def print_reasons(found: list[Outcome]) -> None:
+def print_reasons(tallies: dict[str, Tally]) -> None:
     """Print why demonstrations and plans were refused, by arm."""
-    names = sorted({one.robot for one in found})
-    for what in ("reason", "plan"):
-        reasons = Counter(getattr(one, what) for one in found)
-        print(f"\nrefused {what}s" if what == "plan" else "\nrefused")
-        for reason, count in reasons.most_common():
-            if reason in ("", "kept"):
-                continue
-            by_arm = Counter(one.robot for one in found if getattr(one, what) == reason)
-            parts = ", ".join(f"{name} {by_arm[name]}" for name in names)
-            print(f"{count:9}  {reason} ({parts})")
+    whole = sum(tallies.values(), Tally())
+    for what, words in (("reasons", "refused demonstrations"), ("plans", "refused plans")):
+        print(f"\n{words}")
+        for reason, count in getattr(whole, what).most_common():
+            if reason not in ("", "kept"):
+                parts = [f"{name} {getattr(one, what)[reason]}" for name, one in tallies.items()]
+                print(f"{count:9}  {reason} ({', '.join(parts)})")
 
 
-def print_violations(found: list[Outcome], given: argparse.Namespace) -> None:
+def print_violations(failed: list[Outcome], show: int) -> None:
     """Print the violations by kind, and the demonstrations that have them."""
-    total = sum((one.found for one in found), Counter())
+    total = sum((one.found for one in failed), Counter())
     print("\nviolations: " + (", ".join(f"{k} {n}" for k, n in total.items()) or "none"))
-    for one in [one for one in found if one.found][: given.show]:
+    for one in failed[:show]:
         parts = ", ".join(f"{kind} {count}" for kind, count in one.found.items())
         print(f"number {one.number}: {one.robot}, {one.kind}: {parts} {one.words}")
 
@@ -124,19 +134,19 @@ def main() -> None:
     parser.add_argument("--json", type=Path, help="Write every failure here.")
     given = parser.parse_args()
     began = time.perf_counter()
-    found = try_all(given)
+    tallies, failed = try_all(given)
     wall_s = time.perf_counter() - began
-    print_counts(found)
-    print_reasons(found)
-    print_violations(found, given)
+    print_counts(tallies)
+    print_reasons(tallies)
+    print_violations(failed, given.show)
     print(
         f"seed {given.seed}, numbers {given.first} to {given.first + given.count - 1}, "
         f"{wall_s:.0f} s, {given.count / wall_s:.1f} a second with {given.jobs} processes; next: "
         f"--first {given.first + given.count}"
     )
-    failed = [asdict(one) for one in found if one.found]
     if given.json is not None:
-        given.json.write_text(json.dumps(failed, indent=1) + "\n", encoding="utf-8")
+        rows = [asdict(one) for one in failed]
+        given.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
     sys.exit(1 if failed else 0)
 
 

@@ -67,7 +67,7 @@ def draw(seed: int, number: int, hand: bool, robots: tuple[str, ...] = ROBOTS) -
     rng = np.random.default_rng([seed, number])
     kind = KINDS[number // len(robots) % len(KINDS)]
     robot = _load(robots[number % len(robots)], int(rng.integers(100)))
-    time = _times(rng, kind)
+    time = _times(rng, kind, 8 if hand else 5)
     settings = _settings(rng)
     if not hand:
         return Draw(kind, robot, time, _joint_path(rng, kind, robot, time), settings)
@@ -92,12 +92,12 @@ def _tools(name: str) -> tuple[str, ...]:
     return tuple(sorted(config.tools))
 
 
-def _times(rng: np.random.Generator, kind: str) -> np.ndarray:
+def _times(rng: np.random.Generator, kind: str, few: int) -> np.ndarray:
     """Draw the times of the samples: mostly few, mostly even, seconds from 0."""
     if kind == "short":
         count = int(rng.integers(1, 4))
     else:
-        count = int(rng.integers(9, 60) if rng.random() < 0.05 else rng.integers(3, 9))
+        count = int(rng.integers(few, 60) if rng.random() < 0.05 else rng.integers(3, few + 1))
     rate = rng.choice([30.0, 100.0, 100.0, 100.0, 500.0])
     steps = np.full(count - 1, 1.0 / rate)
     if rng.random() < 0.1:
@@ -189,18 +189,20 @@ def _joint_path(
 ) -> np.ndarray:
     """Draw a path (T, n) of the joints, from hardly any movement to many radians."""
     if kind == "singular":
-        return _through_singular(rng, robot, time)
-    path = 10 ** rng.uniform(-2.5, -0.3) * _shape(rng, kind, time, robot.n)
+        start, path = np.zeros(robot.n), _through_singular(rng, robot, time)
+    else:
+        start = _start(rng, robot)
+        path = 10 ** rng.uniform(-3.0, -0.3) * _shape(rng, kind, time, robot.n)
     if kind == "10 m/s":
         path = _to_and_fro(rng, time, robot.n, 0.5)
     if kind == "half turn":
         turn = np.pi * 10 ** rng.uniform(-2.0, 0.0)
         path[:, rng.integers(robot.n)] += np.where(time > time[-1] * rng.uniform(), turn, 0.0)
     low, high = robot.limits.position_min, robot.limits.position_max
-    # Inverse kinematics gives none beyond. One in 16 to the very limits: there the path must be
+    # Inverse kinematics gives none beyond. One in 32 to the very limits: there the path must be
     # changed, which takes ten times as long.
-    edge = 0.1 * (high - low) * bool(rng.integers(16))
-    return np.clip(_start(rng, robot) + path, low + edge, high - edge)
+    edge = 0.15 * (high - low) * bool(rng.integers(32))
+    return np.clip(start + path, low + edge, high - edge)
 
 
 def _start(rng: np.random.Generator, robot: Robot) -> np.ndarray:
