@@ -15,7 +15,7 @@ from besman.motion.adapt_plan import retarget_plan
 from besman.motion.rollout import sample_plan
 from besman.records import JointTrajectory
 from besman.robot.dynamics import inverse_dynamics
-from besman.robot.limits import LimitReport, check_limits, resample_trajectory
+from besman.robot.limits import LimitReport, resample_trajectory
 from besman.stages.imitate.stage import CartesianDmpConfig, ImitateConfig, VelocityDmpConfig
 from besman.stages.map.demonstration import check_demonstration, map_one, tool_poses, why_not
 from besman.stages.map.needed_stretch import ChangeTolerance
@@ -129,7 +129,7 @@ def _from_hand(one: Draw, rng: np.random.Generator) -> dict:
 
 
 def _from_joints(one: Draw, rng: np.random.Generator) -> dict:
-    """Bring a path of the joints within limits; of what touches something only these are looked at."""
+    """Bring a path of the joints within limits, where it may touch something all the same."""
     if len(one.time) < 3:
         return {"reason": "expected a demonstration of at least three poses"}
     settings = one.settings
@@ -153,9 +153,7 @@ def _from_joints(one: Draw, rng: np.random.Generator) -> dict:
     return {"reason": reason, "stretch": scaled.stretch, "samples": samples, "found": +found}
 
 
-def _check(
-    one: Draw, path, rng: np.random.Generator, looks: int = _LOOKS
-) -> tuple[Counter, int]:
+def _check(one: Draw, path, rng: np.random.Generator, looks: int = _LOOKS) -> tuple[Counter, int]:
     """Count what a path violates at 1 kHz, and the samples."""
     dense = resample_trajectory(path.time, path.positions, path.velocities, path.accelerations)
     return violations(one.robot, dense, rng, looks), len(dense[0])
@@ -193,6 +191,8 @@ def _plan(
         return reason_of(str(error).rpartition(f"{trajectory.name}: ")[2]), Counter(), 0
     movement = sample_plan(plan, one.robot)
     found = violations(one.robot, movement, rng, _LOOKS)
-    return "kept", Counter({f"{key}, of a plan": count for key, count in found.items()}), len(
-        movement[0]
+    return (
+        "kept",
+        Counter({f"{key}, of a plan": count for key, count in found.items()}),
+        len(movement[0]),
     )

@@ -106,7 +106,7 @@ def _times(rng: np.random.Generator, kind: str, few: int) -> np.ndarray:
 
 
 def _settings(rng: np.random.Generator) -> MappingSettings:
-    """Draw how it is mapped: one in four with a change of the path, which takes ten times as long."""
+    """Draw how it is mapped: one in four with a change of the path, which takes longest."""
     return MappingSettings(
         free_spin=bool(rng.random() < 0.25),
         knot_spacing_s=float(rng.choice([0.02, 0.05, 0.05, 0.2])),
@@ -159,9 +159,7 @@ def _to_and_fro(rng: np.random.Generator, time: np.ndarray, width: int, reach: f
     return (reach - np.abs(made % (2 * reach) - reach)) * way / np.linalg.norm(way)
 
 
-def _hand_path(
-    rng: np.random.Generator, kind: str, robot: Robot, time: np.ndarray
-) -> np.ndarray:
+def _hand_path(rng: np.random.Generator, kind: str, robot: Robot, time: np.ndarray) -> np.ndarray:
     """Draw poses of the hand (T, 4, 4) in the robot's world, such that the tool starts in reach."""
     start = _start(rng, robot)
     if kind == "singular":
@@ -184,9 +182,7 @@ def _hand_path(
     return tips @ np.linalg.inv(robot.tool.tcp2hand)
 
 
-def _joint_path(
-    rng: np.random.Generator, kind: str, robot: Robot, time: np.ndarray
-) -> np.ndarray:
+def _joint_path(rng: np.random.Generator, kind: str, robot: Robot, time: np.ndarray) -> np.ndarray:
     """Draw a path (T, n) of the joints, from hardly any movement to many radians."""
     if kind == "singular":
         start, path = np.zeros(robot.n), _through_singular(rng, robot, time)
