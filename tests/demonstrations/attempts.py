@@ -108,7 +108,7 @@ def reason_of(words: str) -> str:
     words = re.sub(r"joint \S+", "a joint", words)
     words = re.sub(r" of (ur|compi|iiwa|rh5)\S*", " of the arm", words)
     words = re.sub(r"-?\d[\d.]*(e-?\d+)?", "N", words)
-    return re.split(r"; |, ", words)[0].strip()
+    return re.split(r"; |, | \[", words)[0].strip()
 
 
 def _from_hand(one: Draw, rng: np.random.Generator) -> dict:
