@@ -47,9 +47,9 @@ def link_capsules(
     if config.capsules:
         return [_from_config(model, capsule, path) for capsule in config.capsules]
     found = []
-    for link, joint, placed, geometry, scale in _collision_shapes(model, tree, urdf):
+    for link, joint, placed, geometry, mirrored in _collision_shapes(model, tree, urdf):
         if hasattr(geometry, "tri_indices"):
-            capsules = fit_capsules(*_mesh(geometry, placed, scale))
+            capsules = fit_capsules(*_mesh(geometry, placed, mirrored))
         else:
             capsules = _enclose_primitive(geometry, placed)
         found += [(link, joint, ends, radius) for ends, radius in capsules]
@@ -73,16 +73,19 @@ def link_meshes(
         triangles (F, 3) index them.
     """
     return [
-        (link, joint, *_mesh(geometry, placed, scale))
-        for link, joint, placed, geometry, scale in _collision_shapes(model, tree, urdf)
+        (link, joint, *_mesh(geometry, placed, mirrored))
+        for link, joint, placed, geometry, mirrored in _collision_shapes(model, tree, urdf)
         if hasattr(geometry, "tri_indices")
     ]
 
 
 def _collision_shapes(
     model: Any, tree: ElementTree.Element, urdf: Path
-) -> list[tuple[str, int, Any, Any, FloatArray]]:
-    """List link, joint, pose in the joint's frame, geometry and scale of every collision shape."""
+) -> list[tuple[str, int, Any, Any, bool]]:
+    """List link, joint, pose in the joint's frame, geometry of every collision shape.
+
+    Last is whether its scale mirrors it.
+    """
     text = ElementTree.tostring(tree, encoding="unicode")
     try:
         plain = pinocchio.buildModelFromXML(text)
@@ -94,16 +97,19 @@ def _collision_shapes(
         link = plain.frames[item.parentFrame]
         frame = model.frames[model.getFrameId(link.name, pinocchio.FrameType.BODY)]
         pose = frame.placement * link.placement.actInv(item.placement)
-        found.append((link.name, frame.parentJoint - 1, pose, item.geometry, item.meshScale))
+        mirrored = bool(np.prod(item.meshScale) < 0)
+        found.append((link.name, frame.parentJoint - 1, pose, item.geometry, mirrored))
     return found
 
 
-def _mesh(geometry: Any, pose: Any, scale: FloatArray) -> tuple[FloatArray, IntArray]:
+def _mesh(geometry: Any, pose: Any, mirrored: bool) -> tuple[FloatArray, IntArray]:
     """Return vertices (V, 3) in the joint's frame, metres, and triangles (F, 3)."""
-    vertices = np.asarray(geometry.vertices()) * scale
+    # Pinocchio has scaled the vertices already: ``meshScale`` is what it scaled them by.
+    vertices = np.asarray(geometry.vertices())
     faces = [geometry.tri_indices(face) for face in range(geometry.num_tris)]
     triangles = np.array([[face[corner] for corner in range(3)] for face in faces], np.int64)
-    return vertices @ pose.rotation.T + pose.translation, triangles
+    # In a mirror, triangles that are counted anticlockwise from outside are so from inside.
+    return vertices @ pose.rotation.T + pose.translation, triangles[:, ::-1 if mirrored else 1]
 
 
 def _enclose_primitive(geometry: Any, pose: Any) -> list[tuple[FloatArray, float]]:
