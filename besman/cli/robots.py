@@ -44,7 +44,7 @@ def _show_robot(name: Annotated[str, typer.Argument(help="A robot.")]) -> None:
 
 @robots.command("add")
 def _add_robot(
-    urdf: Annotated[Path, typer.Argument(help="URDF of your arm.")],
+    urdf: Annotated[Path, typer.Argument(help="URDF or MJCF of your arm.")],
     tip: Annotated[
         str | None, typer.Option(help="Link that tools are mounted on; default the last one.")
     ] = None,

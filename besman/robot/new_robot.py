@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 from collections.abc import Mapping
@@ -15,6 +16,7 @@ import numpy as np
 import yaml
 
 from besman.exceptions import RobotError
+from besman.robot.collision import distances
 from besman.robot.config import RobotConfig
 from besman.robot.files.arm_chain import find_chain, find_tip, held_joints
 from besman.robot.files.joint_limits import assume_torques, parse_limit_list, read_joints
@@ -24,8 +26,16 @@ from besman.robot.files.mesh_folders import (
     places_tried,
     split_address,
 )
+from besman.robot.files.mjcf_file import CompiledArm, is_mjcf, read_mjcf
 from besman.robot.files.second_reader import refuse_faults
-from besman.robot.model import build_robot, joint_limits, list_robots, load_robot, mount_tool
+from besman.robot.model import (
+    build_robot,
+    joint_limits,
+    list_robots,
+    load_robot,
+    mount_tool,
+    read_robot_urdf,
+)
 from besman.robot.urdf_file import place_meshes, read_urdf_text
 from besman.work.display import Display, no_display
 
@@ -36,6 +46,7 @@ _HEADER = """\
 # A person's fingers point where the tool points.
 _HAND = {"hand_to_tcp_wxyz": [round(v, 6) for v in (float(np.sqrt(0.5)), 0.0) * 2]}
 _MOST_LISTED = 3
+_HEAD_BYTES = 20_000
 
 
 @dataclass(frozen=True)
@@ -80,7 +91,7 @@ def add_robot(
     Parameters
     ----------
     urdf : Path
-        The URDF.
+        The URDF or MJCF; of a MJCF a URDF and its meshes are written, too.
     tip, name, folder, packages, velocity, torque
         See `Wishes`.
     show : Display, optional
@@ -99,23 +110,83 @@ def add_robot(
     """
     wishes = Wishes(tip, name, folder, packages, velocity, torque)
     if not urdf.is_file():
-        raise RobotError(f"{urdf}: no such file; expected a URDF")
-    tree = read_urdf_text(urdf)
-    name = _check_name(wishes.name or _usable_name(str(tree.get("name", ""))), urdf)
-    path = (folder or urdf.parent) / f"{name}.yaml"
+        raise RobotError(f"{urdf}: no such file; expected a URDF or MJCF")
+    made: list[Path] = []
+    try:
+        return _bring(urdf, wishes, show, made)
+    except BaseException:
+        for one in reversed(made):
+            with suppress(OSError):
+                one.rmdir() if one.is_dir() else one.unlink()
+        raise
+
+
+def _bring(file: Path, wishes: Wishes, show: Display, made: list[Path]) -> Path:
+    """Write all files of an arm; each that is made is added to a list."""
+    arm = read_mjcf(file) if is_mjcf(file.read_bytes()[:_HEAD_BYTES]) else None
+    tree = read_urdf_text(file) if arm is None else arm.tree
+    name = _check_name(wishes.name or _usable_name(str(tree.get("name", ""))), file)
+    folder = wishes.folder or file.parent
+    path = folder / f"{name}.yaml"
     if path.exists():
         raise RobotError(
             f"{path}: is there already; nothing is overwritten, give another --name or --out"
         )
+    urdf, home = file, None
+    if arm is not None:
+        urdf, home = _write_arm(arm, folder, name, made), arm.home
+        tree = read_urdf_text(urdf)
     content = _describe(tree, urdf, path, name, wishes, show)
+    if arm is not None:
+        content["assumed"] += arm.notes
+    if home and _set_home(content, home, urdf, path):
+        content["assumed"] = [one for one in content["assumed"] if not one.startswith("home")]
     text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True, default_flow_style=None)
-    _write_new(path, _HEADER.format(urdf=urdf.name) + text)
-    try:
-        load_robot(path)
-    except BaseException:
-        path.unlink()
-        raise
+    _write_new(path, _HEADER.format(urdf=file.name) + text)
+    made.append(path)
+    load_robot(path)
     return path
+
+
+def _write_arm(arm: CompiledArm, folder: Path, name: str, made: list[Path]) -> Path:
+    """Write the URDF and the meshes of a compiled MJCF; return the URDF."""
+    urdf, meshes = folder / f"{name}.urdf", folder / f"{name}_meshes"
+    for there in (urdf, meshes):
+        if there.exists():
+            raise RobotError(
+                f"{there}: is there already; nothing is overwritten, give another --name"
+            )
+    try:
+        if arm.meshes:
+            meshes.mkdir(parents=True)
+            made.append(meshes)
+        for one, content in arm.meshes.items():
+            made.append(meshes / one)
+            (meshes / one).write_bytes(content)
+    except OSError as error:
+        raise RobotError(f"{meshes}: cannot be written: {error.strerror}") from None
+    for mesh in arm.tree.iter("mesh"):
+        mesh.set("filename", f"{meshes.name}/{mesh.get('filename')}")
+    ElementTree.indent(arm.tree)
+    _write_new(urdf, ElementTree.tostring(arm.tree, encoding="unicode") + "\n")
+    made.append(urdf)
+    return urdf
+
+
+def _set_home(content: dict[str, Any], home: Mapping[str, float], urdf: Path, path: Path) -> bool:
+    """Take a home that the file gives, if it is within limits and nothing touches there."""
+    given = [dict(joint) for joint in content["joints"]]
+    for joint in given:
+        joint["home_deg"] = round(math.degrees(home.get(joint["name"], math.nan)), 6)
+        low, high = joint["position_deg"]
+        if not low <= joint["home_deg"] <= high:
+            return False
+    config = _as_config(content | {"joints": given})
+    robot = build_robot(config, "none", *read_robot_urdf(config, path), path, str(path))
+    if distances(robot.chain, robot.home).min() <= 0:
+        return False
+    content["joints"] = given
+    return True
 
 
 def _write_new(path: Path, text: str) -> None:

@@ -162,6 +162,9 @@ def assume_masses(model: Any, config: RobotConfig) -> tuple[dict[str, dict[str, 
             for capsule in config.capsules
             if _parent(model, capsule.link) == joint
         ]
+        if not bodies and joint + 1 < model.nv:
+            # Joints that cross in a point: what the next one moves has the mass.
+            continue
         # What is nowhere wide still has to be moved.
         whole = sum(bodies, pinocchio.Inertia.FromSphere(0.02, 0.03))
         moments = np.maximum(np.diag(whole.inertia), 1e-6)
