@@ -14,7 +14,7 @@ def resource_folder(kind: str) -> Path:
     Parameters
     ----------
     kind : str
-        ``robots``, ``pipelines``, ``configs`` or ``data``.
+        ``robots``, ``tools``, ``pipelines``, ``configs`` or ``data``.
 
     Returns
     -------

@@ -180,7 +180,7 @@ class RobotConfig(Config):
         Links that cannot collide with each other, besides neighbours; ``LINK#2`` is the second of
         a link's capsules alone.
     tools : dict of ToolConfig
-        By name.
+        By name; a robot that names none has all of ``tools/NAME.yaml``.
     default_tool : str
         Used where none is named.
     assumed : tuple of str
@@ -199,6 +199,6 @@ class RobotConfig(Config):
     inertia: dict[PartName, InertiaConfig] = Field(default_factory=dict)
     capsules: tuple[CapsuleConfig, ...] = ()
     ignored_pairs: tuple[tuple[PartName, PartName], ...] = ()
-    tools: Annotated[dict[PartName, ToolConfig], Field(min_length=1)]
-    default_tool: str
+    tools: dict[PartName, ToolConfig] = Field(default_factory=dict)
+    default_tool: str = "none"
     assumed: tuple[str, ...] = ()

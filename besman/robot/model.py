@@ -21,6 +21,7 @@ from besman.geometry.frames import quaternion_to_rotation
 from besman.records.files import digest
 from besman.robot.config import JointConfig, Quaternion, RobotConfig, ToolConfig
 from besman.robot.parts import Chain, FloatArray, JointLimits, Tool, read_only
+from besman.robot.tool_shelf import tools_of
 from besman.robot.urdf_file import read_urdf
 
 _PACKAGE = "example-robot-data"
@@ -131,8 +132,9 @@ def load_robot(name_or_path: str | Path, tool: str | None = None) -> Robot:
     config = load_config(path, RobotConfig)
     _check_name(config.name, path)
     tool_name = config.default_tool if tool is None else tool
-    if tool_name not in config.tools:
-        raise RobotError(f"{path}: no tool {tool_name!r}; {nearest(tool_name, config.tools)}")
+    tools = tools_of(config)
+    if tool_name not in tools:
+        raise RobotError(f"{path}: no tool {tool_name!r}; {nearest(tool_name, tools)}")
     for joint in config.joints:
         _check_limits(joint, path)
     own = path.parent == resource_folder("robots") / config.name
@@ -303,7 +305,7 @@ def build_robot(
         ) from None
 
     limits = joint_limits(config.joints)
-    tool = mount_tool(tool_name, config.tools[tool_name], config.flange_wxyz)
+    tool = mount_tool(tool_name, tools_of(config)[tool_name], config.flange_wxyz)
     model, tip_frame = pinocchio_model.build_model(config, tool, limits, tree, urdf, path)
     chain = pinocchio_model.build_chain(model, tip_frame, config, tool, tree, urdf, path)
     content = {

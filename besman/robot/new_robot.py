@@ -36,6 +36,7 @@ from besman.robot.model import (
     mount_tool,
     read_robot_urdf,
 )
+from besman.robot.tool_shelf import tools_of
 from besman.robot.urdf_file import place_meshes, read_urdf_text
 from besman.work.display import Display, no_display
 
@@ -43,8 +44,6 @@ _RESERVED = ("add", "check", "show", "try")
 _HEADER = """\
 # Written by besman robots add from {urdf}. Look at every number, above all at those under assumed.
 """
-# A person's fingers point where the tool points.
-_HAND = {"hand_to_tcp_wxyz": [round(v, 6) for v in (float(np.sqrt(0.5)), 0.0) * 2]}
 _MOST_LISTED = 3
 _HEAD_BYTES = 20_000
 
@@ -248,8 +247,6 @@ def _describe(
         "joints": joints,
         "held": held,
         "mounting": {"height_m": 0.0, "yaw_deg": 0.0, "pedestal_radius_m": 0.0},
-        "tools": {"none": _HAND},
-        "default_tool": "none",
     }
     notes += [f"joint {key} is held at {value:g}" for key, value in held.items()]
     notes += [*folders.guessed, *faults]
@@ -312,7 +309,7 @@ def _complete(
 
     def model_now() -> Any:
         config = _as_config(content)
-        tool = mount_tool("none", config.tools["none"], config.flange_wxyz)
+        tool = mount_tool("none", tools_of(config)["none"], config.flange_wxyz)
         return config, build_model(config, tool, joint_limits(config.joints), tree, urdf, path)[0]
 
     visual = use_visual_shapes(tree)

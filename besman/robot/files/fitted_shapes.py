@@ -21,6 +21,7 @@ FloatArray = npt.NDArray[np.float64]
 # Capsules along links of which there is no shape: a share of the arm's length.
 _SLENDERNESS = 0.06
 _LEAST_LENGTH_M = 0.03
+_SHORT = 0.1
 # Of the whole capsules: a UR5 has 18 kg in 20 litres of them.
 _DENSITY_KG_M3 = 900.0
 _LEAST_MASS_KG = 1e-3
@@ -103,11 +104,14 @@ def _along_links(
     tip = model.frames[model.getFrameId(config.tip, pinocchio.FrameType.BODY)]
     ends.append(tip.placement.translation)
     lengths = [float(np.linalg.norm(end)) for end in ends]
-    radius = _SLENDERNESS * max(sum(lengths), _LEAST_LENGTH_M)
+    whole = max(sum(lengths), _LEAST_LENGTH_M)
+    radius = _SLENDERNESS * whole
+    # Joints that nearly cross have no link of their own between them.
+    shortest = max(_SHORT * whole, _LEAST_LENGTH_M)
     found = []
     for joint, (end, length) in enumerate(zip(ends, lengths, strict=True)):
         link = _moved_link(model, joint)
-        if joint not in covered and length >= _LEAST_LENGTH_M and link is not None:
+        if joint not in covered and length >= shortest and link is not None:
             found.append((link, joint, np.stack([np.zeros(3), end]), min(radius, length / 2)))
     return found
 
