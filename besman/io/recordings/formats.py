@@ -11,13 +11,13 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from besman.exceptions import RecordingError, one_of
 from besman.io.recordings.format import Format, Units, text_begins, text_has
 
 if TYPE_CHECKING:
-    from besman.records import LabelledRecording, Recording
+    from besman.records import Axis, LabelledRecording, Recording
 
 _HEAD_BYTES = 16_384
 
@@ -37,16 +37,18 @@ FORMATS = (
         "Qualisys Track Manager, old and new header",
         writer="qtm_tsv:write_tsv",
         takes_partial=True,
+        writes_zeros=True,
     ),
     Format(
         "C3D",
         (".c3d",),
         _is_c3d,
         "c3d:read_c3d",
-        "any camera system; units in mm or m, gaps by their residual",
+        "any camera system: Intel, DEC or SGI, floats or integers; gaps by their residual",
         writer="c3d:write_c3d",
         takes_units=True,
         takes_partial=True,
+        writes_zeros=True,
     ),
     Format(
         "Xsens MVNX",
@@ -55,6 +57,7 @@ FORMATS = (
         "mvnx:read_mvnx",
         "Xsens MVN: a suit with segments",
         takes_partial=True,
+        has_one_up=True,
     ),
     Format(
         "joint log (CSV with '# urdf' and '# frames')",
@@ -64,6 +67,7 @@ FORMATS = (
         "an exoskeleton; its URDF beside it, or the name of one of configs/exoskeleton",
         companions="exoskeleton:find_log_files",
         takes_partial=True,
+        has_one_up=True,
     ),
 )
 """All formats there are."""
@@ -76,27 +80,50 @@ WRITTEN_SUFFIXES = tuple(entry.suffixes[0] for entry in FORMATS if entry.writer)
 """Endings of the files that can be written."""
 
 
-_TAKES_PARTIAL: ContextVar[bool] = ContextVar("takes_partial", default=False)
+class _Reading(NamedTuple):
+    """How `read_recording` reads where its caller does not say."""
+
+    units: Units | None = None
+    partial: bool = False
+    up: Axis | None = None
+
+
+_READING: ContextVar[_Reading] = ContextVar("reading", default=_Reading())
 
 
 @contextmanager
-def taking_partial_files(partial: bool = True) -> Iterator[None]:
-    """Let `read_recording` take what is there of files that were cut, within a block of code.
+def reading(
+    *, units: Units | None = None, partial: bool | None = None, up: Axis | None = None
+) -> Iterator[None]:
+    """Let `read_recording` read so, within a block of code.
+
+    For whoever reads recordings through other functions, as commands do. What is None stays as it
+    was before.
 
     Parameters
     ----------
-    partial : bool
-        Whether it does; for whoever reads recordings through other functions, as commands do.
+    units, partial, up
+        As of `read_recording`.
     """
-    before = _TAKES_PARTIAL.set(partial)
+    before = _READING.get()
+    token = _READING.set(
+        _Reading(
+            before.units if units is None else units,
+            before.partial if partial is None else partial,
+            before.up if up is None else up,
+        )
+    )
     try:
         yield
     finally:
-        _TAKES_PARTIAL.reset(before)
+        _READING.reset(token)
 
 
 def read_recording(
-    path: Path, units: Units | None = None, partial: bool | None = None
+    path: Path,
+    units: Units | None = None,
+    partial: bool | None = None,
+    up: Axis | None = None,
 ) -> Recording:
     """Read one recording; its content tells the format, whatever the file's ending.
 
@@ -104,16 +131,21 @@ def read_recording(
     ----------
     path : Path
         Of one of `FORMATS`.
-    units : "m" or "mm", optional
-        What the coordinates are in, if the file does not say so itself, as a C3D file may.
+    units : "m", "cm", "mm" or "in", optional
+        What the coordinates are in, whatever the file says, if its format may be wrong about it.
     partial : bool, optional
-        Take what is there of a file that was cut in transfer, with a warning; if not given, what
-        `taking_partial_files` says, by default not.
+        Take what is there of a file that was cut in transfer, with a warning.
+    up : str, optional
+        The direction of the file's frame that points up, such as ``y`` or ``-z``; if not given,
+        what the file says, or `besman.geometry.up_axis` finds.
+
+    Where an argument is not given it is what `reading` says around the call.
 
     Returns
     -------
     Recording
-        At least two frames, with times that rise.
+        At least two frames, with times that rise; metres, z up. `Recording.origin` says how
+        that was told.
 
     Raises
     ------
@@ -124,8 +156,10 @@ def read_recording(
     -----
     RecordingWarning
         If samples that no body makes became gaps, and for what else was concluded: see
-        `besman.io.recordings.sense.check_recording` and the format's reader.
+        `besman.io.recordings.sense.check_recording`, `besman.io.recordings.conventions` and the
+        format's reader.
     """
+    from besman.io.recordings.conventions import leave_out_zeros, turn_up
     from besman.io.recordings.sense import check_recording
 
     head = _read_head(path)
@@ -134,9 +168,16 @@ def read_recording(
         if not head.strip():
             raise RecordingError(f"{path}: the file is empty; expected {KNOWN_FORMATS}")
         raise RecordingError(f"{path}: a format that is not known; expected {KNOWN_FORMATS}")
-    if partial is None:
-        partial = _TAKES_PARTIAL.get()
-    return check_recording(found.read(path, units, partial), path)
+    usual = _READING.get()
+    recording = found.read(
+        path,
+        usual.units if units is None else units,
+        usual.partial if partial is None else partial,
+    )
+    if found.writes_zeros:
+        recording = leave_out_zeros(recording)
+    recording = turn_up(found.sign(recording), usual.up if up is None else up, path)
+    return check_recording(recording, path)
 
 
 def find_companions(path: Path) -> tuple[Path, ...]:

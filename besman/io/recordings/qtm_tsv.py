@@ -15,7 +15,7 @@ from besman.io.atomic_files import written_aside
 from besman.io.recordings.number_cells import parse_cells
 from besman.io.recordings.qtm_header import QtmHeader, read_header
 from besman.io.recordings.text_lines import TextLines
-from besman.records import Recording
+from besman.records import Origin, Recording
 from besman.records.frozen import hand_over
 from besman.records.recordings import GREATEST_FRAME, RATES_HZ
 
@@ -81,6 +81,7 @@ def read_tsv(path: Path, partial: bool = False) -> Recording:
         rate_hz=rate_hz,
         source=path.name,
         first_frame=int(frames[0]),
+        origin=Origin(units="mm", units_by="the format"),
     )
 
 
