@@ -84,7 +84,7 @@ def _options(
     ] = False,
     units: Annotated[
         str | None,
-        typer.Option("--units", metavar="m|cm|mm|in", help="What coordinates of files are in."),
+        typer.Option("--units", metavar="m|cm|mm|in|ft", help="What coordinates of files are in."),
     ] = None,
     up: Annotated[
         str | None,

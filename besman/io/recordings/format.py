@@ -17,7 +17,7 @@ from besman.exceptions import RecordingError, one_of
 if TYPE_CHECKING:
     from besman.records import Axis, Recording
 
-Units = Literal["m", "cm", "mm", "in"]
+Units = Literal["m", "cm", "mm", "in", "ft"]
 
 Name = TypeVar("Name", bound=str)
 

@@ -12,7 +12,7 @@ from besman.exceptions import RecordingError, RecordingWarning
 from besman.io.recordings.format import Units
 from besman.records import FloatArray
 
-UNIT_M = {"m": 1.0, "cm": 0.01, "mm": 1e-3, "in": 0.0254}
+UNIT_M = {"m": 1.0, "cm": 0.01, "mm": 1e-3, "in": 0.0254, "ft": 0.3048}
 """Metres of each unit that can be asked for."""
 
 _WORDS = (
@@ -20,6 +20,7 @@ _WORDS = (
     ("cm", re.compile(r"cm|cent(i(m(et(er|re)?s?)?)?)?", re.IGNORECASE)),
     # Where text is four letters long, `mete` and `metr` are what is left of it.
     ("m", re.compile(r"m|met(e|er|r|re)s?", re.IGNORECASE)),
+    ("ft", re.compile(r"ft|foot|feet", re.IGNORECASE)),
     ("in", re.compile(r"in|inch(es)?", re.IGNORECASE)),
 )
 # Points of a person seen together lie this far apart: from a hand with its fingers, in metres, to

@@ -14,7 +14,7 @@ from besman.foreign.numbers import has_odd_digits, parse_number
 from besman.io.atomic_files import written_aside
 from besman.io.recordings.number_cells import parse_cells
 from besman.io.recordings.qtm_header import QtmHeader, read_header
-from besman.io.recordings.text_lines import TextLines
+from besman.io.recordings.text_lines import TextLines, read_lines
 from besman.records import Origin, Recording
 from besman.records.frozen import hand_over
 from besman.records.recordings import GREATEST_FRAME, RATES_HZ
@@ -66,7 +66,7 @@ def read_tsv(path: Path, partial: bool = False) -> Recording:
     RecordingWarning
         If NO_OF_FRAMES says something else than the lines, or times do not rise evenly.
     """
-    lines = _read_lines(path)
+    lines = read_lines(path, "a Qualisys TSV recording")
     header = read_header(lines, path)
     _look_for_cut(lines, header, path, partial)
     clock, positions = _read_numbers(lines, header, path)
@@ -128,19 +128,6 @@ def write_tsv(recording: Recording, path: Path) -> None:
         for start in range(0, n_samples, _ROWS_AT_ONCE):
             block = rows[start : start + _ROWS_AT_ONCE]
             file.write(line * len(block) % tuple(block.ravel().tolist()))
-
-
-def _read_lines(path: Path) -> TextLines:
-    """Read the file."""
-    try:
-        lines = TextLines.of(path)
-    except FileNotFoundError:
-        raise RecordingError(f"{path}: no such file") from None
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be read: {error.strerror}") from None
-    if lines.is_blank:
-        raise RecordingError(f"{path}: the file is empty; expected a Qualisys TSV recording")
-    return lines
 
 
 def _look_for_cut(lines: TextLines, header: QtmHeader, path: Path, partial: bool) -> None:

@@ -110,7 +110,7 @@ def test_names_of_options():
     assert (parse_units(None), parse_units(" MM ")) == (None, "mm")
     with pytest.raises(RecordingError, match=r"--up: got 'up'; expected x, y, z, -x, -y or -z"):
         parse_up("up")
-    with pytest.raises(RecordingError, match=r"--units: got 'km'; expected m, cm, mm or in"):
+    with pytest.raises(RecordingError, match=r"--units: got 'km'; expected m, cm, mm, in or ft"):
         parse_units("km")
 
 
