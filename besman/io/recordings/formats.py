@@ -80,6 +80,19 @@ FORMATS = (
         writes_zeros=True,
     ),
     Format(
+        "Nexus CSV",
+        (".csv",),
+        text_begins(
+            rb'(?i)"?(trajectories|model outputs|devices|joints|segments)"?[,;\t ]*\r?\n'
+            rb'"?[0-9]+(\.[0-9]+)?"?([,;\t ]*\r?$|[,;\t] *hz)'
+        ),
+        "nexus_csv:read_nexus_csv",
+        "Vicon Nexus, Workstation, Tracker: trajectories, or the positions among model outputs",
+        takes_units=True,
+        takes_partial=True,
+        writes_zeros=True,
+    ),
+    Format(
         "joint log (CSV with '# urdf' and '# frames')",
         (".csv",),
         text_begins(rb"(?i)(#[^\n]*\n)*(# *(urdf|frames) *:|time_s *,)"),
