@@ -93,6 +93,15 @@ FORMATS = (
         writes_zeros=True,
     ),
     Format(
+        "BVH",
+        (".bvh",),
+        text_begins(rb"(?i)HIERARCHY\s"),
+        "bvh:read_bvh",
+        "animation and suits: a skeleton with joints' angles; units by the height of the body",
+        takes_units=True,
+        takes_partial=True,
+    ),
+    Format(
         "joint log (CSV with '# urdf' and '# frames')",
         (".csv",),
         text_begins(rb"(?i)(#[^\n]*\n)*(# *(urdf|frames) *:|time_s *,)"),

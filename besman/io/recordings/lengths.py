@@ -28,6 +28,19 @@ _WORDS = (
 _RANGES = (("mm", 300.0, 100_000.0), ("cm", 15.0, 300.0), ("m", 0.05, 15.0))
 
 
+_CMU = "1/0.45 in"
+# What a person's greatest extent, 0.9 to 2.3 m, is in each unit; where two would do, the usual one.
+_HEIGHTS = (
+    ("m", 0.8, 2.6),
+    ("ft", 3.0, 7.6),
+    (_CMU, 16.0, 39.0),
+    ("in", 39.0, 80.0),
+    ("cm", 80.0, 260.0),
+    ("mm", 800.0, 2600.0),
+)
+_FRAMES = 200
+
+
 class Length(NamedTuple):
     """The unit of a file's coordinates.
 
@@ -103,6 +116,48 @@ def find_length(
         f"for {found}, by the size of a person (--units says otherwise)"
     )
     return Length(UNIT_M[found], found, "the size of a person")
+
+
+def body_length(positions: FloatArray, asked: Units | None, where: str) -> Length:
+    """Tell what the coordinates of a whole body are in, by its height.
+
+    Parameters
+    ----------
+    positions : array, shape (T, M, 3)
+        Of a body from head to feet, in the file's units.
+    asked : str or None
+        What the user says.
+    where : str
+        The file, for messages.
+
+    Raises
+    ------
+    RecordingError
+        If the body is of no person's height in any unit.
+
+    Warns
+    -----
+    RecordingWarning
+        With the unit that was told so.
+    """
+    if asked is not None:
+        return Length(UNIT_M[asked], asked, "asked for")
+    file_name = where.rpartition("/")[2]
+    few = positions[:: max(1, len(positions) // _FRAMES)]
+    spans = np.nanmax(few, axis=1) - np.nanmin(few, axis=1)
+    spans = spans[np.isfinite(spans).all(axis=1)].max(axis=1)
+    height = float(np.percentile(spans, 90)) if len(spans) else 0.0
+    for name, low, high in _HEIGHTS:
+        if low <= height < high:
+            _warn(
+                f"{file_name}: no units are named; the body is {height:.3g} high, so they are "
+                f"taken for {name}, by the size of a person (--units says otherwise)"
+            )
+            return Length({**UNIT_M, _CMU: 0.0254 / 0.45}[name], name, "the size of a person")
+    raise RecordingError(
+        f"{where}: no units are named and the body is {height:.3g} high, which is no person's in "
+        "any unit; expected --units m, cm, mm, in or ft"
+    )
 
 
 def typical_extent(positions: FloatArray) -> float:
