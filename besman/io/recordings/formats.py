@@ -28,6 +28,20 @@ def _is_c3d(head: bytes) -> bool:
     return head[1:2] == b"P" and 2 <= head[0] < 32 and (head[0] not in b"\t\n\r" or b"\0" in head)
 
 
+_POSITION = rb'\[\s*(?:(?:-?[0-9][-+.0-9eE]*|NaN|null)\s*(?:,\s*|(?=\]))){3}'
+_TWO_NAMED = re.compile(rb'"[^"\n]+"\s*:\s*\[?\s*' + _POSITION, re.DOTALL)
+
+
+def _is_keypoints(head: bytes) -> bool:
+    """Tell keypoints: frames of which each has names of positions, or names with lists of them."""
+    text = head.removeprefix(b"\xef\xbb\xbf").lstrip()
+    if text[:1] not in (b"{", b"["):
+        return False
+    is_list = re.match(rb'\[\s*\{', text) is not None
+    is_told = re.search(rb'"(frames|tracking|fps|rate_hz|frame_rate|sampling_rate)"\s*:', text)
+    return (is_list or is_told is not None) and len(_TWO_NAMED.findall(text)) > 1
+
+
 FORMATS = (
     Format(
         "Qualisys TSV",
@@ -100,6 +114,15 @@ FORMATS = (
         "animation and suits: a skeleton with joints' angles; units by the height of the body",
         takes_units=True,
         takes_partial=True,
+    ),
+    Format(
+        "keypoints (JSON with positions by name for each frame)",
+        (".json",),
+        _is_keypoints,
+        "keypoints:read_keypoints",
+        "markerless systems: [{name: [x, y, z], ...}, ...]; rate as fps or times, units by height",
+        takes_units=True,
+        writes_zeros=True,
     ),
     Format(
         "joint log (CSV with '# urdf' and '# frames')",
