@@ -143,13 +143,13 @@ def _choose(origin: Origin, found: UpAxis, path: Path) -> tuple[Axis, str]:
         least = _LIKELY
     if found.confidence < least:
         _warn(
-            f"{path.name}: {found.told_by} looks as if {found.axis} pointed up, and {origin.up} "
+            f"{path.name}: {found.axis} seems to point up, by {found.told_by}, and {origin.up} "
             f"is taken ({said}); --up {found.axis} says otherwise"
         )
         return origin.up, origin.up_by
     if found.axis != "z" or origin.up_by:
         _warn(
-            f"{path.name}: {found.axis} points up, as {found.told_by} shows, not {origin.up} "
+            f"{path.name}: {found.axis} points up, by {found.told_by}, not {origin.up} "
             f"({said}); --up {origin.up} says otherwise"
         )
     return found.axis, found.told_by

@@ -48,7 +48,7 @@ FORMATS = (
         (".tsv",),
         text_has(rb"^(FILE_VERSION|NO_OF_[A-Z]+|FREQUENCY|DATA_INCLUDED|MARKER_NAMES)(\t|\r?$)"),
         "qtm_tsv:read_tsv",
-        "Qualisys Track Manager, old and new header",
+        "Qualisys Track Manager, old and new header; markers, 6D bodies, skeletons",
         writer="qtm_tsv:write_tsv",
         takes_partial=True,
         writes_zeros=True,
@@ -122,6 +122,19 @@ FORMATS = (
         "keypoints:read_keypoints",
         "markerless systems: [{name: [x, y, z], ...}, ...]; rate as fps or times, units by height",
         takes_units=True,
+        writes_zeros=True,
+    ),
+    Format(
+        "keypoints (CSV with name_x, name_y, name_z)",
+        (".csv",),
+        text_begins(
+            rb"(?i)(#[^\n]*\n)*([^\n]*[,;\t])?\"?([^\n,;\t\"]+)[ _.:]x\"?([,;\t])"
+            rb"\"?\3[ _.:]y\"?\4\"?\3[ _.:]z\"?"
+        ),
+        "keypoints_csv:read_keypoints_csv",
+        "markerless systems: a column a coordinate, time or a line '# fps: 30'; units by height",
+        takes_units=True,
+        takes_partial=True,
         writes_zeros=True,
     ),
     Format(

@@ -11,7 +11,7 @@ Where no unit is named the height of the body tells it.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -80,7 +80,9 @@ def read_keypoints(path: Path, units: Units | None = None) -> Recording:
         numbers = np.arange(1.0, len(positions) + 1)
     clock = settle_clock(numbers, times, rate_hz, path, 1, 0.0)
     positions = clock.spread(positions)
-    length = _find_length(about, names, positions, units, path)
+    word = about.get("units", about.get("unit"))
+    word = word if isinstance(word, str) else None
+    length = find_keypoint_length(word, names, positions, units, path)
     positions = positions * length.metres
     up, up_by = _read_up(about)
     return Recording(
@@ -206,16 +208,27 @@ def _column(frames: list[dict[str, Any]], keys: tuple[str, ...]) -> FloatArray |
     return None
 
 
-def _find_length(
-    about: Mapping[str, Any],
-    names: list[str | None],
+def find_keypoint_length(
+    word: str | None,
+    names: Sequence[str | None],
     positions: FloatArray,
     units: Units | None,
     path: Path,
 ) -> Length:
-    """Tell the units: by the file's word, or by the height of a body that is there as a whole."""
-    word = about.get("units", about.get("unit"))
-    word = word if isinstance(word, str) else None
+    """Tell the units: by the file's word, or by the height of a body that is there as a whole.
+
+    Parameters
+    ----------
+    word : str or None
+        The file's word for its units.
+    names : sequence of str or None, length M
+    positions : array, shape (T, M, 3)
+        In the file's units.
+    units : str or None
+        What the user says.
+    path : Path
+        Named in messages.
+    """
     lowered = [str(name).lower() for name in names]
     is_body = all(any(part in name for name in lowered for part in parts) for parts in _ENDS)
     if is_body and units is None and (word is None or parse_unit(word) is None):

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import numpy.typing as npt
 
 FloatArray = npt.NDArray[np.float64]
 
 # Of anything else NumPy's and Python's opinions differ.
+_NOT_THERE = re.compile(rb"\bNA\b")
 _PLAIN = b"0123456789.+-eE\t\nnaulNAUL"
 
 
@@ -27,11 +30,13 @@ def parse_cells(text: bytes, n_cells: int) -> FloatArray | None:
     Returns
     -------
     array, shape (n_cells,), or None
-        NaN for ``nan``, ``null`` and empty cells; None where a cell is anything else than a plain,
+        NaN for ``nan``, ``null``, ``NA`` and empty cells; None where a cell is anything else than a plain,
         finite number or one of these.
     """
     if text.translate(None, _PLAIN):
         return None
+    if b"NA" in text:
+        text = _NOT_THERE.sub(b"nan", text)
     if b"l" in text or b"L" in text:
         text = text.lower().replace(b"null", b"nan")
     values = np.empty(0) if b"\t\t" in text else _read_all(text)

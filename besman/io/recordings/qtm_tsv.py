@@ -13,6 +13,7 @@ from besman.exceptions import RecordingError, RecordingWarning
 from besman.foreign.numbers import has_odd_digits, parse_number
 from besman.io.atomic_files import written_aside
 from besman.io.recordings.number_cells import parse_cells
+from besman.io.recordings.qtm_bodies import has_bodies, read_bodies
 from besman.io.recordings.qtm_header import QtmHeader, read_header
 from besman.io.recordings.text_lines import TextLines, read_lines
 from besman.records import Origin, Recording
@@ -24,7 +25,7 @@ FloatArray = npt.NDArray[np.float64]
 # Times are rounded in the file; a clock that disagrees more than this runs at another rate.
 _CLOCK_TOLERANCE = 0.05
 _EMPTY_CELL = re.compile(r"\t *(?=\t)")
-_MISSING = re.compile(r"\bnull\b", re.IGNORECASE)
+_MISSING = re.compile(r"\b(null|NA|N/A)(?=\s)", re.IGNORECASE)
 # A step of time may deviate this much from the usual one.
 _STEP_TOLERANCE = 0.5
 _DECIMAL = re.compile(r"[+-]?[0-9]*\.[0-9]+")
@@ -38,8 +39,8 @@ _ROWS_AT_ONCE = 4096
 def read_tsv(path: Path, partial: bool = False) -> Recording:
     """Read a Qualisys TSV file.
 
-    Markers are known by name, whatever the order of the columns. Gaps (``nan``, ``null`` or empty
-    cells) become NaN. Unidentified trajectories, which exports leave unnamed or number (``New
+    Markers are known by name, whatever the order of the columns. Gaps (``nan``, ``null``, ``NA`` or
+    empty cells) become NaN. 6D exports and skeletons: `besman.io.recordings.qtm_bodies`. Unidentified trajectories, which exports leave unnamed or number (``New
     0001``), have no name; lines of events and of trajectory types are passed over.
 
     Parameters
@@ -67,6 +68,8 @@ def read_tsv(path: Path, partial: bool = False) -> Recording:
         If NO_OF_FRAMES says something else than the lines, or times do not rise evenly.
     """
     lines = read_lines(path, "a Qualisys TSV recording")
+    if has_bodies(lines):
+        return read_bodies(lines, path, partial)
     header = read_header(lines, path)
     _look_for_cut(lines, header, path, partial)
     clock, positions = _read_numbers(lines, header, path)

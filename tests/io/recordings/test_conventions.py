@@ -60,7 +60,7 @@ def test_a_person_stands_afterwards(up):
         turned = turn_up(laid, None, PATH)
     else:
         with pytest.warns(
-            RecordingWarning, match=rf"a.x: {up} points up, as names .* shows, not z"
+            RecordingWarning, match=rf"a.x: {up} points up, by names .*, not z"
         ):
             turned = turn_up(laid, None, PATH)
     np.testing.assert_allclose(turned.positions, upright.positions, atol=1e-12)
@@ -81,7 +81,7 @@ def test_what_the_format_or_the_file_says():
     # The floor alone is less than the file's own word.
     unnamed = replace(laid, names=(None,) * 8, origin=Origin(up="z", up_by="the screen"))
     with pytest.warns(
-        RecordingWarning, match=r"the floor looks as if y pointed up, and z is taken"
+        RecordingWarning, match=r"y seems to point up, by the floor, and z is taken"
     ):
         assert turn_up(unnamed, None, PATH).origin.up == "z"
 
