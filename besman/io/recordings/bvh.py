@@ -29,7 +29,7 @@ from besman.io.recordings.conventions import BY_HABIT
 from besman.io.recordings.format import Units
 from besman.io.recordings.lengths import body_length
 from besman.io.recordings.number_rows import TAKE, Cells, read_rows
-from besman.io.recordings.text_lines import TextLines, read_lines
+from besman.io.recordings.text_lines import TextLines, open_lines
 from besman.records import FloatArray, Origin, Recording
 from besman.records.frozen import hand_over
 from besman.records.recordings import RATES_HZ
@@ -80,7 +80,7 @@ def read_bvh(path: Path, units: Units | None = None, partial: bool = False) -> R
     RecordingWarning
         With the unit that the height of the body tells, and if frames are missing.
     """
-    lines = read_lines(path, "a BVH recording")
+    lines = open_lines(path, "a BVH recording")
     joints, at = _read_skeleton(lines, path)
     n_channels = sum(len(joint.channels) for joint in joints)
     if n_channels == 0:

@@ -90,6 +90,8 @@ def settle_clock(
     frames = None if frames is None or np.isnan(frames).all() else frames
     times = None if times is None or np.isnan(times).all() else times
     n_rows = len(frames if frames is not None else times if times is not None else ())
+    if n_rows == 1:
+        raise RecordingError(f"{path}: a recording of one frame; expected at least two")
     rows = np.arange(n_rows) if frames is None else _count(frames, path, first_line)
     shown_hz = None if times is None else _show_rate(times, rows, path, first_line)
     rate = _choose_rate(rate_hz, shown_hz, path)

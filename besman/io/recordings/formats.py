@@ -7,13 +7,14 @@ texts, the page *My recording* and the tests go through the table; nothing else 
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from besman.exceptions import RecordingError, one_of
+from besman.exceptions import RecordingError, RecordingWarning, one_of
 from besman.io.recordings.format import Format, Units, text_begins, text_has
 
 if TYPE_CHECKING:
@@ -116,7 +117,7 @@ FORMATS = (
         takes_partial=True,
     ),
     Format(
-        "keypoints (JSON with positions by name for each frame)",
+        "keypoints JSON",
         (".json",),
         _is_keypoints,
         "keypoints:read_keypoints",
@@ -125,14 +126,14 @@ FORMATS = (
         writes_zeros=True,
     ),
     Format(
-        "keypoints (CSV with name_x, name_y, name_z)",
+        "keypoints CSV",
         (".csv",),
         text_begins(
             rb"(?i)(#[^\n]*\n)*([^\n]*[,;\t])?\"?([^\n,;\t\"]+)[ _.:]x\"?([,;\t])"
             rb"\"?\3[ _.:]y\"?\4\"?\3[ _.:]z\"?"
         ),
         "keypoints_csv:read_keypoints_csv",
-        "markerless systems: a column a coordinate, time or a line '# fps: 30'; units by height",
+        "markerless systems: columns name_x, name_y, name_z, time or a line '# fps: 30'; units by height",
         takes_units=True,
         takes_partial=True,
         writes_zeros=True,
@@ -294,6 +295,11 @@ def write_recording(recording: Recording | LabelledRecording, path: Path) -> Non
     ------
     RecordingError
         If the ending is another one, the folder does not exist or the format cannot hold it.
+
+    Warns
+    -----
+    RecordingWarning
+        If the recording has orientations, which no format written here holds.
     """
     from besman.records import LabelledRecording, Recording
 
@@ -305,8 +311,16 @@ def write_recording(recording: Recording | LabelledRecording, path: Path) -> Non
             rate_hz=recording.rate_hz,
             source=recording.source,
             first_frame=recording.first_frame,
+            orientations=recording.orientations,
         )
-    find_writer(path).write(recording, path)
+    entry = find_writer(path)
+    entry.write(recording, path)
+    if recording.orientations is not None:
+        warnings.warn(
+            f"{path.name}: {entry.name} holds positions alone; orientations are left out",
+            RecordingWarning,
+            stacklevel=2,
+        )
 
 
 def find_writer(path: Path) -> Format:

@@ -20,7 +20,7 @@ from besman.io.recordings.clock import settle_clock
 from besman.io.recordings.format import Units
 from besman.io.recordings.keypoints import find_keypoint_length
 from besman.io.recordings.number_rows import find_cells, is_blank, read_rows
-from besman.io.recordings.text_lines import read_lines
+from besman.io.recordings.text_lines import open_lines
 from besman.records import Origin, Recording
 from besman.records.frozen import hand_over
 
@@ -59,7 +59,7 @@ def read_keypoints_csv(path: Path, units: Units | None = None, partial: bool = F
     RecordingWarning
         For what was concluded of units and rate.
     """
-    lines = read_lines(path, "keypoints in a table")
+    lines = open_lines(path, "keypoints in a table")
     about: dict[str, str] = {}
     at = 0
     for at, line in enumerate(lines):

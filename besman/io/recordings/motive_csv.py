@@ -32,7 +32,7 @@ from besman.io.recordings.conventions import BY_HABIT
 from besman.io.recordings.format import Units
 from besman.io.recordings.lengths import find_length
 from besman.io.recordings.number_rows import Cells, find_cells, is_blank, read_rows
-from besman.io.recordings.text_lines import TextLines, read_lines
+from besman.io.recordings.text_lines import TextLines, open_lines
 from besman.records import FloatArray, Origin, Recording
 from besman.records.frozen import hand_over
 
@@ -105,7 +105,7 @@ def read_motive_csv(path: Path, units: Units | None = None, partial: bool = Fals
     RecordingWarning
         For frames that the first line counts otherwise, and what was concluded.
     """
-    lines = read_lines(path, "a Motive CSV")
+    lines = open_lines(path, "a Motive CSV")
     header = _read_header(lines, path)
     values = read_rows(
         lines, header.data_line, header.width, header.cells, path, partial=partial,

@@ -26,7 +26,7 @@ from besman.io.recordings.clock import Clock, settle_clock
 from besman.io.recordings.format import Units
 from besman.io.recordings.lengths import find_length, parse_unit
 from besman.io.recordings.number_rows import Cells, find_cells, read_rows
-from besman.io.recordings.text_lines import TextLines, read_lines
+from besman.io.recordings.text_lines import TextLines, open_lines
 from besman.records import FloatArray, Origin, Recording
 from besman.records.frozen import hand_over
 
@@ -85,7 +85,7 @@ def read_nexus_csv(path: Path, units: Units | None = None, partial: bool = False
     RecordingWarning
         For what was concluded of units, rate and names.
     """
-    lines = read_lines(path, "a Nexus CSV")
+    lines = open_lines(path, "a Nexus CSV")
     titles = _find_titles(lines)
     chosen = next((name for name in _TITLES if name in titles), None)
     if chosen is None:

@@ -122,7 +122,8 @@ def read_rows(
         is_last = row + end >= len(lines)
         body = body[:end]
         if is_last and body:
-            body = _look_for_cut(body, found[-1], width, lines.is_ended, path, row, partial)
+            above = lines.last(min(_ROWS_ABOVE, len(lines) - first))[:-1]
+            body = _look_for_cut(body, cells, above, width, lines.is_ended, path, row, partial)
         if body:
             found.append(_parse(body, width, texts, path, row, lines))
         if end < len(block.split(b"\n")) or is_last:
@@ -198,7 +199,8 @@ def _parse_odd(
 
 def _look_for_cut(
     body: list[bytes],
-    before: FloatArray,
+    cells: Cells,
+    above: list[str],
     width: int,
     is_ended: bool,
     path: Path,
@@ -206,13 +208,13 @@ def _look_for_cut(
     partial: bool,
 ) -> list[bytes]:
     """Refuse a last line that was cut, or take it away."""
-    if is_ended or len(body) + len(before) < 2:
+    rows = [cells.tabbed(line.encode("utf-8", "replace")) for line in above]
+    if is_ended or not rows:
         return body
-    last, above = body[-1], body[-_ROWS_ABOVE:-1]
-    n_tabs = last.count(b"\t")
-    if above and n_tabs < min(line.count(b"\t") for line in above):
+    n_tabs = body[-1].count(b"\t")
+    if n_tabs < min(row.count(b"\t") for row in rows):
         reason = f"got {n_tabs + 1} columns, expected {width}"
-    elif above and n_tabs < width and _has_fewer_digits(last, above, n_tabs):
+    elif n_tabs < width and _has_fewer_digits(body[-1], rows, n_tabs):
         reason = "the line ends before those above it do"
     else:
         return body
@@ -223,7 +225,7 @@ def _look_for_cut(
 
 def _has_fewer_digits(line: bytes, above: list[bytes], n_tabs: int) -> bool:
     """Tell whether the last cell of a line lacks digits that all those above it have."""
-    column = [row.split(b"\t")[n_tabs].strip() for row in above]
+    column = [row.split(b"\t")[n_tabs].strip() for row in above if row.count(b"\t") >= n_tabs]
     last = line.split(b"\t")[-1].strip()
     if not last:
         return all(column)

@@ -15,7 +15,7 @@ from besman.io.atomic_files import written_aside
 from besman.io.recordings.number_cells import parse_cells
 from besman.io.recordings.qtm_bodies import has_bodies, read_bodies
 from besman.io.recordings.qtm_header import QtmHeader, read_header
-from besman.io.recordings.text_lines import TextLines, read_lines
+from besman.io.recordings.text_lines import TextLines, open_lines
 from besman.records import Origin, Recording
 from besman.records.frozen import hand_over
 from besman.records.recordings import GREATEST_FRAME, RATES_HZ
@@ -67,7 +67,7 @@ def read_tsv(path: Path, partial: bool = False) -> Recording:
     RecordingWarning
         If NO_OF_FRAMES says something else than the lines, or times do not rise evenly.
     """
-    lines = read_lines(path, "a Qualisys TSV recording")
+    lines = open_lines(path, "a Qualisys TSV recording")
     if has_bodies(lines):
         return read_bodies(lines, path, partial)
     header = read_header(lines, path)

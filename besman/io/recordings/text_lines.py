@@ -110,7 +110,7 @@ class TextLines(Sequence[str]):
         return text.decode(self._encoding)
 
 
-def read_lines(path: Path, expected: str) -> TextLines:
+def open_lines(path: Path, expected: str) -> TextLines:
     """Return the lines of a recording that is text.
 
     Parameters

@@ -28,7 +28,7 @@ from besman.io.recordings.clock import settle_clock
 from besman.io.recordings.format import Units
 from besman.io.recordings.lengths import find_length
 from besman.io.recordings.number_rows import Cells, find_cells, is_blank, read_rows
-from besman.io.recordings.text_lines import TextLines, read_lines
+from besman.io.recordings.text_lines import TextLines, open_lines
 from besman.records import FloatArray, Origin, Recording
 from besman.records.frozen import hand_over
 
@@ -82,7 +82,7 @@ def read_trc(path: Path, units: Units | None = None, partial: bool = False) -> R
     RecordingWarning
         If the header's counts are wrong, and for what was concluded of units, rate and names.
     """
-    lines = read_lines(path, "a TRC recording")
+    lines = open_lines(path, "a TRC recording")
     header = _read_header(lines, path)
     n_markers = len(header.names)
     values = read_rows(
