@@ -121,12 +121,13 @@ def _read_skeleton(lines: TextLines, path: Path) -> tuple[list[_Joint], int]:
         try:
             if kind in ("ROOT", "JOINT", "END"):
                 parent = above[-1] if above else -1
-                name = " ".join(words[1:]) if kind != "END" else f"{joints[parent].name}_end"
+                opened = words[-1] == "{"
+                name = " ".join(words[1:-1] if opened else words[1:]) if kind != "END" else f"{joints[parent].name}_end"
                 begun = _Joint(name, parent, first=n_channels)
                 joints.append(begun)
                 if len(joints) > _MOST_JOINTS or (kind != "ROOT") != bool(above):
                     break
-                words = words[-1:] if words[-1] == "{" else []
+                words = words[-1:] if opened else []
             if words and words[0] == "{":
                 above.append(len(joints) - 1)
             elif kind == "}":

@@ -18,7 +18,7 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -169,6 +169,8 @@ def _read_header(lines: TextLines, path: Path) -> _Header:
                  or axis.lower() == "time"), None)  # fmt: skip
     texts = tuple(k for k, axis in enumerate(axes) if axis.lower().startswith("timecode"))
     tracks = _find_tracks(axes, above)
+    if cells.separator == b";" and at + 1 < len(head) and "," in head[at + 1]:
+        cells = replace(cells, has_decimal_commas=True)
     if not tracks:
         raise RecordingError(f"{path}:{at + 1}: no columns of positions; expected at least one X, Y, Z")
     return _Header(values, tracks, time, width, texts, cells, at + 1)

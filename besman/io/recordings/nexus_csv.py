@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -131,7 +131,7 @@ def _find_titles(lines: TextLines) -> dict[str, int]:
 
 def _read_header(lines: TextLines, at: int, title: str, path: Path) -> _Section:
     """Read the lines of a table above its numbers."""
-    head = lines[at : at + 6]
+    head = lines[at : at + 7]
     table = next((k for k, line in enumerate(head) if k and _is_columns(line)), None)
     if table is None or table < 2:
         raise RecordingError(
@@ -151,6 +151,9 @@ def _read_header(lines: TextLines, at: int, title: str, path: Path) -> _Section:
             f"{path}:{at + table + 1}: no columns of positions in {title!r}; expected X, Y, Z in a "
             "unit of length"
         )
+    body = head[table + 2] if table + 2 < len(head) else ""
+    if cells.separator == b";" and "," in body:
+        cells = replace(cells, has_decimal_commas=True)
     sub = next((k for k, axis in enumerate(axes[:3]) if axis.lower().startswith("sub")), None)
     data_line = at + table + (1 if units is None else 2)
     rate_hz = parse_number(rate) if _is_number(rate) else None
