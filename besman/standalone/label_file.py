@@ -12,6 +12,7 @@ from besman.exceptions import LabellingError
 from besman.io.atomic_files import check_file, written_aside
 from besman.io.recordings.formats import find_writer, read_recording, write_recording
 from besman.person.marker_set import load_marker_set
+from besman.person.mirror import mirror_name, mirror_recording
 from besman.records import Recording
 from besman.stages.label.methods import DefaultLabelConfig
 from besman.stages.label.named_recording import NamedRecording
@@ -73,9 +74,14 @@ def label_file(
     given = marker_set.find(recording.names, recording.source) or None
     teacher = None if learn_from is None else read_recording(learn_from)
     model = config.learn(marker_set, teacher)
-    named = name_trajectories(recording, marker_set, model, config.threshold, given)
+    is_mirrored = marker_set.side == "left"
+    seen = mirror_recording(recording) if is_mirrored else recording
+    named = name_trajectories(seen, marker_set, model, config.threshold, given)
     if fill:
         named = config.fill(named, marker_set)
+    if is_mirrored:
+        named = mirror_recording(named)
+        named = replace(named, markers=tuple(mirror_name(name) for name in named.markers))
     write_recording(with_unnamed(recording, named), out)
     return recording, named
 

@@ -14,7 +14,7 @@ from contextvars import ContextVar
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from besman.exceptions import RecordingError, RecordingWarning, one_of
+from besman.exceptions import RecordingError, RecordingWarning, one_of, see_look
 from besman.io.recordings.format import Format, Units, text_begins, text_has
 
 if TYPE_CHECKING:
@@ -246,7 +246,9 @@ def read_recording(
     if found is None:
         if not head.strip():
             raise RecordingError(f"{path}: the file is empty; expected {KNOWN_FORMATS}")
-        raise RecordingError(f"{path}: a format that is not known; expected {KNOWN_FORMATS}")
+        raise RecordingError(
+            f"{path}: a format that is not known; expected {KNOWN_FORMATS}" + see_look(str(path))
+        )
     usual = _READING.get()
     recording = found.read(
         path,

@@ -52,11 +52,13 @@ def label_results(
         runs = [len(find_runs(column)) for column in seen.T]
         fragments += sum(runs)
         seen_samples += int(seen.sum())
-        named_samples += int((np.isfinite(result.positions[:, :, 0]) & ~result.filled).sum())
-        filled_samples += int(result.filled.sum())
+        is_named = np.isfinite(result.positions[:, :, 0]) & ~result.filled
+        named_samples += int(is_named[:, worn].sum())
+        filled_samples += int(result.filled[:, worn].sum())
         own = marker_set.find(recording.names, recording.source) if looks_at_names else {}
         taken = len(own.keys() & set(result.markers))
-        n_found = len(result.markers) - taken
+        worn = [name not in marker_set.derived for name in result.markers]
+        n_found = sum(worn) - taken
         names.append({"recording": recording.source, "taken": taken, "found": n_found})
         if isinstance(result, NamedRecording):
             n_unnamed += sum(not decision.named for decision in result.decisions)
