@@ -19,6 +19,7 @@ import typer
 from besman.cli import recordings, run, run_folders, templates, transfer
 from besman.cli.annotate import annotate
 from besman.cli.evaluate import evaluate_app
+from besman.cli.look import look
 from besman.cli.robots import robots
 from besman.cli.terminal import complain
 from besman.cli.view import view
@@ -36,6 +37,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 for command in (
+    look,
     run.run,
     run.video,
     run.report,

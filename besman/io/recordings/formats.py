@@ -198,6 +198,15 @@ def reading(
         _READING.reset(token)
 
 
+def reading_options() -> list[str]:
+    """Return the options of the command line that have recordings read as now."""
+    usual = _READING.get()
+    options = ["--partial"] if usual.partial else []
+    for option, value in (("--units", usual.units), ("--up", usual.up)):
+        options += [] if value is None else [option, value]
+    return options
+
+
 def read_recording(
     path: Path,
     units: Units | None = None,

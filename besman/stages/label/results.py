@@ -52,12 +52,12 @@ def label_results(
         runs = [len(find_runs(column)) for column in seen.T]
         fragments += sum(runs)
         seen_samples += int(seen.sum())
+        worn = [name not in marker_set.derived for name in result.markers]
         is_named = np.isfinite(result.positions[:, :, 0]) & ~result.filled
         named_samples += int(is_named[:, worn].sum())
         filled_samples += int(result.filled[:, worn].sum())
         own = marker_set.find(recording.names, recording.source) if looks_at_names else {}
         taken = len(own.keys() & set(result.markers))
-        worn = [name not in marker_set.derived for name in result.markers]
         n_found = sum(worn) - taken
         names.append({"recording": recording.source, "taken": taken, "found": n_found})
         if isinstance(result, NamedRecording):
