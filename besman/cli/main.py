@@ -19,7 +19,7 @@ import typer
 from besman.cli import recordings, run, run_folders, templates, transfer
 from besman.cli.annotate import annotate
 from besman.cli.evaluate import evaluate_app
-from besman.cli.look import look
+from besman.cli.look import look, markers_app
 from besman.cli.robots import robots
 from besman.cli.terminal import complain
 from besman.cli.view import view
@@ -57,6 +57,7 @@ for command in (
     app.command()(command)
 app.add_typer(evaluate_app, name="evaluate")
 app.add_typer(templates.app, name="template")
+app.add_typer(markers_app, name="markers")
 app.add_typer(transfer.app, name="transfer")
 app.add_typer(robots, name="robots")
 

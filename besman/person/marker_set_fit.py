@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from besman.config.resources import resource_folder
 from besman.exceptions import LabellingError
-from besman.person.marker_set import MarkerSet, load_marker_set
+from besman.person.marker_set import MarkerSet, load_marker_set, normalise_name
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,11 @@ class SetFit:
     @property
     def aliases(self) -> dict[str, str]:
         """Of each marker that the file calls otherwise, how it calls it."""
-        return {marker: name for marker, name in self.found.items() if marker != name}
+        return {
+            marker: name
+            for marker, name in self.found.items()
+            if normalise_name(marker) != normalise_name(name)
+        }
 
     @property
     def absent(self) -> tuple[str, ...]:

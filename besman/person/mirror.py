@@ -60,3 +60,18 @@ def _like(pattern: str, word: str) -> str:
     if pattern.isupper():
         return word.upper()
     return word.capitalize() if pattern[0].isupper() else word
+
+
+def find_side(name: str) -> str:
+    """Return the side of the body that a name is of: ``left``, ``right``, or empty.
+
+    Parameters
+    ----------
+    name : str
+    """
+    bare = name.rpartition(":")[2].strip()
+    # "Hand left" is the left one of several on a hand; "left hand" is the left hand.
+    found = _WORD.match(bare) or _LETTER.search(bare)
+    if found is None:
+        return ""
+    return "left" if found.group()[0] in "lL" else "right"

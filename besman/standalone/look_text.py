@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +14,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 _MOST_GAPS, _MOST_MOVERS, _MOST_NAMES = 8, 4, 12
+_WIDEST_NAME = 32
 
 
 def describe_look(look: Look, commands: list[str]) -> list[str]:
@@ -36,14 +38,16 @@ def describe_look(look: Look, commands: list[str]) -> list[str]:
         f"({recording.first_frame} to {last}), {look.duration_s:.4g} s",
         f"  units       {origin.units or 'metres'}, by {origin.units_by or 'the format'}; "
         f"all of it lies within {size[0]:.2f} x {size[1]:.2f} x {size[2]:.2f} m (z up)",
-        f"  up          {origin.up}, by {origin.up_by or 'habit: nothing in it tells'}",
+        f"  up          {origin.up}, by {origin.up_by or 'habit: nothing tells (--up y if it is y)'}",
         f"  names       {_names(look)}",
         *_gaps(look),
         f"  movement    {_movement(look)}",
         *_sets(look),
     ]
     lines += [f"  note        {note}" for note in origin.notes]
-    lines += [f"  warning     {said.removeprefix(f'{recording.source}: ')}" for said in look.warnings]
+    lines += [
+        f"  warning     {said.removeprefix(f'{recording.source}: ')}" for said in look.warnings
+    ]
     lines += ["", "how to go on:", *(f"  {command}" for command in commands)]
     return lines
 
@@ -84,16 +88,34 @@ def find_next(look: Look, options: list[str]) -> list[str]:
     return commands
 
 
+def find_next_of_all(
+    paths: list[Path], found: list[Look | tuple[Path, str]], options: list[str]
+) -> list[str]:
+    """Return commands that go on from several recordings, if all have the markers of one set."""
+    looks = [one for one in found if isinstance(one, Look)]
+    names = {one.best.marker_set.name for one in looks if one.best and one.best.is_complete}
+    n_complete = sum(one.best is not None and one.best.is_complete for one in looks)
+    if len(paths) != 1 or len(names) != 1 or n_complete < len(found):
+        return []
+    slowest = max(looks, key=lambda one: one.needed_gap_s)
+    whole = replace(slowest, path=paths[0])
+    return find_next(whole, options)
+
+
 def look_table(found: list[Look | tuple[Path, str]]) -> Table:
     """Return a table, one row a recording; one that cannot be read is a row with its reason."""
     from rich.table import Table
 
-    table = Table(
-        "recording", "format", "Hz", "s", "up", "units", "names", "seen", "marker set", box=None
-    )
+    table = Table(box=None)
+    paths = [one[0] if isinstance(one, tuple) else one.path for one in found]
+    longest = max((len(path.name) for path in paths), default=0)
+    # The name is what a user goes on with: it is never cut.
+    table.add_column("recording", min_width=min(longest, _WIDEST_NAME), overflow="fold")
+    for title in ("format", "Hz", "s", "up", "names", "seen", "set"):
+        table.add_column(title)
     for look in found:
         if isinstance(look, tuple):
-            table.add_row(look[0].name, "not read", "", "", "", "", "", "", look[1])
+            table.add_row(look[0].name, "not read", "", "", "", "", "", look[1])
             continue
         origin, recording = look.origin, look.recording
         shares = [one["seen_share"] for one in look.trajectories]
@@ -103,8 +125,7 @@ def look_table(found: list[Look | tuple[Path, str]]) -> Table:
             origin.format,
             f"{recording.rate_hz:g}",
             f"{look.duration_s:.4g}",
-            origin.up,
-            origin.units or "m",
+            f"{origin.up} {origin.units or 'm'}",
             f"{look.n_named}/{len(recording.names)}",
             f"{100 * seen:.0f}%",
             _short_fit(look),
