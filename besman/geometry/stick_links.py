@@ -21,7 +21,8 @@ def find_links(positions: FloatArray, longest_m: float = 0.5) -> list[tuple[int,
     positions : array, shape (T, M, 3)
         Metres; NaN where not seen.
     longest_m : float
-        Points farther apart (mean) are not joined, nor those whose distance changes, so that there may be several trees.
+        Points farther apart (mean) are not joined, nor those whose distance changes, so that there
+        may be several trees.
 
     Returns
     -------

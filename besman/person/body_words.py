@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 
-from besman.person.mirror import find_side
 from besman.person.marker_set import without_subject
+from besman.person.mirror import find_side
 
 # The first that fits counts. Single words are those of public marker sets: Plug-in Gait, ISB,
 # OpenSim's Rajagopal, Theia, KIT, Qualisys' sports set.

@@ -51,12 +51,14 @@ class SetFit:
         return tuple(name for name in self.marker_set.markers if name not in known)
 
     @property
-    def rank(self) -> tuple[bool, float, int, float]:
+    def rank(self) -> tuple[bool, float, int, int, float]:
         """What counts when sets are compared, the better the greater."""
         required = self.marker_set.required
         share = 1.0 - len(self.missing) / len(required)
         n_found, n_all = len(self.found), len(self.marker_set.markers)
-        return self.is_complete, share if self.missing else 1.0, n_found, n_found / n_all
+        frames = self.marker_set.frames
+        n_assumed = len(frames.find_assumptions(self.found)) if frames is not None else 0
+        return self.is_complete, share, -n_assumed, n_found, n_found / n_all
 
 
 def list_marker_sets() -> tuple[str, ...]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from besman.records import LabelledRecording, Recording
 
-Shown = TypeVar("Shown", Recording, LabelledRecording)
+Shown = TypeVar("Shown", bound=Recording | LabelledRecording)
 
 _SIDES = {"left": "right", "right": "left", "l": "r", "r": "l"}
 _WORD = re.compile(r"left|right", re.IGNORECASE)

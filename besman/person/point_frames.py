@@ -1,7 +1,7 @@
 """Back and hands of a person who wears no rigid clusters there: as keypoints and joints tell them.
 
-What single points do not tell is assumed, and `PointFrames.find_assumptions` says what. The result is
-the markers that a person with clusters wears, so that every stage sees these.
+What single points do not tell is assumed, and `PointFrames.find_assumptions` says what. The result
+is the markers that a person with clusters wears, so that every stage sees these.
 """
 
 from __future__ import annotations

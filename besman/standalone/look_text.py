@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 _MOST_GAPS, _MOST_MOVERS, _MOST_NAMES = 8, 4, 12
 _WIDEST_NAME = 32
+_UP_BY_HABIT = "habit: nothing tells (--up y if it is y)"
 
 
 def describe_look(look: Look, commands: list[str]) -> list[str]:
@@ -38,7 +39,7 @@ def describe_look(look: Look, commands: list[str]) -> list[str]:
         f"({recording.first_frame} to {last}), {look.duration_s:.4g} s",
         f"  units       {origin.units or 'metres'}, by {origin.units_by or 'the format'}; "
         f"all of it lies within {size[0]:.2f} x {size[1]:.2f} x {size[2]:.2f} m (z up)",
-        f"  up          {origin.up}, by {origin.up_by or 'habit: nothing tells (--up y if it is y)'}",
+        f"  up          {origin.up}, by {origin.up_by or _UP_BY_HABIT}",
         f"  names       {_names(look)}",
         *_gaps(look),
         f"  movement    {_movement(look)}",
@@ -193,7 +194,8 @@ def _movement(look: Look) -> str:
         return f"{len(moving)} move, at most {fastest:.2g} m/s{rest}"
     moving.sort(key=lambda one: one["path_m"], reverse=True)
     said = [
-        f"{one['name'] or 'unnamed'} {one['path_m']:.1f} m (up to {one['greatest_speed_m_s']:.1f} m/s)"
+        f"{one['name'] or 'unnamed'} {one['path_m']:.1f} m "
+        f"(up to {one['greatest_speed_m_s']:.1f} m/s)"
         for one in moving[:_MOST_MOVERS]
     ]
     return f"most by {', '.join(said)}{rest}"

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.exceptions import LabellingError
+from besman.geometry.gaps import BoolArray
 from besman.geometry.rigid_groups import find_rigid_groups
 from besman.io.atomic_files import check_file, write_text
 from besman.io.recordings.formats import read_recording
@@ -70,7 +71,7 @@ def propose_set(recording: Recording, name: str) -> str:
     LabellingError
         If nothing is ever seen in it.
     """
-    seen = np.isfinite(recording.positions).all(axis=2)
+    seen: BoolArray = np.all(np.isfinite(recording.positions), axis=2)
     columns = np.flatnonzero(seen.any(axis=0))
     if not len(columns):
         raise LabellingError(f"{recording.source}: no marker is ever seen in it")

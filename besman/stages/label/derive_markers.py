@@ -8,6 +8,7 @@ from typing import TypeVar
 import numpy as np
 
 from besman.person.marker_set import MarkerSet
+from besman.person.point_frames import DerivedMarkers
 from besman.records import LabelledRecording
 from besman.stages.label.named_recording import NamedRecording
 
@@ -30,7 +31,9 @@ def derive_markers(labelled: Named, marker_set: MarkerSet) -> Named:
     """
     if marker_set.frames is None:
         return labelled
-    added = marker_set.frames.derive(labelled.positions, labelled.markers, labelled.filled)
+    added: DerivedMarkers = marker_set.frames.derive(
+        labelled.positions, labelled.markers, labelled.filled
+    )
     orientations = labelled.orientations
     if orientations is not None:
         unknown = np.full((len(labelled.time), len(added.names), 4), np.nan)
