@@ -15,7 +15,7 @@ _PARTS = (
     ("knuckle", r"fin$|knuckle|mcp|hm2$|hand_?(out|in|end)$|^.?hand$|metacarp"),
     ("wrist", r"wri(st)?$|wjc$"),
     ("elbow", r"elb(ow)?$|epic|ejc$|elbow_?(out|in|lat|med)|[ml]_?elbow|hle$|hme$"),
-    ("shoulder", r"sho(ulder)?$|acrom?(ion|_tip)?$|^[lr]?ac$|sjc$|shoulder_?top"),
+    ("shoulder", r"sho(ulder)?$|acrom[a-z]*$|acro_?tip$|^[lr]?ac$|sjc$|shoulder_?top"),
 )
 
 

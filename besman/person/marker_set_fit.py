@@ -67,7 +67,9 @@ def list_marker_sets() -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in folder.glob("*.yaml")))
 
 
-def fit_marker_sets(names: Sequence[str | None], source: str) -> tuple[SetFit, ...]:
+def fit_marker_sets(
+    names: Sequence[str | None], source: str, has_orientations: bool = False
+) -> tuple[SetFit, ...]:
     """Hold the names of a recording against all marker sets.
 
     Parameters
@@ -76,19 +78,29 @@ def fit_marker_sets(names: Sequence[str | None], source: str) -> tuple[SetFit, .
         Names of the trajectories as written in the file.
     source : str
         Of the recording, for messages.
+    has_orientations : bool
+        Whether the recording holds how bodies are turned. Sets of suits and exoskeletons need it.
 
     Returns
     -------
     tuple of SetFit
         The best first; a set of which no marker is there is left out.
     """
-    fits = (fit_marker_set(load_marker_set(name), names, source) for name in list_marker_sets())
+    sets = (load_marker_set(name) for name in list_marker_sets())
+    fits = (fit_marker_set(one, names, source, has_orientations) for one in sets)
     return tuple(sorted((fit for fit in fits if fit.found), key=lambda fit: fit.rank, reverse=True))
 
 
-def fit_marker_set(marker_set: MarkerSet, names: Sequence[str | None], source: str) -> SetFit:
+def fit_marker_set(
+    marker_set: MarkerSet,
+    names: Sequence[str | None],
+    source: str,
+    has_orientations: bool = False,
+) -> SetFit:
     """Hold the names of a recording against one marker set."""
     fault = ""
+    if not (has_orientations or marker_set.clusters or marker_set.frames):
+        fault = "nothing tells how a hand is turned: the set needs orientations"
     try:
         columns = marker_set.find(names, source)
     except LabellingError as error:

@@ -15,7 +15,7 @@ Shown = TypeVar("Shown", bound=Recording | LabelledRecording)
 _SIDES = {"left": "right", "right": "left", "l": "r", "r": "l"}
 _WORD = re.compile(r"left|right", re.IGNORECASE)
 # RELB, RElbow, r_shoulder, r.ASIS; elbow_r, ASISr.
-_LETTER = re.compile(r"^[lr](?=[ _.-])|^[LR](?=[A-Z])|(?<=[ _.-])[lrLR]$|(?<=[A-Z])[lr]$")
+_LETTER = re.compile(r"^[lrLR](?=[ _.-])|^[LR](?=[A-Z])|(?<=[ _.-])[lrLR]$|(?<=[A-Z])[lr]$")
 
 
 def mirror_name(name: str) -> str:

@@ -101,7 +101,8 @@ def look_at(path: Path) -> Look:
     with warnings.catch_warnings(record=True) as caught:
         recording = _read(path)
     said = [str(one.message) for one in caught if issubclass(one.category, RecordingWarning)]
-    fits = fit_marker_sets(recording.names, recording.source)
+    is_turned = recording.orientations is not None
+    fits = fit_marker_sets(recording.names, recording.source, is_turned)
     fault, needed = _try_set(recording, fits[0]) if fits else ("", 0.0)
     return Look(
         path,

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from besman.io.segments_json import SEGMENTS_SUFFIX, find_segments, read_segments
 from besman.person.marker_set_fit import SetFit
 from besman.standalone.look_files import STILL_M, Look, measure_extent
 
@@ -15,6 +16,8 @@ if TYPE_CHECKING:
 
 _MOST_GAPS, _MOST_MOVERS, _MOST_NAMES = 8, 4, 12
 _WIDEST_NAME = 32
+_REACH_LABEL = "approach_forward"  # what the recipe ur5_reach takes
+_AT_REST = {"idle", "rest"}
 _UP_BY_HABIT = "habit: nothing tells (--up y if it is y)"
 
 
@@ -73,9 +76,15 @@ def find_next(look: Look, options: list[str]) -> list[str]:
             longest = f"{look.needed_gap_s + 0.05:.1f}"
             settings += f" --set label.longest_gap_s={longest}"
         markers = f" --markers {name}" if name != "right_arm" else ""
+        label = _choose_label(look)
+        if label != _REACH_LABEL:
+            settings += f" --set select.label={shlex.quote(label)}"
         run = f"ur5_reach --set recordings={file}{settings}{how}"
+        # A run learns to name blocks from some that a person has named.
+        annotate = [] if _has_segments(look.path) else [f"besman annotate {file}{markers}{how}"]
         return [
             f"besman segment {file}{markers}{how}",
+            *annotate,
             f"besman check {run}",
             f"besman run {run}",
         ]
@@ -87,6 +96,23 @@ def find_next(look: Look, options: list[str]) -> list[str]:
         target = shlex.quote(f"{stem}_markers.yaml")
         commands.append(f"besman markers new {file} --out {target}{how}")
     return commands
+
+
+def _choose_label(look: Look) -> str:
+    """Return the name of the blocks to go on with: that of the recipe, else the most frequent."""
+    folder = look.path if look.path.is_dir() else look.path.parent
+    path = find_segments(folder / look.recording.source)
+    labels = [] if path is None else list(read_segments(path, look.recording).labels)
+    if _REACH_LABEL in labels or not set(labels) - _AT_REST:
+        return _REACH_LABEL
+    return max(sorted(set(labels) - _AT_REST), key=labels.count)
+
+
+def _has_segments(path: Path) -> bool:
+    """Tell whether a file with segments is beside a recording, or beside one of a folder."""
+    if path.is_dir():
+        return any(path.glob(f"*{SEGMENTS_SUFFIX}"))
+    return find_segments(path) is not None
 
 
 def find_next_of_all(

@@ -89,9 +89,11 @@ def propose_set(recording: Recording, name: str) -> str:
         f"name: {json.dumps(name)}",
         "markers:",
     ]
+    spellings = {normalise_name(marker) for marker in markers}
     for column, marker in zip(columns, markers, strict=True):
         called = without_subject(recording.names[column] or "")
-        differs = called and normalise_name(called) != normalise_name(marker)
+        differs = called and normalise_name(called) not in spellings
+        spellings.add(normalise_name(called))
         lines.append(f"  {marker}: [{json.dumps(called) if differs else ''}]")
     required = [marker for marker, share in zip(markers, shares, strict=True) if share >= _SEEN]
     parts = _find_parts([recording.names[column] for column in columns], markers)

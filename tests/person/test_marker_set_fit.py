@@ -64,9 +64,11 @@ def test_both_arms_of_a_set_of_points_are_alike(name):
 
 
 def test_a_set_that_does_not_fit_says_what_is_missing():
-    best = fit_marker_sets(["Shoulder", "Elbow", "Hand top", "extra"], "a.tsv")[0]
+    best = fit_marker_sets(
+        ["Shoulder", "Elbow", "Hand top", "Hand right", "Back top", "extra"], "a.tsv"
+    )[0]
     assert not best.is_complete
-    assert "hand_left" in best.missing
+    assert best.missing == ("back_left", "back_right", "hand_left")
     assert fit_marker_sets(["extra", None], "a.tsv") == ()
 
 
@@ -96,3 +98,11 @@ def test_aliases_are_what_differs():
 )  # fmt: skip
 def test_names_without_their_subject(name, bare):
     assert without_subject(name) == bare
+
+
+def test_a_suit_needs_its_orientations():
+    names = ["T8", "RightUpperArm", "RightForeArm", "RightHand"]
+    assert not any(fit.is_complete for fit in fit_marker_sets(names, "a.csv"))
+    best = fit_marker_sets(names, "a.mvnx", has_orientations=True)[0]
+    assert best.marker_set.name == "xsens"
+    assert best.is_complete

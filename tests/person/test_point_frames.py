@@ -74,11 +74,11 @@ def test_the_back_faces_where_the_person_does():
     expected = load_marker_set("right_arm").pose_m
     centre = np.mean([expected[f"back_{part}"] for part in ("top", "left", "right")], axis=0)
     centre -= [0.0, 0.0, expected["shoulder"][2]]
-    np.testing.assert_allclose(origin, stand @ (centre + [0, 0, 1.45]), atol=1e-12)
+    np.testing.assert_allclose(origin, stand @ (centre + np.array([0, 0, 1.45])), atol=1e-12)
 
 
 def test_without_the_lower_end_the_trunk_is_upright():
-    positions, _, _, stand = person()
+    positions, *_ = person()
     lean = positions.copy()
     lean[:, 2] += 0.3  # the pelvis is elsewhere: nobody looks
     back = {"left": ["left_shoulder"], "right": ["shoulder"]}
@@ -113,7 +113,8 @@ def bare_arm(elbow_angles):
 
 def test_without_fingers_the_thumb_lies_in_the_plane_of_the_elbow():
     positions, forearm = bare_arm(np.linspace(0.3, 2.2, 30))
-    rotation, origin = hand_frame(*of(derive(positions, BARE), "hand_top", "hand_left", "hand_right"))  # fmt: skip
+    found = derive(positions, BARE)
+    rotation, origin = hand_frame(*of(found, "hand_top", "hand_left", "hand_right"))
     np.testing.assert_allclose(rotation[..., 0], forearm, atol=1e-12)
     # The back of a right hand then faces right, away from the body.
     np.testing.assert_allclose(rotation[..., 2], np.tile([0.0, -1.0, 0.0], (30, 1)), atol=1e-12)
@@ -162,7 +163,7 @@ def test_an_arm_that_is_not_complete_is_left_out():
 
 
 def test_a_stage_sees_the_hand_of_keypoints():
-    positions, hand2lab, middle, stand = person()
+    positions, _, middle, stand = person()
     called = {"left_shoulder": "LShoulder", "shoulder": "RShoulder", "elbow": "RElbow",
               "wrist": "RWrist", "index": "RIndex", "little": "RPinky"}  # fmt: skip
     keep = [NAMES.index(name) for name in called]
