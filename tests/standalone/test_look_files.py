@@ -96,7 +96,7 @@ def test_gaps_that_are_too_long_are_said_and_filled_by_the_next_command(
     assert annotate == f"besman annotate {path}"
     segments_path(path).write_bytes(segments_path(NAMED).read_bytes())
     labelled = find_next(look, [])
-    assert [one.removesuffix(" --set select.label=swing_out") for one in labelled] == [
+    assert [one.removesuffix(" --set select.label=strike_out") for one in labelled] == [
         segment, check, run,
     ]  # fmt: skip
     run = shlex.split(labelled[1])
