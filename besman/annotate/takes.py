@@ -198,7 +198,7 @@ class Take:
 
     def _about(self) -> dict[str, Any]:
         recording = self.shown
-        names = [trajectory_name(recording, k) for k in range(len(recording.names))]
+        names = [trajectory_name(recording.names, k) for k in range(len(recording.names))]
         first = recording.time[0]
         return {
             "name": self.path.name,
