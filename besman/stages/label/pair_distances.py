@@ -56,7 +56,7 @@ def _average_by_rows(
     samples: FloatArray,
     stride: int,
 ) -> tuple[FloatArray, FloatArray]:
-    """Add up one instant of many pairs at a time, in the order of `_average_plain`."""
+    """Add up one instant of many pairs at a time, in the order of `_average_plain`, compiled."""
     mean, variance = np.empty(len(first)), np.empty(len(first))
     for head in range(0, len(first), _PAIRS_AT_ONCE):
         pairs = slice(head, head + _PAIRS_AT_ONCE)
