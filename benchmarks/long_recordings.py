@@ -35,11 +35,15 @@ from urllib.error import URLError
 
 import numpy as np
 
+from besman.evaluation.degradation import DegradeRecipe
+
 ROOT = Path(__file__).resolve().parents[1]
+TEACHER = "teacher.tsv"
 STEPS = ("segment", "label-markers", "annotate", "follow", "run")
 FINGERS = {"thumb": (0.06, 0.05, -0.02), "index": (0.1, 0.02, 0.0), "middle": (0.1, -0.01, 0.0)}
 NOISE_M = 0.0002
-MISSING = 0.02
+# Gaps that are filled, so that there are proposals.
+SPOILT = DegradeRecipe(missing=0.02, gap_mean_s=0.1, gap_max_s=0.3)
 THROWS = (
     "label={method: named, markers: right_arm}",
     "refine.robustness=null",
@@ -66,7 +70,7 @@ class Place(NamedTuple):
 
 def play(minutes: float, rate_hz: float, folder: Path, name: str, unnamed: bool) -> Path:
     """Write a recording; run in a process of its own, because arrays of an hour are large."""
-    from besman.evaluation.degradation import DegradeRecipe, degrade_recording
+    from besman.evaluation.degradation import degrade_recording
     from besman.io.recordings.formats import write_recording
     from besman.records import Recording
     from besman.synthetic.datasets import captures
@@ -82,7 +86,7 @@ def play(minutes: float, rate_hz: float, folder: Path, name: str, unnamed: bool)
         piece = forth[:: -1 if len(pieces) % 2 else 1]
         piece = piece + random.normal(0.0, NOISE_M, piece.shape)
         if unnamed:
-            piece = degrade_recording(piece, rate_hz, DegradeRecipe(MISSING), len(pieces)).positions
+            piece = degrade_recording(piece, rate_hz, SPOILT, len(pieces)).positions
             # Which trajectory is in which column differs from piece to piece.
             piece[-1] = np.nan
         pieces.append(piece)
@@ -98,12 +102,14 @@ def play(minutes: float, rate_hz: float, folder: Path, name: str, unnamed: bool)
     return path
 
 
-def write_teacher(folder: Path) -> None:
-    """Write what is learnt from: a take with its segments, and its names."""
+def write_teachers(folder: Path) -> None:
+    """Write what is learnt from: a take with all names, and one with its segments."""
     from besman.synthetic.capture import write_capture
     from besman.synthetic.datasets import captures
 
-    write_capture(next(captures("stick_throw_marked", 1, 13, seed=2)), folder)
+    play(1, 100.0, folder, TEACHER, False)
+    (folder / "labelled").mkdir()
+    write_capture(next(captures("stick_throw_marked", 1, 13, seed=2)), folder / "labelled")
 
 
 def apart(function: Callable[..., Any], *arguments: Any) -> Any:
@@ -159,21 +165,20 @@ class Checkout:
 
     def measure(self, step: str, place: Place) -> Cost:
         """Measure a command."""
-        teacher = next(place.folder.glob("teacher/*.tsv"))
+        learn = ("--learn-from", str(place.folder / TEACHER))
         if step == "segment":
             return self.run("segment", str(place.named))
         if step == "label-markers":
             out = self.work / "named.tsv"
             out.unlink(missing_ok=True)
-            learn = ("--learn-from", str(teacher))
             return self.run("label-markers", str(place.unnamed), "--out", str(out), *learn)
         if step == "annotate":
-            command = ("annotate", str(place.unnamed), "--no-browser", "--learn-from", str(teacher))
+            command = ("annotate", str(place.unnamed), "--no-browser", *learn)
             return self.run(*command, follow=visit)
         if step == "follow":
             model = self.work / "model"
             if not model.with_suffix(".npz").is_file():
-                self.run("train", str(teacher), "--out", str(model))
+                self.run("train", str(place.folder / "labelled"), "--out", str(model))
             return self.run("follow", str(place.named), "--model", str(model))
         settings = [part for one in THROWS for part in ("--set", one)]
         recordings = f"recordings={place.folder / 'throws'}"
@@ -197,7 +202,8 @@ def visit(process: subprocess.Popen[str]) -> str:
             opener.open(f"{place}{route}recording=0").read()
         times.append(f"curves {time.perf_counter() - start:.1f} s")
         found = json.load(opener.open(f"{place}stretches?recording=0&layer="))
-        times.append(f"{len(found['stretches'])} proposals {time.perf_counter() - start:.1f} s")
+        what = f"{len(found['stretches'])} proposals" if found["stretches"] else found["note"]
+        times.append(f"{what} {time.perf_counter() - start:.1f} s")
     except (URLError, ConnectionError) as error:
         times.append(f"then {error}")
     return ", ".join(times)
@@ -242,8 +248,7 @@ def main() -> None:
             for k, root in enumerate([*others, ROOT])
         ]
         print("wall, CPU and peak memory" + (", the other checkout first" if others else ""))
-        (folder / "teacher").mkdir()
-        apart(write_teacher, folder / "teacher")
+        apart(write_teachers, folder)
         for rate_hz in chosen.rates:
             measure_rate(rate_hz, chosen, checkouts, folder)
         if "run" in chosen.only:
