@@ -9,14 +9,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from besman.exceptions import LabellingError
+from besman.geometry.gaps import BoolArray
 from besman.io.atomic_files import check_file, written_aside
 from besman.io.recordings.formats import find_writer, read_recording, write_recording
 from besman.person.marker_set import load_marker_set
 from besman.records import Recording
-from besman.records.frozen import hand_over
+from besman.records.frozen import FloatArray, hand_over
 from besman.stages.label.gather import found_markers, gather_all
 from besman.stages.label.methods import DefaultLabelConfig
-from besman.stages.label.named_recording import NamedRecording
+from besman.stages.label.named_recording import NameDecision, NamedRecording
 from besman.stages.label.results import TrajectoryNames, review_rows
 from besman.stages.label.trajectories import decide_names, fill_in_place
 
@@ -76,27 +77,39 @@ def label_file(
     teacher = None if learn_from is None else read_recording(learn_from)
     model = config.learn(marker_set, teacher)
     decisions = decide_names(recording, marker_set, model, config.threshold, given)
-    markers = found_markers(decisions, marker_set)
-    positions, names = gather_all(recording, decisions, markers)
+    found = found_markers(decisions, marker_set)
+    positions, names = gather_all(recording, decisions, found)
     # What was read goes here: of an hour one array has hundreds of megabytes.
     read_names, recording = recording.names, _without_samples(recording)
-    filled = np.zeros((len(positions), len(markers)), dtype=np.bool_)
+    filled = np.zeros((len(positions), len(found)), dtype=np.bool_)
     if fill:
         longest = config.fill_samples(recording.rate_hz)
-        filled = fill_in_place(positions, markers, marker_set, *longest)[:, : len(markers)]
+        filled = fill_in_place(positions, found, marker_set, *longest)[:, : len(found)]
     write_recording(replace(recording, positions=hand_over(positions), names=names), out)
-    named = NamedRecording(
-        time=recording.time,
+    named = _take_markers(recording, positions, found, filled, decisions, config.threshold)
+    return read_names, named
+
+
+def _take_markers(
+    frames: Recording,
+    positions: FloatArray,
+    markers: tuple[str, ...],
+    filled: BoolArray,
+    decisions: tuple[NameDecision, ...],
+    threshold: float,
+) -> NamedRecording:
+    """Return the markers, which stand first in positions, as a record."""
+    return NamedRecording(
+        time=frames.time,
         positions=hand_over(np.array(positions[:, : len(markers)], order="C")),
         markers=markers,
         filled=filled,
-        rate_hz=recording.rate_hz,
-        source=recording.source,
-        first_frame=recording.first_frame,
+        rate_hz=frames.rate_hz,
+        source=frames.source,
+        first_frame=frames.first_frame,
         decisions=decisions,
-        threshold=config.threshold,
+        threshold=threshold,
     )
-    return read_names, named
 
 
 def _without_samples(recording: Recording) -> Recording:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from besman.geometry.gaps import BoolArray
 from besman.person.marker_set import MarkerSet
 from besman.records import Recording
 from besman.stages.label.named_recording import NameDecision
@@ -91,7 +92,7 @@ def _put_markers(
 
 def _has_rest(recording: Recording, column: int, decisions: Sequence[NameDecision]) -> bool:
     """Tell whether a trajectory has a sample, whole or not, that got no name."""
-    seen = np.isfinite(recording.positions[:, column]).any(axis=1)
+    seen: BoolArray = np.asarray(np.isfinite(recording.positions[:, column]).any(axis=1))
     for one in decisions:
         if one.named and one.trajectory == column:
             seen[one.start : one.stop] = False
