@@ -47,7 +47,7 @@ def describe_origin(recording: Recording | LabelledRecording, whole: bool = True
     origin: Origin = {
         "first frame": recording.first_frame,
         "frames": len(recording.time),
-        "rate_hz": recording.rate_hz,
+        "rate_hz": float(recording.rate_hz),
     }
     if isinstance(recording, LabelledRecording) or not whole:
         return origin
