@@ -17,13 +17,13 @@ from besman.stages.label.learning import learn_marker_model
 from besman.stages.label.model import MarkerModel
 from besman.stages.label.named_recording import NameDecision, NamedRecording
 from besman.stages.label.naming import FREE, label_fragments
+from besman.stages.label.presence import find_absence
 from besman.stages.label.scores import GHOST
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 _LEAST_TO_LEARN_S = 0.4
-_LEAST_FOUND = 0.5
 
 
 def learn_from_recording(teacher: Recording, marker_set: MarkerSet) -> MarkerModel:
@@ -121,7 +121,7 @@ def name_trajectories(
             path[start:stop] = recording.positions[start:stop, column]
         confidence = round(float(answer.confidence[k]), 4)
         decisions.append(NameDecision(column, start, stop, best, confidence, named))
-    _refuse_misfit(recording, marker_set, tuple(paths))
+    _refuse_misfit(recording, marker_set, model, paths, tuple(given or ()))
     markers = tuple(marker for marker in marker_set.markers if marker in paths)
     positions = np.empty((len(recording.time), len(markers), 3))
     for index, marker in enumerate(markers):
@@ -150,15 +150,20 @@ def _known_labels(
     return of_column[columns]
 
 
-def _refuse_misfit(recording: Recording, marker_set: MarkerSet, names: tuple[str, ...]) -> None:
-    """Raise an error if so few required markers were found that the set cannot be the right one."""
-    found = [marker for marker in marker_set.required if marker in names]
-    if len(found) < _LEAST_FOUND * len(marker_set.required):
+def _refuse_misfit(
+    recording: Recording,
+    marker_set: MarkerSet,
+    model: MarkerModel,
+    paths: Mapping[str, FloatArray],
+    given: tuple[str, ...],
+) -> None:
+    """Raise an error if what was found cannot be the body of the marker set."""
+    reason = find_absence(paths, marker_set, model, recording.rate_hz, given)
+    if reason is not None:
         raise LabellingError(
-            f"{recording.source}: marker set {marker_set.name} does not fit: "
-            f"{len(found)} of {len(marker_set.required)} required markers found among "
-            f"{len(recording.names)} trajectories ({', '.join(found) or 'none'}); expected those "
-            "of this person's markers, see --markers and learn_from"
+            f"{recording.source}: marker set {marker_set.name} does not fit, nothing is named: "
+            f"{reason}, among {len(recording.names)} trajectories; expected those of this "
+            "person's markers, see --markers and learn_from"
         )
 
 
