@@ -15,6 +15,7 @@ from besman.person.marker_set import load_marker_set
 from besman.records import Recording
 from besman.stages.label.methods import DefaultLabelConfig
 from besman.stages.label.named_recording import NamedRecording
+from besman.stages.label.person_check import check_person
 from besman.stages.label.results import review_rows
 from besman.stages.label.trajectories import name_trajectories
 
@@ -76,6 +77,7 @@ def label_file(
     named = name_trajectories(recording, marker_set, model, config.threshold, given)
     if fill:
         named = config.fill(named, marker_set)
+    check_person(named, marker_set)
     write_recording(with_unnamed(recording, named), out)
     return recording, named
 
