@@ -39,7 +39,10 @@ def label(recording, config=LabelConfig):
 @pytest.mark.parametrize(
     "folder",
     [
-        *(SAMPLE.parent / name for name in ("stick_throw", "stick_throw_calibration", "pick_and_place_calibration")),
+        *(
+            SAMPLE.parent / name
+            for name in ("stick_throw", "stick_throw_calibration", "pick_and_place_calibration")
+        ),
         pytest.param(
             REAL_DATA / "pick_and_place",
             marks=pytest.mark.skipif(
