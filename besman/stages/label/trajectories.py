@@ -63,7 +63,8 @@ def learn_from_recording(teacher: Recording, marker_set: MarkerSet) -> MarkerMod
             )
     markers = tuple(marker for marker, there in zip(columns, seen, strict=True) if there)
     bodies = (*marker_set.clusters.values(), *marker_set.objects.values())
-    return learn_marker_model(positions[:, seen], teacher.rate_hz, markers, bodies=bodies)
+    # A set that names no cluster does not say that there is none.
+    return learn_marker_model(positions[:, seen], teacher.rate_hz, markers, bodies=bodies or None)
 
 
 def name_trajectories(
