@@ -12,6 +12,7 @@ from besman.exceptions import LabellingError, RecordingWarning
 from besman.io.recordings.formats import find_recordings, read_recording
 from besman.person.marker_set import load_marker_set
 from besman.stages.label.methods import LabelAutoConfig
+from besman.stages.label.person_check import check_person
 from besman.stages.label.stage import LabelConfig
 
 ARM = load_marker_set("right_arm")
@@ -119,6 +120,8 @@ def test_a_set_without_roles_is_not_judged(take):
     bare = ARM.model_copy(update={"roles": {}})
     large = replace(take, positions=10.0 * take.positions)
     (labelled,) = LabelConfig().run((large,), bare)
+    with pytest.raises(LabellingError, match="10 times too large"):
+        check_person(labelled, ARM)
     np.testing.assert_array_equal(
         labelled.marker("elbow"), large.positions[:, ARM.match(take.names, "")["elbow"]]
     )
