@@ -18,6 +18,7 @@ from besman.records.frozen import FloatArray, hand_over
 from besman.stages.label.gather import found_markers, gather_all
 from besman.stages.label.methods import DefaultLabelConfig
 from besman.stages.label.named_recording import NameDecision, NamedRecording
+from besman.stages.label.person_check import check_person
 from besman.stages.label.results import TrajectoryNames, review_rows
 from besman.stages.label.trajectories import decide_names, fill_in_place
 
@@ -85,8 +86,9 @@ def label_file(
     if fill:
         longest = config.fill_samples(recording.rate_hz)
         filled = fill_in_place(positions, found, marker_set, *longest)[:, : len(found)]
-    write_recording(replace(recording, positions=hand_over(positions), names=names), out)
     named = _take_markers(recording, positions, found, filled, decisions, config.threshold)
+    check_person(named, marker_set)
+    write_recording(replace(recording, positions=hand_over(positions), names=names), out)
     return read_names, named
 
 

@@ -18,6 +18,7 @@ from besman.records.frozen import hand_over
 from besman.stages.label.model import MarkerModel
 from besman.stages.label.model_from_pose import model_from_pose
 from besman.stages.label.named_recording import NamedRecording
+from besman.stages.label.person_check import check_person
 from besman.stages.label.results import label_results
 from besman.stages.label.trajectories import (
     fill_in_place,
@@ -174,6 +175,7 @@ class LabelConfig(LabelBase):
         columns = marker_set.match(recording.names, recording.source)
         labelled = self.take_names(recording, columns, marker_set)
         self.refuse_gaps(labelled, marker_set)
+        check_person(labelled, marker_set)
         return labelled
 
 
@@ -254,6 +256,7 @@ class NamingBase(LabelBase):
                     f"with confidence {self.threshold:g}; found: {', '.join(named.markers)}"
                 )
         self.refuse_gaps(named, marker_set)
+        check_person(named, marker_set)
         return named
 
 

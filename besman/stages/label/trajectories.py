@@ -19,13 +19,13 @@ from besman.stages.label.learning import learn_marker_model
 from besman.stages.label.model import MarkerModel
 from besman.stages.label.named_recording import NameDecision, NamedRecording
 from besman.stages.label.naming import FREE, label_fragments
+from besman.stages.label.presence import find_absence
 from besman.stages.label.scores import GHOST
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 _LEAST_TO_LEARN_S = 0.4
-_LEAST_FOUND = 0.5
 
 
 def learn_from_recording(teacher: Recording, marker_set: MarkerSet) -> MarkerModel:
@@ -65,7 +65,8 @@ def learn_from_recording(teacher: Recording, marker_set: MarkerSet) -> MarkerMod
             )
     markers = tuple(marker for marker, there in zip(columns, seen, strict=True) if there)
     bodies = (*marker_set.clusters.values(), *marker_set.objects.values())
-    return learn_marker_model(positions[:, seen], teacher.rate_hz, markers, bodies=bodies)
+    # A set that names no cluster does not say that there is none.
+    return learn_marker_model(positions[:, seen], teacher.rate_hz, markers, bodies=bodies or None)
 
 
 def name_trajectories(
@@ -163,7 +164,10 @@ def decide_names(
                 bool(label != GHOST or column in owners),
             )
         )
-    _refuse_misfit(recording, marker_set, found_markers(decisions, marker_set))
+    markers = found_markers(decisions, marker_set)
+    seen = gather_markers(recording, decisions, markers)
+    paths = {marker: seen[:, index] for index, marker in enumerate(markers)}
+    _refuse_misfit(recording, marker_set, model, paths, tuple(given or ()))
     return tuple(decisions)
 
 
@@ -178,15 +182,20 @@ def _known_labels(
     return of_column[columns]
 
 
-def _refuse_misfit(recording: Recording, marker_set: MarkerSet, names: tuple[str, ...]) -> None:
-    """Raise an error if so few required markers were found that the set cannot be the right one."""
-    found = [marker for marker in marker_set.required if marker in names]
-    if len(found) < _LEAST_FOUND * len(marker_set.required):
+def _refuse_misfit(
+    recording: Recording,
+    marker_set: MarkerSet,
+    model: MarkerModel,
+    paths: Mapping[str, FloatArray],
+    given: tuple[str, ...],
+) -> None:
+    """Raise an error if what was found cannot be the body of the marker set."""
+    reason = find_absence(paths, marker_set, model, recording.rate_hz, given)
+    if reason is not None:
         raise LabellingError(
-            f"{recording.source}: marker set {marker_set.name} does not fit: "
-            f"{len(found)} of {len(marker_set.required)} required markers found among "
-            f"{len(recording.names)} trajectories ({', '.join(found) or 'none'}); expected those "
-            "of this person's markers, see --markers and learn_from"
+            f"{recording.source}: marker set {marker_set.name} does not fit, nothing is named: "
+            f"{reason}, among {len(recording.names)} trajectories; expected those of this "
+            "person's markers, see --markers and learn_from"
         )
 
 
