@@ -31,9 +31,10 @@ from besman.records import FloatArray, Origin, Recording
 from besman.records.frozen import hand_over
 
 _TITLE = re.compile(
-    rb'^"?(Trajectories|Model Outputs|Devices|Joints|Segments|Events|Global Angles|Analog)\b[^\n]*$',
-    re.IGNORECASE | re.MULTILINE,
+    rb'"?(Trajectories|Model Outputs|Devices|Joints|Segments|Events|Global Angles|Analog)\b',
+    re.IGNORECASE,
 )
+_WORD = re.compile(rb'\n"?[A-Za-z]')
 # What positions are taken from, the best first.
 _TITLES = ("trajectories", "model outputs", "segments")
 _FIRST = {"frame", "field #", "field", "frame#"}
@@ -122,9 +123,11 @@ def _find_titles(lines: TextLines) -> dict[str, int]:
     found: dict[str, int] = {}
     at = 0
     for block in lines.blocks(0):
-        for title in _TITLE.finditer(block):
-            name = title[1].decode().lower()
-            found.setdefault(name, at + block.count(b"\n", 0, title.start()))
+        text = b"\n" + block
+        for word in _WORD.finditer(text):
+            title = _TITLE.match(text, word.start() + 1)
+            if title:
+                found.setdefault(title[1].decode().lower(), at + text.count(b"\n", 1, title.start()))
         at += block.count(b"\n") + 1
     return found
 
