@@ -79,7 +79,7 @@ print(f"\nimitated: {100 * motion.miss_before:.0f} cm from the target")
 print(f"refined: {100 * motion.miss:.1f} cm, after {len(motion.returns)} episodes")
 
 # A template: which motion belongs to which target within 30 cm? Usually it takes 3000 episodes.
-config = TemplateConfig(method="c_cma_es", episodes=300, checks=30, search=("goal", "duration"))
+config = TemplateConfig(method="c_cma_es", episodes=1000, checks=30, search=("goal", "duration"))
 region = {"x": (1.2, 1.8), "y": (0.1, 0.7)}
 lesson = prepare_lesson(motions, robot, task, ("x", "y"), region, config)
 template = teach(lesson, config, (str(path), "scoop", str(golf)), Work(2))

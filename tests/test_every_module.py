@@ -13,7 +13,6 @@ OTHERWISE = {
     "besman.annotate.proposals": ("through a session", "annotate/test_proposals.py"),
     "besman.pipeline.compile_kernels": ("compiled by `make install`, counted in CI", "../.ci/run"),
     "besman.pipeline.run_record": ("through a run", "pipeline/test_run_folder.py"),
-    "besman.pipeline.stage_store": ("through a run", "pipeline/test_run_folder.py"),
     "besman.report.page_style": ("in the browser", "report/test_page.py"),
     "besman.search.contextual": ("a protocol of its searches", "search/test_contextual.py"),
     "besman.search.load_cma": ("in a process of its own", "search/test_load_cma.py"),

@@ -72,6 +72,7 @@ RANGES = (
     _within(1e6, "N m", "stronger than any arm", "_nm"),
     _within(1e6, "N", "stronger than any arm", "_n"),
     _within(10.0, "m", "wider than any link or tool", "radius_m", low=0),
+    _within(100.0, "m", "longer than any link or tool", "ends_m", "translation_m", "_tcp_m"),
     _within(1000.0, "m", "no camera sees farther", "_m"),
     _within(1e5, "s", "longer than a day", "_s"),
     _within(1.0, "", "more than all", "_share"),

@@ -293,9 +293,9 @@ def test_bad_requests(tmp_path):
 COMMAND = """
 import sys
 
-from besman.cli import main
+from besman.cli.main import main
 from besman.evaluation import mapping
-from besman.mapping.stage import MapConfig
+from besman.stages.map.stage import MapConfig
 
 few = MapConfig(evaluations=20, yaw=False)
 mapping.evaluate_mapping.__kwdefaults__["config"] = few

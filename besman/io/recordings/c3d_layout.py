@@ -124,8 +124,7 @@ def _read_layout(content: bytes, processor: int, path: Path) -> tuple[Layout, fl
         raise RecordingError(f"{path}: the header counts no points; expected at least one")
     if last < first:
         raise RecordingError(
-            f"{path}: frames {first} to {last}; expected frames that count up, at most "
-            f"{MAX_FRAMES}"
+            f"{path}: frames {first} to {last}; expected frames that count up, at most {MAX_FRAMES}"
         )
     scale, rate_hz = _floats(content[12:16] + content[20:24], processor).tolist()
     if not np.isfinite(scale) or scale == 0:
