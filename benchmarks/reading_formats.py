@@ -32,7 +32,7 @@ def make_take(minutes):
     random = np.random.default_rng(0)
     n_samples = round(60 * minutes * RATE_HZ)
     time_s = np.arange(n_samples) / RATE_HZ
-    places = random.normal(scale=0.4, size=(1, N_MARKERS, 3)) + [0.0, 0.0, 1.0]
+    places = random.normal([0.0, 0.0, 1.0], 0.4, size=(1, N_MARKERS, 3))
     sway = 0.2 * np.sin(time_s[:, None, None] * random.uniform(0.5, 3.0, (1, N_MARKERS, 3)))
     positions = places + sway
     for start in range(0, n_samples - 20, 1000):
@@ -95,7 +95,10 @@ def main():
     n_cells = take.positions.size
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        print(f"{'file':12} {'MB':>6} {'besman':>9} {'pandas':>9} {'ratio':>6} {'to TSV':>6} {'bytes/cell':>11}")
+        print(
+            f"{'file':12} {'MB':>6} {'besman':>9} {'pandas':>9} {'ratio':>6} {'to TSV':>6} "
+            f"{'B/cell':>7}"
+        )
         tsv_s = None
         for file, how in write_files(take, folder).items():
             path = folder / file
@@ -107,7 +110,7 @@ def main():
             memory = measure_memory(lambda p=path: read_recording(p, up="z"), n_cells)
             print(
                 f"{file:12} {path.stat().st_size / 1e6:6.0f} {mine:7.2f} s {other:7.2f} s "
-                f"{mine / other:6.2f} {mine / tsv_s:6.2f} {memory:11.0f}"
+                f"{mine / other:6.2f} {mine / tsv_s:6.2f} {memory:7.0f}"
             )
 
 

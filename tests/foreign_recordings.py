@@ -137,7 +137,9 @@ def six_d_lines(recording, name_cells="with", order=("Yaw", "Pitch", "Roll"), co
     rest = [*order, "Residual", *(f"Rot[{k}]" for k in range(9))]
     names = []
     for name in recording.names:
-        names += [f"{name} X", f"{name} Y", f"{name} Z"] if name_cells == "joined" else [name, *"XYZ"]
+        names += (
+            [f"{name} X", f"{name} Y", f"{name} Z"] if name_cells == "joined" else [name, *"XYZ"]
+        )
         names += rest
     rows = []
     for at in range(len(recording.time)):
@@ -149,7 +151,12 @@ def six_d_lines(recording, name_cells="with", order=("Yaw", "Pitch", "Roll"), co
                 continue
             turn = Rotation.from_quat(recording.orientations[at, k], scalar_first=True)
             angles = turn.as_euler("ZYX", degrees=True)
-            values = [*(1000 * recording.positions[at, k]), *angles, 0.3, *turn.as_matrix().T.ravel()]
+            values = [
+                *(1000 * recording.positions[at, k]),
+                *angles,
+                0.3,
+                *turn.as_matrix().T.ravel(),
+            ]
             cells += [number(value) for value in values]
         rows.append("\t".join(cells))
     return [*head, *(["\t".join(["Frame", "Time", *names])] if columns else []), *rows]

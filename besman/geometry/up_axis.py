@@ -113,9 +113,7 @@ def find_up_axis(
     return UpAxis(usual, 0.0, "")
 
 
-def _find_by_names(
-    positions: FloatArray, names: Sequence[str | None]
-) -> tuple[Axis | None, bool]:
+def _find_by_names(positions: FloatArray, names: Sequence[str | None]) -> tuple[Axis | None, bool]:
     """Return the axis along which high parts of a body stay above low ones; whether only an arm."""
     parts = [
         [index for index, name in enumerate(names) if name and re.search(part, _words(name))]
@@ -145,12 +143,10 @@ def _words(name: str) -> str:
 
 def _mean(positions: FloatArray) -> FloatArray:
     """Return the middle of the points seen, (T, 3); NaN where none is."""
-    seen = np.isfinite(positions).all(axis=2)
+    seen = np.asarray(np.isfinite(positions).all(axis=2))
     counts = seen.sum(axis=1)
     sums = np.where(seen[..., None], positions, 0.0).sum(axis=1)
-    return np.asarray(
-        np.where(counts[:, None] > 0, sums / np.maximum(counts, 1)[:, None], np.nan)
-    )
+    return np.asarray(np.where(counts[:, None] > 0, sums / np.maximum(counts, 1)[:, None], np.nan))
 
 
 def _name_axis(direction: FloatArray, least: float, aside: float) -> Axis | None:
@@ -167,7 +163,7 @@ def _find_floors(positions: FloatArray) -> tuple[set[Axis], set[Axis]]:
 
     Flat is what does not rise above 0.6 m, as a person who lies, or feet alone.
     """
-    is_seen = np.isfinite(positions).all(axis=2)
+    is_seen = np.asarray(np.isfinite(positions).all(axis=2))
     points = positions[is_seen]
     if len(positions) < _LEAST_FRAMES or is_seen.any(axis=0).sum() < _LEAST_POINTS:
         return set(), set()

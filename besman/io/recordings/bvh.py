@@ -95,7 +95,9 @@ def read_bvh(path: Path, units: Units | None = None, partial: bool = False) -> R
     return Recording(
         time=np.arange(len(values)) / rate_hz,
         positions=hand_over(positions),
-        names=find_names([joint.name for joint in joints], [""] * len(joints), positions, path.name),
+        names=find_names(
+            [joint.name for joint in joints], [""] * len(joints), positions, path.name
+        ),
         rate_hz=rate_hz,
         source=path.name,
         orientations=orientations,
@@ -122,7 +124,11 @@ def _read_skeleton(lines: TextLines, path: Path) -> tuple[list[_Joint], int]:
             if kind in ("ROOT", "JOINT", "END"):
                 parent = above[-1] if above else -1
                 opened = words[-1] == "{"
-                name = " ".join(words[1:-1] if opened else words[1:]) if kind != "END" else f"{joints[parent].name}_end"
+                name = (
+                    " ".join(words[1:-1] if opened else words[1:])
+                    if kind != "END"
+                    else f"{joints[parent].name}_end"
+                )
                 begun = _Joint(name, parent, first=n_channels)
                 joints.append(begun)
                 if len(joints) > _MOST_JOINTS or (kind != "ROOT") != bool(above):

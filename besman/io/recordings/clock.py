@@ -1,4 +1,4 @@
-"""Frames and times of rows, and the rate: what a header says held against what the columns count."""
+"""Frames and times of rows, and the rate: what a header says beside what the columns count."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Clock:
     rows: npt.NDArray[np.int64] | None
 
     def spread(self, values: FloatArray) -> FloatArray:
-        """Return values of rows (N, ...) as those of all frames (T, ...), NaN where one is missing."""
+        """Return values of rows (N, ...) for all frames (T, ...), NaN where one is missing."""
         if self.rows is None:
             return values
         spread = np.full((len(self.time), *values.shape[1:]), np.nan)
@@ -143,7 +143,8 @@ def _count(frames: FloatArray, path: Path, first_line: int) -> npt.NDArray[np.in
         f"{path.name}: {n_missing} frames are missing and became gaps, first before frame "
         f"{frames[row]:.0f} in line {first_line + row}"
     )
-    return places.astype(np.int64)
+    counted: npt.NDArray[np.int64] = places.astype(np.int64)
+    return counted
 
 
 def _show_rate(

@@ -29,7 +29,7 @@ def _is_c3d(head: bytes) -> bool:
     return head[1:2] == b"P" and 2 <= head[0] < 32 and (head[0] not in b"\t\n\r" or b"\0" in head)
 
 
-_POSITION = rb'\[\s*(?:(?:-?[0-9][-+.0-9eE]*|NaN|null)\s*(?:,\s*|(?=\]))){3}'
+_POSITION = rb"\[\s*(?:(?:-?[0-9][-+.0-9eE]*|NaN|null)\s*(?:,\s*|(?=\]))){3}"
 _TWO_NAMED = re.compile(rb'"[^"\n]+"\s*:\s*\[?\s*' + _POSITION, re.DOTALL)
 
 
@@ -38,7 +38,7 @@ def _is_keypoints(head: bytes) -> bool:
     text = head.removeprefix(b"\xef\xbb\xbf").lstrip()
     if text[:1] not in (b"{", b"["):
         return False
-    is_list = re.match(rb'\[\s*\{', text) is not None
+    is_list = re.match(rb"\[\s*\{", text) is not None
     is_told = re.search(rb'"(frames|tracking|fps|rate_hz|frame_rate|sampling_rate)"\s*:', text)
     return (is_list or is_told is not None) and len(_TWO_NAMED.findall(text)) > 1
 
@@ -133,7 +133,7 @@ FORMATS = (
             rb"\"?\3[ _.:]y\"?\4\"?\3[ _.:]z\"?"
         ),
         "keypoints_csv:read_keypoints_csv",
-        "markerless systems: columns name_x, name_y, name_z, time or a line '# fps: 30'; units by height",
+        "markerless systems: columns name_x, name_y, name_z, time or '# fps: 30'; units by height",
         takes_units=True,
         takes_partial=True,
         writes_zeros=True,
@@ -167,7 +167,8 @@ class _Reading(NamedTuple):
     up: Axis | None = None
 
 
-_READING: ContextVar[_Reading] = ContextVar("reading", default=_Reading())
+_AS_FILES_SAY = _Reading()
+_READING: ContextVar[_Reading] = ContextVar("reading", default=_AS_FILES_SAY)
 
 
 @contextmanager

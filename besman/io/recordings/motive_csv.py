@@ -129,7 +129,9 @@ def read_motive_csv(path: Path, units: Units | None = None, partial: bool = Fals
         rate_hz=clock.rate_hz,
         source=path.name,
         first_frame=clock.first_frame,
-        orientations=None if orientations is None else hold_orientations(clock.spread(orientations)),
+        orientations=None
+        if orientations is None
+        else hold_orientations(clock.spread(orientations)),
         origin=Origin(
             writer=f"Motive, format {header.values.get('format version', '')[:20]}",
             units=length.name,
@@ -172,13 +174,17 @@ def _read_header(lines: TextLines, path: Path) -> _Header:
     if cells.separator == b";" and at + 1 < len(head) and "," in head[at + 1]:
         cells = replace(cells, has_decimal_commas=True)
     if not tracks:
-        raise RecordingError(f"{path}:{at + 1}: no columns of positions; expected at least one X, Y, Z")
+        raise RecordingError(
+            f"{path}:{at + 1}: no columns of positions; expected at least one X, Y, Z"
+        )
     return _Header(values, tracks, time, width, texts, cells, at + 1)
 
 
 def _find_tracks(axes: Sequence[str], above: Sequence[list[str]]) -> tuple[_Track, ...]:
     """Find the columns of everything that has a position."""
-    kinds = _row(above, "type", {"marker", "rigid body", "rigid body marker", "bone", "bone marker"})
+    kinds = _row(
+        above, "type", {"marker", "rigid body", "rigid body marker", "bone", "bone marker"}
+    )
     names = _row(above, "name", set()) or [""] * len(axes)
     ids = _row(above, "id", set()) or [""] * len(axes)
     what = _row(above, "", {"position", "rotation"})
@@ -232,9 +238,7 @@ def _choose_tracks(tracks: tuple[_Track, ...]) -> tuple[list[_Track], tuple[str,
     )
 
 
-def _name(
-    tracks: Sequence[_Track], positions: FloatArray, source: str
-) -> tuple[str | None, ...]:
+def _name(tracks: Sequence[_Track], positions: FloatArray, source: str) -> tuple[str | None, ...]:
     """Return the names of trajectories, None of those that are unlabelled."""
     names = [None if _UNLABELLED.fullmatch(track.name) else track.name for track in tracks]
     return keep_single_names(names, positions, source, "trajectories")

@@ -127,7 +127,9 @@ def _find_titles(lines: TextLines) -> dict[str, int]:
         for word in _WORD.finditer(text):
             title = _TITLE.match(text, word.start() + 1)
             if title:
-                found.setdefault(title[1].decode().lower(), at + text.count(b"\n", 1, title.start()))
+                found.setdefault(
+                    title[1].decode().lower(), at + text.count(b"\n", 1, title.start())
+                )
         at += block.count(b"\n") + 1
     return found
 
@@ -182,7 +184,7 @@ def _find_positions(
     """Return the first column of every position, its label, and the words for their unit."""
     columns, labels, words = [], [], set()
     owner = ""
-    for at, axis in enumerate(axes):
+    for at in range(len(axes)):
         owner = names[at] or owner
         letters = "".join(axes[at : at + 3]).upper()
         is_body = letters == "TXTYTZ"

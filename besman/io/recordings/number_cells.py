@@ -30,8 +30,8 @@ def parse_cells(text: bytes, n_cells: int) -> FloatArray | None:
     Returns
     -------
     array, shape (n_cells,), or None
-        NaN for ``nan``, ``null``, ``NA`` and empty cells; None where a cell is anything else than a plain,
-        finite number or one of these.
+        NaN for ``nan``, ``null``, ``NA`` and empty cells; None where a cell is anything else than a
+        plain, finite number or one of these.
     """
     if text.translate(None, _PLAIN):
         return None

@@ -26,7 +26,14 @@ from besman.records import FloatArray, Origin, Recording
 from besman.records.frozen import hand_over
 
 _KEY = re.compile(r"[A-Z][A-Z_]+")
-_KEYS = {"NO_OF_BODIES", "BODY_NAMES", "NO_OF_SKELETONS", "SKELETON_NAMES", "SEGMENT_NAMES", "SKELETON"}
+_KEYS = {
+    "NO_OF_BODIES",
+    "BODY_NAMES",
+    "NO_OF_SKELETONS",
+    "SKELETON_NAMES",
+    "SEGMENT_NAMES",
+    "SKELETON",
+}
 _TABS = Cells(b"\t")
 _HEADER_LINES = 40
 # Columns of a body where no line names them: place, three angles, residual, matrix.
@@ -89,18 +96,20 @@ def read_bodies(lines: TextLines, path: Path, partial: bool) -> Recording:
     return Recording(
         time=clock.time,
         positions=hand_over(positions),
-        names=keep_single_names([body.name or None for body in bodies], positions, path.name, "bodies"),
+        names=keep_single_names(
+            [body.name or None for body in bodies], positions, path.name, "bodies"
+        ),
         rate_hz=clock.rate_hz,
         source=path.name,
         first_frame=clock.first_frame,
-        orientations=None if orientations is None else hold_orientations(clock.spread(orientations)),
+        orientations=None
+        if orientations is None
+        else hold_orientations(clock.spread(orientations)),
         origin=Origin(writer="Qualisys Track Manager", units="mm", units_by="the format"),
     )
 
 
-def _read_header(
-    lines: TextLines, path: Path
-) -> tuple[dict[str, list[str]], list[str], int]:
+def _read_header(lines: TextLines, path: Path) -> tuple[dict[str, list[str]], list[str], int]:
     """Return keys, the names of columns (none if there is no such line), and the first row."""
     keys: dict[str, list[str]] = {}
     columns: list[str] = []
@@ -145,12 +154,17 @@ def _find_bodies(
         n_extra = 2 if n_bodies and (n_cells - 2) // len(_PLAIN) == n_bodies else 0
         names = named or [""] * n_bodies
         bodies = [
-            _Body(name, {label.upper(): n_extra + len(_PLAIN) * k + j for j, label in enumerate(_PLAIN)})
+            _Body(
+                name,
+                {label.upper(): n_extra + len(_PLAIN) * k + j for j, label in enumerate(_PLAIN)},
+            )
             for k, name in enumerate(names)
         ]
         width = n_extra + len(_PLAIN) * n_bodies
     if not bodies:
-        raise RecordingError(f"{path}: no bodies with X, Y and Z in the header; expected at least one")
+        raise RecordingError(
+            f"{path}: no bodies with X, Y and Z in the header; expected at least one"
+        )
     return bodies, width
 
 
@@ -167,7 +181,10 @@ def _from_labels(labels: Sequence[str], names: Sequence[str]) -> list[_Body]:
     bodies: list[_Body] = []
     for at, label in enumerate(labels):
         before, _, last = label.rpartition(" ")
-        if last.upper() == "X" and [one[-1:].upper() for one in labels[at + 1 : at + 3]] == ["Y", "Z"]:
+        if last.upper() == "X" and [one[-1:].upper() for one in labels[at + 1 : at + 3]] == [
+            "Y",
+            "Z",
+        ]:
             name = before or (names[len(bodies)] if len(bodies) < len(names) else "")
             bodies.append(_Body(name, {}))
         if bodies and last:

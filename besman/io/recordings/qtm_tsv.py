@@ -40,8 +40,9 @@ def read_tsv(path: Path, partial: bool = False) -> Recording:
     """Read a Qualisys TSV file.
 
     Markers are known by name, whatever the order of the columns. Gaps (``nan``, ``null``, ``NA`` or
-    empty cells) become NaN. 6D exports and skeletons: `besman.io.recordings.qtm_bodies`. Unidentified trajectories, which exports leave unnamed or number (``New
-    0001``), have no name; lines of events and of trajectory types are passed over.
+    empty cells) become NaN. Unidentified trajectories, which exports leave unnamed or number (``New
+    0001``), have no name; lines of events and of trajectory types are passed over. 6D exports and
+    skeletons are read as `besman.io.recordings.qtm_bodies` says.
 
     Parameters
     ----------

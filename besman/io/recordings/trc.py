@@ -1,4 +1,4 @@
-"""TRC: frames by markers, as OpenSim, Motion Analysis (EVaRT, Cortex), Pose2Sim and OpenCap write it.
+"""TRC: frames by markers, as OpenSim, EVaRT, Cortex, Pose2Sim and OpenCap write it.
 
 Variants seen: tabs, commas, semicolons or blanks between cells; cells padded with blanks, tabs
 doubled (EVaRT); millimetres, centimetres and metres, or another word there; frames from 0 and from

@@ -1,3 +1,4 @@
+# ruff: noqa: E501
 """Skeletons whose joints are followed by a second library's rotations."""
 
 from itertools import permutations
@@ -55,7 +56,7 @@ def motion(orders, n_frames, scale=1.0):
     turns = {}
     for k, (_, parent, offset) in enumerate(TREE):
         own = Rotation.identity(n_frames)
-        if k in orders and orders[k]:
+        if orders.get(k):
             own = Rotation.from_euler(orders[k], angles[k], degrees=True)
         turns[k] = own if parent < 0 else turns[parent] * own
         positions[:, k] = root if parent < 0 else positions[:, parent] + turns[parent].apply(offset)
@@ -97,7 +98,9 @@ JOINTS = {k: "ZXY" for k, (name, _, _) in enumerate(TREE) if not name.endswith("
 )  # fmt: skip
 def test_the_height_of_the_body_tells_the_units(tmp_path, name, scale):
     _, positions, _ = write_tree(tmp_path / "a.bvh", JOINTS, scale=scale)
-    with pytest.warns(RecordingWarning, match=rf"no units are named; .* taken for {name}, by the size"):
+    with pytest.warns(
+        RecordingWarning, match=rf"no units are named; .* taken for {name}, by the size"
+    ):
         found = read_bvh(tmp_path / "a.bvh")
     np.testing.assert_allclose(found.positions, positions, atol=1e-5)
     assert found.origin.units == name
@@ -105,7 +108,9 @@ def test_the_height_of_the_body_tells_the_units(tmp_path, name, scale):
 
 def test_what_is_asked_for_and_what_no_person_is(tmp_path):
     _, positions, _ = write_tree(tmp_path / "a.bvh", JOINTS, scale=0.0001)
-    with pytest.raises(RecordingError, match=r"the body is 0.0\d+ high, which is no person's in any"):
+    with pytest.raises(
+        RecordingError, match=r"the body is 0.0\d+ high, which is no person's in any"
+    ):
         read_bvh(tmp_path / "a.bvh")
     found = read_bvh(tmp_path / "a.bvh", units="m")
     np.testing.assert_allclose(found.positions, positions / 100, atol=1e-6)

@@ -51,8 +51,7 @@ def test_the_rates_tell_samples_that_the_header_does_not():
     found = read_sections(file(2, 1, 2, 10, extra=rates), PATH)
     np.testing.assert_array_equal(found.points, POINTS)
     assert found.notes == (
-        "the header counts 2 analog words a frame; 10 are there, as the length of the file "
-        "says",
+        "the header counts 2 analog words a frame; 10 are there, as the length of the file says",
     )
 
 

@@ -59,9 +59,7 @@ def test_a_person_stands_afterwards(up):
     if up == "z":
         turned = turn_up(laid, None, PATH)
     else:
-        with pytest.warns(
-            RecordingWarning, match=rf"a.x: {up} points up, by names .*, not z"
-        ):
+        with pytest.warns(RecordingWarning, match=rf"a.x: {up} points up, by names .*, not z"):
             turned = turn_up(laid, None, PATH)
     np.testing.assert_allclose(turned.positions, upright.positions, atol=1e-12)
     assert turned.origin.up == up
@@ -80,9 +78,7 @@ def test_what_the_format_or_the_file_says():
             assert turn_up(wrong, None, PATH).origin.up == "y"
     # The floor alone is less than the file's own word.
     unnamed = replace(laid, names=(None,) * 8, origin=Origin(up="z", up_by="the screen"))
-    with pytest.warns(
-        RecordingWarning, match=r"y seems to point up, by the floor, and z is taken"
-    ):
+    with pytest.warns(RecordingWarning, match=r"y seems to point up, by the floor, and z is taken"):
         assert turn_up(unnamed, None, PATH).origin.up == "z"
 
 
