@@ -131,7 +131,7 @@ def six_d_lines(recording, name_cells="with", order=("Yaw", "Pitch", "Roll"), co
     """Qualisys 6D: the name of a body in a cell of its own, with an empty one below it or none."""
     from scipy.spatial.transform import Rotation
 
-    head = ["NO_OF_FRAMES\t0", "NO_OF_BODIES\t" + str(len(recording.names)),
+    head = [f"NO_OF_FRAMES\t{len(recording.time)}", "NO_OF_BODIES\t" + str(len(recording.names)),
             f"FREQUENCY\t{recording.rate_hz:g}", "DATA_INCLUDED\t6D",
             "\t".join(["BODY_NAMES", *recording.names])]  # fmt: skip
     rest = [*order, "Residual", *(f"Rot[{k}]" for k in range(9))]

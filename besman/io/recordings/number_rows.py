@@ -58,7 +58,7 @@ class Cells:
     def split(self, line: str) -> list[str]:
         """Return the cells of a line of a header, without blanks around them."""
         if self.separator == b" ":
-            return line.split()
+            return line.split() or [""]
         return [cell.strip().strip('"').strip() for cell in line.split(self.separator.decode())]
 
 

@@ -9,18 +9,19 @@ was not seen; no line of columns at all.
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from besman.exceptions import RecordingError
+from besman.exceptions import RecordingError, RecordingWarning
 from besman.foreign.numbers import parse_number
 from besman.io.recordings.bodies import from_matrices, hold_orientations
 from besman.io.recordings.c3d_names import keep_single_names
 from besman.io.recordings.clock import settle_clock
-from besman.io.recordings.number_rows import Cells, read_rows
+from besman.io.recordings.number_rows import TAKE, Cells, read_rows
 from besman.io.recordings.text_lines import TextLines
 from besman.records import FloatArray, Origin, Recording
 from besman.records.frozen import hand_over
@@ -79,6 +80,7 @@ def read_bodies(lines: TextLines, path: Path, partial: bool) -> Recording:
     keys, columns, first = _read_header(lines, path)
     bodies, width = _find_bodies(keys, columns, lines[first] if first < len(lines) else "", path)
     values = read_rows(lines, first, width, _TABS, path, partial=partial)
+    _check_count(_number(keys, "NO_OF_FRAMES"), len(values), path, partial)
     lowered = [column.lower() for column in columns[:2]]
     extra = [values[:, lowered.index(one)] if one in lowered else None for one in ("frame", "time")]
     if not columns and width % len(bodies) == 2:
@@ -124,6 +126,16 @@ def _read_header(lines: TextLines, path: Path) -> tuple[dict[str, list[str]], li
         elif any(cells):
             return keys, columns, at
     raise RecordingError(f"{path}:{len(lines)}: no frames after the header; is the file cut?")
+
+
+def _check_count(said: float | None, n_rows: int, path: Path, partial: bool) -> None:
+    """Hold the frames against NO_OF_FRAMES."""
+    if said is None or said == n_rows:
+        return
+    what = f"NO_OF_FRAMES is {said:g} and {n_rows} frames follow"
+    if n_rows < said and not partial:
+        raise RecordingError(f"{path}: {what}; is the file cut? {TAKE}")
+    warnings.warn(f"{path.name}: {what}", RecordingWarning, stacklevel=6)
 
 
 def _number(keys: dict[str, list[str]], key: str) -> float | None:

@@ -65,7 +65,7 @@ def motion(orders, n_frames, scale=1.0):
 
 def write_tree(path, orders, n_frames=5, scale=1.0, said=None, brace="\n"):
     channels, positions, turns = motion(orders, n_frames, scale)
-    lines = [*tree_lines(orders, scale, brace), "MOTION", f"Frames: {said or n_frames}", "Frame Time: 0.0083333"]  # noqa: E501  # fmt: skip
+    lines = [*tree_lines(orders, scale, brace), "MOTION", f"Frames: {said or n_frames}", "Frame Time: 0.0083333"]  # fmt: skip
     lines += [" ".join(f"{one:.9f}" for one in row) for row in channels]
     write_lines(lines, path)
     return lines, positions, turns
@@ -79,7 +79,7 @@ ORDERS = ["".join(order) for order in permutations("XYZ")]
 @pytest.mark.parametrize("brace", ["\n", " "])
 def test_any_order_of_channels(tmp_path, order, brace):
     joints = [k for k, (name, _, _) in enumerate(TREE) if not name.endswith("_end")]
-    orders = {k: order if order != "mixed" else ["ZXY", "X", "YZ", "XYZ", "ZYX", ""][at] for at, k in enumerate(joints)}  # noqa: E501  # fmt: skip
+    orders = {k: order if order != "mixed" else ["ZXY", "X", "YZ", "XYZ", "ZYX", ""][at] for at, k in enumerate(joints)}  # fmt: skip
     _, positions, turns = write_tree(tmp_path / "a.bvh", orders, brace=brace)
     found = read_bvh(tmp_path / "a.bvh")
     assert found.names == tuple(name for name, _, _ in TREE)

@@ -68,7 +68,7 @@ def test_forms_of_frames(tmp_path, wrapped):
     assert recognise((tmp_path / "a.json").read_bytes()).name == "keypoints JSON"
 
 
-@pytest.mark.parametrize(("units", "scale"), [("ft", 1 / 0.3048), ("m", 1), ("cm", 100), ("mm", 1000), ("in", 1 / 0.0254)])  # noqa: E501  # fmt: skip
+@pytest.mark.parametrize(("units", "scale"), [("ft", 1 / 0.3048), ("m", 1), ("cm", 100), ("mm", 1000), ("in", 1 / 0.0254)])  # fmt: skip
 def test_the_height_of_the_body_tells_the_units(tmp_path, units, scale):
     written = throw()
     path = write({"fps": 30, "frames": keypoint_frames(written, scale)}, tmp_path / "a.json")

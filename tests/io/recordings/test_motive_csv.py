@@ -45,7 +45,7 @@ def test_versions(tmp_path, version, second, time, bodies):
     assert (found.orientations is not None) == bool(bodies)
 
 
-@pytest.mark.parametrize("options", [{"labels": False}, {"parent": True}, {"timecode": True}, {"first_frame": 480}])  # noqa: E501  # fmt: skip
+@pytest.mark.parametrize("options", [{"labels": False}, {"parent": True}, {"timecode": True}, {"first_frame": 480}])  # fmt: skip
 def test_rows_and_columns_of_the_header(tmp_path, options):
     written = take(first_frame=options.pop("first_frame", 0))
     assert_reads(motive_lines(written, bodies=1, **options), written, tmp_path)

@@ -64,7 +64,7 @@ def test_workstation(tmp_path):
 def test_tables_before_and_behind(tmp_path):
     written = take()
     devices = ["Devices", "1000", ",,Force", "Frame,Sub Frame,Fx,Fy,Fz", ",,N,N,N", "1,0,1,2,3", ""]
-    outputs = ["", "Model Outputs", "50", ",,S1:Angle", "Frame,Sub Frame,X,Y,Z", ",,deg,deg,deg", "1,0,1,2,3"]  # noqa: E501  # fmt: skip
+    outputs = ["", "Model Outputs", "50", ",,S1:Angle", "Frame,Sub Frame,X,Y,Z", ",,deg,deg,deg", "1,0,1,2,3"]  # fmt: skip
     found = assert_reads([*devices, *nexus_lines(written), *outputs], written, tmp_path)
     assert found.origin.notes == ("taken from trajectories; not looked at: devices, model outputs",)
 

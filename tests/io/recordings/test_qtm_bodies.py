@@ -3,7 +3,7 @@ import pytest
 from foreign_recordings import six_d_lines, write_lines
 from scipy.spatial.transform import Rotation
 
-from besman.exceptions import RecordingError
+from besman.exceptions import RecordingError, RecordingWarning
 from besman.io.recordings.formats import read_recording
 from besman.records import Recording
 
@@ -107,6 +107,7 @@ def test_na_in_cells_of_markers(tmp_path):
             lambda lines: ["NO_OF_BODIES\t0", "FREQUENCY\t100", "1\t2\t3"],
             "no bodies with X, Y and Z",
         ),
+        (lambda lines: lines[:-2], r"NO_OF_FRAMES is 12 and 10 .*is the file cut\? --partial takes"),
         (lambda lines: [*lines[:-1], lines[-1] + "\t1\t2\t3"], "columns, expected"),
     ],
 )
@@ -114,3 +115,9 @@ def test_what_is_wrong_is_one_line(tmp_path, change, message):
     path = write_lines(change(six_d_lines(take())), tmp_path / "a.tsv")
     with pytest.raises(RecordingError, match=message):
         read_recording(path)
+
+
+def test_more_frames_than_are_said(tmp_path):
+    lines = ["NO_OF_FRAMES\t10", *six_d_lines(take())[1:]]
+    with pytest.warns(RecordingWarning, match="NO_OF_FRAMES is 10 and 12 frames follow"):
+        read_recording(write_lines(lines, tmp_path / "a.tsv"))

@@ -170,7 +170,7 @@ def test_what_is_wrong_is_one_line(tmp_path, change, message):
 def test_a_rate_that_nothing_tells(tmp_path):
     lines = trc_lines(walk())
     lines[2] = lines[2].replace("50", "0")
-    lines = [*lines[:6], *("\t".join([*line.split("\t")[:1], "", *line.split("\t")[2:]]) for line in lines[6:])]  # noqa: E501  # fmt: skip
+    lines = [*lines[:6], *("\t".join([*line.split("\t")[:1], "", *line.split("\t")[2:]]) for line in lines[6:])]  # fmt: skip
     with pytest.raises(RecordingError, match="neither the header nor a column of times says"):
         read_trc(write_lines(lines, tmp_path / "a.trc"))
 
