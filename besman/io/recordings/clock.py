@@ -22,7 +22,7 @@ _WHOLE = 5e-4
 
 
 @dataclass(frozen=True)
-class Clock:
+class RowClock:
     """When the rows of a table were.
 
     Attributes
@@ -56,7 +56,7 @@ def settle_clock(
     path: Path,
     first_line: int,
     first_time: float | None = None,
-) -> Clock:
+) -> RowClock:
     """Settle frames, times and rate of rows.
 
     Parameters
@@ -74,7 +74,7 @@ def settle_clock(
 
     Returns
     -------
-    Clock
+    RowClock
 
     Raises
     ------
@@ -101,7 +101,7 @@ def settle_clock(
     elif first_time is None:
         first_time = max(first_frame - 1, 0) / rate
     n_frames = int(rows[-1]) + 1
-    return Clock(
+    return RowClock(
         first_time + np.arange(n_frames) / rate,
         rate,
         first_frame,

@@ -162,22 +162,26 @@ def _find_bodies(
         bodies = _from_labels(labels, names or named)
         width = max(len(labels), 1)
     else:
-        n_bodies = len(named) or int(min(_number(keys, "NO_OF_BODIES") or 0, n_cells))
-        n_extra = 2 if n_bodies and (n_cells - 2) // len(_PLAIN) == n_bodies else 0
-        names = named or [""] * n_bodies
-        bodies = [
-            _Body(
-                name,
-                {label.upper(): n_extra + len(_PLAIN) * k + j for j, label in enumerate(_PLAIN)},
-            )
-            for k, name in enumerate(names)
-        ]
-        width = n_extra + len(_PLAIN) * n_bodies
+        bodies, width = _plain_bodies(keys, named, n_cells)
     if not bodies:
         raise RecordingError(
             f"{path}: no bodies with X, Y and Z in the header; expected at least one"
         )
     return bodies, width
+
+
+def _plain_bodies(
+    keys: dict[str, list[str]], named: Sequence[str], n_cells: int
+) -> tuple[list[_Body], int]:
+    """Return the bodies of a file without a line of columns, and how many columns there are."""
+    n_bodies = len(named) or int(min(_number(keys, "NO_OF_BODIES") or 0, n_cells))
+    n_extra = 2 if n_bodies and (n_cells - 2) // len(_PLAIN) == n_bodies else 0
+    bodies = []
+    for k, name in enumerate(named or [""] * n_bodies):
+        first = n_extra + len(_PLAIN) * k
+        columns = {label.upper(): first + j for j, label in enumerate(_PLAIN)}
+        bodies.append(_Body(name, columns))
+    return bodies, n_extra + len(_PLAIN) * n_bodies
 
 
 def _is_name(labels: Sequence[str], at: int) -> bool:

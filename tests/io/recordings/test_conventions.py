@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 from besman.exceptions import RecordingError, RecordingWarning
 from besman.geometry.up_axis import AXES
 from besman.io.recordings.conventions import BY_FORMAT, BY_HABIT, leave_out_zeros, turn, turn_up
-from besman.io.recordings.format import parse_units, parse_up
-from besman.io.recordings.formats import read_recording, reading, write_recording
+from besman.io.recordings.format import parse_units, parse_up, reading
+from besman.io.recordings.formats import read_recording, write_recording
 from besman.records import Origin, Recording
 
 PATH = Path("a.x")

@@ -5,6 +5,8 @@ from scipy.spatial.transform import Rotation
 
 from besman.exceptions import RecordingError, RecordingWarning
 from besman.io.recordings.formats import read_recording
+from besman.io.recordings.qtm_bodies import has_bodies
+from besman.io.recordings.text_lines import TextLines
 from besman.records import Recording
 
 RNG = np.random.default_rng(0)
@@ -107,7 +109,10 @@ def test_na_in_cells_of_markers(tmp_path):
             lambda lines: ["NO_OF_BODIES\t0", "FREQUENCY\t100", "1\t2\t3"],
             "no bodies with X, Y and Z",
         ),
-        (lambda lines: lines[:-2], r"NO_OF_FRAMES is 12 and 10 .*is the file cut\? --partial takes"),
+        (
+            lambda lines: lines[:-2],
+            r"NO_OF_FRAMES is 12 and 10 .*is the file cut\? --partial takes",
+        ),
         (lambda lines: [*lines[:-1], lines[-1] + "\t1\t2\t3"], "columns, expected"),
     ],
 )
@@ -121,3 +126,13 @@ def test_more_frames_than_are_said(tmp_path):
     lines = ["NO_OF_FRAMES\t10", *six_d_lines(take())[1:]]
     with pytest.warns(RecordingWarning, match="NO_OF_FRAMES is 10 and 12 frames follow"):
         read_recording(write_lines(lines, tmp_path / "a.tsv"))
+
+
+def test_markers_are_no_bodies():
+    for text, expected in (
+        ("NO_OF_BODIES\t1\n", True),
+        ("DATA_INCLUDED\t6D\n", True),
+        ("DATA_INCLUDED\t3D\nMARKER_NAMES\ta\n", False),
+        ("MARKER_NAMES\ta\nNO_OF_BODIES\t0\n", False),
+    ):
+        assert has_bodies(TextLines(lambda text=text: [text.encode()])) == expected
