@@ -57,7 +57,7 @@ def label_markers(folder: Path):
     from besman.standalone.label_file import label_file
 
     teacher = folder / "person.tsv"
-    return label_file(folder / "a.tsv", "right_arm", folder / "out.tsv", teacher, True)[0]
+    return label_file(folder / "a.tsv", "right_arm", folder / "out.tsv", teacher, True)[1]
 
 
 def read_inputs(folder: Path):

@@ -195,7 +195,10 @@ def is_c3d(head: bytes) -> bool:
 
 
 _POSITION = rb"\[\s*(?:(?:-?[0-9][-+.0-9eE]*|NaN|null)\s*(?:,\s*|(?=\]))){3}"
-_TWO_NAMED = re.compile(rb'"[^"\n]+"\s*:\s*\[?\s*' + _POSITION, re.DOTALL)
+_NAMED = re.compile(rb'"[^"\n]+"\s*:\s*' + _POSITION)
+_LISTED = re.compile(rb'"[^"\n]+"\s*:\s*\[\s*' + _POSITION)
+_FRAMED = re.compile(rb'"(frames|tracking|data|keypoints|markers|poses)"\s*:\s*\[\s*\{')
+_RATED = re.compile(rb'"(fps|rate_hz|rate|frame_rate|framerate|sampling_rate|sample_rate)"\s*:')
 
 
 def is_keypoints(head: bytes) -> bool:
@@ -203,9 +206,9 @@ def is_keypoints(head: bytes) -> bool:
     text = head.removeprefix(b"\xef\xbb\xbf").lstrip()
     if text[:1] not in (b"{", b"["):
         return False
-    is_list = re.match(rb"\[\s*\{", text) is not None
-    is_told = re.search(rb'"(frames|tracking|fps|rate_hz|frame_rate|sampling_rate)"\s*:', text)
-    return (is_list or is_told is not None) and len(_TWO_NAMED.findall(text)) > 1
+    if re.match(rb"\[\s*\{", text) or _FRAMED.search(text):
+        return len(_NAMED.findall(text)) > 1
+    return _RATED.search(text) is not None and len(_LISTED.findall(text)) > 1
 
 
 class _Reading(NamedTuple):

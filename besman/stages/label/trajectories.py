@@ -12,7 +12,9 @@ from besman.geometry.gaps import BoolArray, fill_gaps
 from besman.geometry.rigid_bodies import fill_members
 from besman.person.marker_set import MarkerSet
 from besman.records import Recording
+from besman.records.frozen import hand_over
 from besman.stages.label.fragments import split_fragments
+from besman.stages.label.gather import found_markers, gather_markers
 from besman.stages.label.learning import learn_marker_model
 from besman.stages.label.model import MarkerModel
 from besman.stages.label.named_recording import NameDecision, NamedRecording
@@ -77,6 +79,45 @@ def name_trajectories(
 
     Parameters
     ----------
+    recording, marker_set, model, threshold, given
+        As of `decide_names`.
+
+    Returns
+    -------
+    NamedRecording
+        The markers found, in the order of the set, with all gaps.
+
+    Raises
+    ------
+    LabellingError
+        As `decide_names`.
+    """
+    decisions = decide_names(recording, marker_set, model, threshold, given)
+    markers = found_markers(decisions, marker_set)
+    return NamedRecording(
+        time=recording.time,
+        positions=hand_over(gather_markers(recording, decisions, markers)),
+        markers=markers,
+        filled=np.zeros((len(recording.time), len(markers)), dtype=np.bool_),
+        rate_hz=recording.rate_hz,
+        source=recording.source,
+        first_frame=recording.first_frame,
+        decisions=decisions,
+        threshold=threshold,
+    )
+
+
+def decide_names(
+    recording: Recording,
+    marker_set: MarkerSet,
+    model: MarkerModel,
+    threshold: float,
+    given: Mapping[str, int] | None = None,
+) -> tuple[NameDecision, ...]:
+    """Decide which marker each unbroken stretch of a recording's trajectories is.
+
+    Parameters
+    ----------
     recording : Recording
         Broken trajectories.
     marker_set : MarkerSet
@@ -91,8 +132,8 @@ def name_trajectories(
 
     Returns
     -------
-    NamedRecording
-        The markers found, in the order of the set, with all gaps.
+    tuple of NameDecision
+        In the order of their first frames.
 
     Raises
     ------
@@ -108,35 +149,22 @@ def name_trajectories(
     known = None if given is None else _known_labels(recording, fragments.column, model, given)
     answer = label_fragments(fragments, model, known=known, threshold=threshold)
     owners = {column: marker for marker, column in (given or {}).items()}
-    paths: dict[str, FloatArray] = {}
     decisions = []
     for k, label in enumerate(answer.labels):
-        start, stop = int(fragments.start[k]), int(fragments.stop[k])
         column = int(fragments.column[k])
         guess = "" if answer.best[k] == GHOST else model.markers[answer.best[k]]
-        best = owners.get(column, guess)
-        named = label != GHOST or column in owners
-        if named:
-            path = paths.setdefault(best, np.full((len(recording.time), 3), np.nan))
-            path[start:stop] = recording.positions[start:stop, column]
-        confidence = round(float(answer.confidence[k]), 4)
-        decisions.append(NameDecision(column, start, stop, best, confidence, named))
-    _refuse_misfit(recording, marker_set, tuple(paths))
-    markers = tuple(marker for marker in marker_set.markers if marker in paths)
-    positions = np.empty((len(recording.time), len(markers), 3))
-    for index, marker in enumerate(markers):
-        positions[:, index] = paths[marker]
-    return NamedRecording(
-        time=recording.time,
-        positions=positions,
-        markers=markers,
-        filled=np.zeros((len(recording.time), len(markers)), dtype=np.bool_),
-        rate_hz=recording.rate_hz,
-        source=recording.source,
-        first_frame=recording.first_frame,
-        decisions=tuple(decisions),
-        threshold=threshold,
-    )
+        decisions.append(
+            NameDecision(
+                column,
+                int(fragments.start[k]),
+                int(fragments.stop[k]),
+                owners.get(column, guess),
+                round(float(answer.confidence[k]), 4),
+                bool(label != GHOST or column in owners),
+            )
+        )
+    _refuse_misfit(recording, marker_set, found_markers(decisions, marker_set))
+    return tuple(decisions)
 
 
 def _known_labels(

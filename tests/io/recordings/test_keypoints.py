@@ -134,6 +134,7 @@ def test_what_is_wrong_is_one_line(tmp_path, content, message):
     [
         {"frames": [[1, 2], [3, 4]], "labels": ["a"]},
         {"target_m": [1, 2, 3], "trajectories": ["a"]},
+        {"rate_hz": 100, "frames": [[1, 2]], "throws": [{"from_m": [1, 2, 3], "to_m": [1, 2, 3]}]},
         {"position_error_m": {"mean": 1}, "frames": [0, 1, 2]},
         {"a": [1.0, 2.0, 3.0], "b": [1.0, 2.0, 3.0]},
     ],
