@@ -44,11 +44,11 @@ _MOST_FRAMES = 60_000  # that flights are looked for in
 
 # Feet are this high, and no standing or kneeling person higher than that.
 _FEET_M = (-0.05, 0.15)
-_TOP_M = (0.9, 2.6)
+_TOP_M = (1.2, 2.6)
 _LYING_M = 0.6
 _FLOOR_MOVES_M = 0.05
-# Fewer tell nothing of a floor.
-_LEAST_FRAMES, _LEAST_POINTS = 10, 8
+# Fewer frames, or points seen at once, tell nothing of a floor: an arm's stay above any plane.
+_LEAST_FRAMES, _LEAST_POINTS = 10, 10
 
 
 class UpAxis(NamedTuple):
@@ -165,7 +165,7 @@ def _find_floors(positions: FloatArray) -> tuple[set[Axis], set[Axis]]:
     """
     is_seen = np.asarray(np.isfinite(positions).all(axis=2))
     points = positions[is_seen]
-    if len(positions) < _LEAST_FRAMES or is_seen.any(axis=0).sum() < _LEAST_POINTS:
+    if len(positions) < _LEAST_FRAMES or np.median(is_seen.sum(axis=1)) < _LEAST_POINTS:
         return set(), set()
     low, high = np.percentile(points, [1.0, 99.0], axis=0)
     seen = is_seen.any(axis=1)

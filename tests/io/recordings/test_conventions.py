@@ -14,13 +14,13 @@ from besman.records import Origin, Recording
 
 PATH = Path("a.x")
 RNG = np.random.default_rng(0)
-NAMES = ("head", "shoulder", "hips", "knee", "foot", "toe", "neck", "ankle")
-HEIGHTS = (1.7, 1.4, 1.0, 0.5, 0.05, 0.02, 1.5, 0.1)
+NAMES = ("head", "shoulder", "hips", "knee", "foot", "toe", "neck", "ankle", "heel", "chin")
+HEIGHTS = (1.7, 1.4, 1.0, 0.5, 0.05, 0.02, 1.5, 0.1, 0.03, 1.6)
 
 
 def person(origin=None, names=NAMES):
     """Stand with z up."""
-    positions = RNG.normal(scale=1e-3, size=(30, 8, 3)) - [1.0, 1.0, 0.0]
+    positions = RNG.normal(scale=1e-3, size=(30, 10, 3)) - [1.0, 1.0, 0.0]
     positions[..., 2] = HEIGHTS
     return Recording(np.arange(30) / 100, positions, names, 100.0, "a.x", origin=origin)
 
@@ -77,7 +77,7 @@ def test_what_the_format_or_the_file_says():
         with pytest.warns(RecordingWarning, match=rf"not z \({said}\); --up z says otherwise"):
             assert turn_up(wrong, None, PATH).origin.up == "y"
     # The floor alone is less than the file's own word.
-    unnamed = replace(laid, names=(None,) * 8, origin=Origin(up="z", up_by="the screen"))
+    unnamed = replace(laid, names=(None,) * 10, origin=Origin(up="z", up_by="the screen"))
     with pytest.warns(RecordingWarning, match=r"y seems to point up, by the floor, and z is taken"):
         assert turn_up(unnamed, None, PATH).origin.up == "z"
 
