@@ -93,6 +93,15 @@ def find_up_axis(
     -------
     UpAxis
     """
+    # Damaged files have numbers whose squares no double holds; they tell nothing.
+    with np.errstate(over="ignore", invalid="ignore"):
+        return _weigh(positions, names, rate_hz, usual)
+
+
+def _weigh(
+    positions: FloatArray, names: Sequence[str | None], rate_hz: float, usual: Axis
+) -> UpAxis:
+    """Weigh what names, floor and flights say."""
     few = positions[:: max(1, -(-len(positions) // _FRAMES))]
     by_names, is_arm = _find_by_names(few, names)
     floors, flat = _find_floors(few)
