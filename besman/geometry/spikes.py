@@ -159,7 +159,9 @@ def _mark_ends(path: FloatArray, time: FloatArray, found: BoolArray) -> None:
             return
         head = order[: LONGEST + 1]
         steps = np.linalg.norm(np.diff(path[head], axis=0), axis=1)
-        pauses = np.abs(np.diff(time[head]))
+        # What was found between two samples is no time in which the body got farther unseen.
+        between = np.abs(np.diff(head)) - 1
+        pauses = np.abs(np.diff(time[head])) - between * np.diff(time).min()
         jumps = np.flatnonzero(steps > _AT_AN_END_M + _AT_AN_END_M_S * pauses)
         # The longer part is the trajectory.
         if jumps.size and 2 * (jumps[-1] + 1) < len(order):

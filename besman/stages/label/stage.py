@@ -184,7 +184,8 @@ def _keep_orientations(recording: Recording, columns: tuple[int, ...]) -> FloatA
     if recording.orientations is None:
         return None
     kept: FloatArray = recording.orientations[:, columns]
-    return kept
+    # Markers that stand among bodies have none.
+    return kept if np.isfinite(kept).any() else None
 
 
 def _refuse_gap(
