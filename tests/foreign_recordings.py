@@ -27,7 +27,7 @@ def rows_of(recording, positions, digits=6, with_time=True, sep="\t"):
     return rows
 
 
-def trc_lines(recording, sep="\t", units="mm", scale=1000.0, n_markers=None, blank="", up="y", names=None):  # noqa: E501  # fmt: skip
+def trc_lines(recording, sep="\t", units="mm", scale=1000.0, n_markers=None, blank="", up="y", names=None, digits=6):  # noqa: E501  # fmt: skip
     """TRC as OpenSim has it."""
     positions = (y_up(recording.positions) if up == "y" else recording.positions) * scale
     names = [name or "" for name in names or recording.names]
@@ -41,11 +41,11 @@ def trc_lines(recording, sep="\t", units="mm", scale=1000.0, n_markers=None, bla
         sep.join(["Frame#", "Time", *(f"{name}{2 * sep}" for name in names)]),
         sep.join(["", "", *(f"{axis}{k}" for k in range(1, m + 1) for axis in "XYZ")]),
         blank,
-        *rows_of(recording, positions, sep=sep),
+        *rows_of(recording, positions, digits, sep=sep),
     ]  # fmt: skip
 
 
-def motive_lines(recording, version="1.23", units="Meters", scale=1.0, second="", time="Time (Seconds)", bodies=0, labels=True, parent=False, timecode=False):  # noqa: E501  # fmt: skip
+def motive_lines(recording, version="1.23", units="Meters", scale=1.0, second="", time="Time (Seconds)", bodies=0, labels=True, parent=False, timecode=False, digits=9):  # noqa: E501  # fmt: skip
     """Motive CSV; the first of the trajectories are rigid bodies with their orientation."""
     positions = y_up(recording.positions) * scale
     head = f"Format Version,{version},Take Name,a,Capture Frame Rate,{2 * recording.rate_hz:.6f},"
@@ -71,7 +71,7 @@ def motive_lines(recording, version="1.23", units="Meters", scale=1.0, second=""
                 w, x, y, z = recording.orientations[at, k]
                 # About the same vertical, which is y in the file.
                 cells += [number(one) for one in (x, z, -y, w)]
-            cells += [number(one, 9) for one in positions[at, k]]
+            cells += [number(one, digits) for one in positions[at, k]]
             cells += ["0.0005"] if k < bodies else []
         rows.append(",".join(cells))
     blank = [""] if timecode else []
@@ -87,13 +87,13 @@ def motive_lines(recording, version="1.23", units="Meters", scale=1.0, second=""
     return [head, *([] if second is None else [second]), *header, *rows]
 
 
-def nexus_lines(recording, title="Trajectories", subject="S1:", commas=0, units=True, first="Frame,Sub Frame", rate=None):  # noqa: E501  # fmt: skip
+def nexus_lines(recording, title="Trajectories", subject="S1:", commas=0, units=True, first="Frame,Sub Frame", rate=None, digits=6):  # noqa: E501  # fmt: skip
     """Nexus CSV: a table of trajectories."""
     tail = commas * ","
     two = "," in first
     names = [f"{subject}{name}" if name else "" for name in recording.names]
     lead = ",," if two else ","
-    rows = rows_of(recording, recording.positions * 1000.0, with_time=False, sep=",")
+    rows = rows_of(recording, recording.positions * 1000.0, digits, with_time=False, sep=",")
     if two:
         rows = [row.replace(",", ",0,", 1) for row in rows]
     return [
@@ -131,13 +131,15 @@ def six_d_lines(recording, name_cells="with", order=("Yaw", "Pitch", "Roll"), co
     """Qualisys 6D: the name of a body in a cell of its own, with an empty one below it or none."""
     from scipy.spatial.transform import Rotation
 
-    head = ["NO_OF_FRAMES\t0", "NO_OF_BODIES\t" + str(len(recording.names)),
+    head = [f"NO_OF_FRAMES\t{len(recording.time)}", "NO_OF_BODIES\t" + str(len(recording.names)),
             f"FREQUENCY\t{recording.rate_hz:g}", "DATA_INCLUDED\t6D",
             "\t".join(["BODY_NAMES", *recording.names])]  # fmt: skip
     rest = [*order, "Residual", *(f"Rot[{k}]" for k in range(9))]
     names = []
     for name in recording.names:
-        names += [f"{name} X", f"{name} Y", f"{name} Z"] if name_cells == "joined" else [name, *"XYZ"]
+        names += (
+            [f"{name} X", f"{name} Y", f"{name} Z"] if name_cells == "joined" else [name, *"XYZ"]
+        )
         names += rest
     rows = []
     for at in range(len(recording.time)):
@@ -149,7 +151,12 @@ def six_d_lines(recording, name_cells="with", order=("Yaw", "Pitch", "Roll"), co
                 continue
             turn = Rotation.from_quat(recording.orientations[at, k], scalar_first=True)
             angles = turn.as_euler("ZYX", degrees=True)
-            values = [*(1000 * recording.positions[at, k]), *angles, 0.3, *turn.as_matrix().T.ravel()]
+            values = [
+                *(1000 * recording.positions[at, k]),
+                *angles,
+                0.3,
+                *turn.as_matrix().T.ravel(),
+            ]
             cells += [number(value) for value in values]
         rows.append("\t".join(cells))
     return [*head, *(["\t".join(["Frame", "Time", *names])] if columns else []), *rows]

@@ -22,7 +22,8 @@ def look(
 ) -> None:
     """Say what is in a recording, which marker set fits and how to go on; of several a table."""
     from besman.io.atomic_files import write_json
-    from besman.io.recordings.formats import find_recordings, reading_options
+    from besman.io.recordings.format import reading_options
+    from besman.io.recordings.formats import find_recordings
     from besman.standalone.look_files import Look, content_of, look_at, look_at_all
     from besman.standalone.look_text import (
         describe_look,

@@ -24,8 +24,7 @@ from besman.cli.robots import robots
 from besman.cli.terminal import complain
 from besman.cli.view import view
 from besman.exceptions import BesmanError, RecordingWarning, StoppedError
-from besman.io.recordings.format import parse_units, parse_up
-from besman.io.recordings.formats import reading
+from besman.io.recordings.format import parse_units, parse_up, reading
 from besman.work.stopping import stops_on_signals
 
 app = typer.Typer(

@@ -40,7 +40,9 @@ def parse_json(text: str | bytes, allow_nan: bool = False) -> Any:
         except UnicodeDecodeError:
             raise json.JSONDecodeError("expected text in UTF-8", "", 0) from None
     try:
-        content = json.loads(text, parse_int=_parse_int, parse_constant=_take_nan if allow_nan else _refuse)
+        content = json.loads(
+            text, parse_int=_parse_int, parse_constant=_take_nan if allow_nan else _refuse
+        )
     except json.JSONDecodeError:
         raise
     except RecursionError:

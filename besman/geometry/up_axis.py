@@ -44,11 +44,11 @@ _MOST_FRAMES = 60_000  # that flights are looked for in
 
 # Feet are this high, and no standing or kneeling person higher than that.
 _FEET_M = (-0.05, 0.15)
-_TOP_M = (0.9, 2.6)
+_TOP_M = (1.2, 2.6)
 _LYING_M = 0.6
 _FLOOR_MOVES_M = 0.05
-# Fewer tell nothing of a floor.
-_LEAST_FRAMES, _LEAST_POINTS = 10, 8
+# Fewer frames, or points seen at once, tell nothing of a floor: an arm's stay above any plane.
+_LEAST_FRAMES, _LEAST_POINTS = 10, 10
 
 
 class UpAxis(NamedTuple):
@@ -93,6 +93,15 @@ def find_up_axis(
     -------
     UpAxis
     """
+    # Damaged files have numbers whose squares no double holds; they tell nothing.
+    with np.errstate(over="ignore", invalid="ignore"):
+        return _weigh(positions, names, rate_hz, usual)
+
+
+def _weigh(
+    positions: FloatArray, names: Sequence[str | None], rate_hz: float, usual: Axis
+) -> UpAxis:
+    """Weigh what names, floor and flights say."""
     few = positions[:: max(1, -(-len(positions) // _FRAMES))]
     by_names, is_arm = _find_by_names(few, names)
     floors, flat = _find_floors(few)
@@ -113,9 +122,7 @@ def find_up_axis(
     return UpAxis(usual, 0.0, "")
 
 
-def _find_by_names(
-    positions: FloatArray, names: Sequence[str | None]
-) -> tuple[Axis | None, bool]:
+def _find_by_names(positions: FloatArray, names: Sequence[str | None]) -> tuple[Axis | None, bool]:
     """Return the axis along which high parts of a body stay above low ones; whether only an arm."""
     parts = [
         [index for index, name in enumerate(names) if name and re.search(part, _words(name))]
@@ -145,12 +152,10 @@ def _words(name: str) -> str:
 
 def _mean(positions: FloatArray) -> FloatArray:
     """Return the middle of the points seen, (T, 3); NaN where none is."""
-    seen = np.isfinite(positions).all(axis=2)
+    seen = np.asarray(np.isfinite(positions).all(axis=2))
     counts = seen.sum(axis=1)
     sums = np.where(seen[..., None], positions, 0.0).sum(axis=1)
-    return np.asarray(
-        np.where(counts[:, None] > 0, sums / np.maximum(counts, 1)[:, None], np.nan)
-    )
+    return np.asarray(np.where(counts[:, None] > 0, sums / np.maximum(counts, 1)[:, None], np.nan))
 
 
 def _name_axis(direction: FloatArray, least: float, aside: float) -> Axis | None:
@@ -167,9 +172,9 @@ def _find_floors(positions: FloatArray) -> tuple[set[Axis], set[Axis]]:
 
     Flat is what does not rise above 0.6 m, as a person who lies, or feet alone.
     """
-    is_seen = np.isfinite(positions).all(axis=2)
+    is_seen = np.asarray(np.isfinite(positions).all(axis=2))
     points = positions[is_seen]
-    if len(positions) < _LEAST_FRAMES or is_seen.any(axis=0).sum() < _LEAST_POINTS:
+    if len(positions) < _LEAST_FRAMES or np.median(is_seen.sum(axis=1)) < _LEAST_POINTS:
         return set(), set()
     low, high = np.percentile(points, [1.0, 99.0], axis=0)
     seen = is_seen.any(axis=1)

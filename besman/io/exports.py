@@ -20,6 +20,9 @@ from besman.records import FloatArray
 
 # Nothing of an arm is larger, in rad and s.
 _GREATEST = 1e6
+# A movement at its limit, as 2 pi rad, must not be beyond it by rounding; 1e-9 is, see
+# `besman.robot.limits.check_limits`.
+_DIGITS = 12
 
 
 def write_joint_csv(
@@ -57,7 +60,7 @@ def write_joint_csv(
         temporary.open("w", newline="", encoding="utf-8") as file,
     ):
         csv.writer(file).writerow(header)
-        np.savetxt(file, table, fmt="%.9g", delimiter=",")
+        np.savetxt(file, table, fmt=f"%.{_DIGITS}g", delimiter=",")
 
 
 def read_joint_csv(path: Path) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:

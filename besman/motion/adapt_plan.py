@@ -154,8 +154,9 @@ def _fit_shape(plan: MotionPlan, robot: Robot, reserve: float) -> MotionPlan:
     rest, shape = positions[1], positions[0] - positions[1]
     bound = np.where(shape > 0, robot.limits.position_max, robot.limits.position_min)
     room = np.maximum((bound - rest) * np.sign(shape), 0.0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        fits = np.where(np.abs(shape) > _ROUNDING_RAD, room / np.abs(shape), np.inf)
+    # What has no shape fits many times, not infinitely often: no share of that is a number.
+    fits = np.full_like(room, 1.0 / _ROUNDING_RAD)
+    np.divide(room, np.abs(shape), out=fits, where=np.abs(shape) > _ROUNDING_RAD)
     share = np.clip((1.0 - reserve) * fits.min(axis=0), 0.0, 1.0)
     # A joint that needs no scaling keeps its weights to the last bit.
     scaled = plain + share[:, None] * (plan.weights - plain)

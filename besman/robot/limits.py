@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import BPoly
 
 from besman.robot.collision import distances
 from besman.robot.dynamics import inverse_dynamics
@@ -144,9 +143,41 @@ def resample_trajectory(
         From the first to the last sample, seconds.
     positions, velocities, accelerations : array, shape (R, n)
     """
-    pieces = BPoly.from_derivatives(time, np.stack([positions, velocities, accelerations], axis=1))
     count = int(np.floor((time[-1] - time[0]) * rate_hz + 1e-9)) + 1
     dense = np.minimum(time[0] + np.arange(count) / rate_hz, time[-1])
     if dense[-1] < time[-1] - 1e-9:
         dense = np.append(dense, time[-1])
-    return dense, pieces(dense), pieces.derivative()(dense), pieces.derivative(2)(dense)
+    piece = np.clip(np.searchsorted(time, dense, side="right") - 1, 0, len(time) - 2)
+    powers = _quintic_powers(np.diff(time)[:, None], positions, velocities, accelerations)
+    c0, c1, c2, c3, c4, c5 = powers[:, piece]
+    u = (dense - time[piece])[:, None]
+    return (
+        dense,
+        c0 + u * (c1 + u * (c2 + u * (c3 + u * (c4 + u * c5)))),
+        c1 + u * (2 * c2 + u * (3 * c3 + u * (4 * c4 + u * 5 * c5))),
+        2 * c2 + u * (6 * c3 + u * (12 * c4 + u * 20 * c5)),
+    )
+
+
+def _quintic_powers(
+    step: FloatArray, positions: FloatArray, velocities: FloatArray, accelerations: FloatArray
+) -> FloatArray:
+    """Return the coefficients (6, T - 1, n) of the polynomials between samples, lowest power first.
+
+    A quintic is given by value and two derivatives at both ends of its step (T - 1, 1) seconds.
+    """
+    start, v, a = positions[:-1], velocities[:-1], accelerations[:-1]
+    # What the first three powers leave over at the end, in units of the step.
+    way = positions[1:] - start - step * (v + step * a / 2)
+    speed = step * (velocities[1:] - v - step * a)
+    pull = step**2 * (accelerations[1:] - a)
+    return np.stack(
+        [
+            start,
+            v,
+            a / 2,
+            (10 * way - 4 * speed + pull / 2) / step**3,
+            (-15 * way + 7 * speed - pull) / step**4,
+            (6 * way - 3 * speed + pull / 2) / step**5,
+        ]
+    )

@@ -12,7 +12,7 @@ import numpy as np
 from besman.exceptions import BesmanError, LabellingError, RecordingError, RecordingWarning
 from besman.geometry.gaps import find_runs
 from besman.io.recordings.formats import KNOWN_FORMATS, read_recording, recognise
-from besman.person.marker_set import without_subject
+from besman.person.marker_set import MarkerSet, without_subject
 from besman.person.marker_set_fit import SetFit, fit_marker_sets
 from besman.records import FloatArray, LabelledRecording, Origin, Recording
 from besman.stages.label.stage import LabelConfig
@@ -100,10 +100,10 @@ def look_at(path: Path) -> Look:
     """
     with warnings.catch_warnings(record=True) as caught:
         recording = _read(path)
+        is_turned = recording.orientations is not None
+        fits = fit_marker_sets(recording.names, recording.source, is_turned)
+        fault, needed = _try_set(recording, fits[0]) if fits else ("", 0.0)
     said = [str(one.message) for one in caught if issubclass(one.category, RecordingWarning)]
-    is_turned = recording.orientations is not None
-    fits = fit_marker_sets(recording.names, recording.source, is_turned)
-    fault, needed = _try_set(recording, fits[0]) if fits else ("", 0.0)
     return Look(
         path,
         recording,
@@ -222,10 +222,11 @@ def _try_set(recording: Recording, fit: SetFit) -> tuple[str, float]:
     return _find_fault(labelled), 0.0
 
 
-def _longest_gap(taken: LabelledRecording, marker_set: Any) -> float:
-    """Return the longest gap of a required marker that is left, seconds."""
+def _longest_gap(taken: LabelledRecording, marker_set: MarkerSet) -> float:
+    """Return the longest gap of a required marker that is left, seconds; 0 if there is none."""
     runs = [find_runs(np.isnan(taken.marker(name)[:, 0])) for name in marker_set.required]
-    return max(int((one[:, 1] - one[:, 0]).max()) for one in runs if len(one)) / taken.rate_hz
+    longest = max((int((one[:, 1] - one[:, 0]).max()) for one in runs if len(one)), default=0)
+    return longest / taken.rate_hz
 
 
 def _find_fault(labelled: LabelledRecording) -> str:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import shlex
+import warnings
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from besman.exceptions import RecordingWarning
 from besman.io.segments_json import SEGMENTS_SUFFIX, find_segments, read_segments
 from besman.person.marker_set_fit import SetFit
 from besman.standalone.look_files import STILL_M, Look, measure_extent
@@ -102,7 +104,10 @@ def _choose_label(look: Look) -> str:
     """Return the name of the blocks to go on with: that of the recipe, else the most frequent."""
     folder = look.path if look.path.is_dir() else look.path.parent
     path = find_segments(folder / look.recording.source)
-    labels = [] if path is None else list(read_segments(path, look.recording).labels)
+    with warnings.catch_warnings():
+        # Whoever uses the segments is warned of what is odd about them; here they give a hint.
+        warnings.simplefilter("ignore", RecordingWarning)
+        labels = [] if path is None else list(read_segments(path, look.recording).labels)
     if _REACH_LABEL in labels or not set(labels) - _AT_REST:
         return _REACH_LABEL
     return max(sorted(set(labels) - _AT_REST), key=labels.count)

@@ -89,3 +89,11 @@ def test_what_tells_nothing_is_as_usual():
     for positions in (random, np.full((50, 3, 3), np.nan), random[:1], np.zeros((0, 3, 3))):
         for usual in ("z", "-y"):
             assert find_up_axis(positions, ("a", None, "b"), 100.0, usual) == (usual, 0.0, "")
+
+
+def test_an_arm_above_a_plane_by_chance_is_not_turned():
+    """Eight points without a name, all within a metre on one side of the frame's origin."""
+    positions = RNG.uniform([-0.6, -1.1, 0.7], [0.2, -0.05, 1.5], size=(1, 8, 3)) + np.zeros(
+        (50, 1, 1)
+    )
+    assert find_up_axis(positions, (None,) * 8, 60.0) == ("z", 0.0, "")

@@ -21,6 +21,16 @@ def test_csv_round_trip(tmp_path, trajectory):
         np.testing.assert_allclose(read, wrote, rtol=1e-8)
 
 
+@pytest.mark.parametrize("degrees", [360, 170, 85, 120, 1])
+def test_a_movement_at_its_limit_is_not_beyond_it_by_rounding(tmp_path, degrees):
+    limit = np.full((3, 1), np.radians(degrees))
+    for sign in (1, -1):
+        at = sign * limit
+        exports.write_joint_csv(tmp_path / "a.csv", np.arange(3.0), at, at, at, ("a",))
+        for read in exports.read_joint_csv(tmp_path / "a.csv")[1:]:
+            assert np.all(np.abs(read) <= limit * (1 + 1e-10))
+
+
 def test_csv_with_a_missing_column(tmp_path):
     (tmp_path / "a.csv").write_text("t,a\n0,1\n")
     with pytest.raises(RecordingError, match="three columns a joint, got 2"):

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from besman.exceptions import PlanError
 from besman.geometry.quaternions import from_rotation_vector, multiply
+from besman.motion import adapt_plan
 from besman.motion.adapt_plan import retarget_plan
 from besman.motion.dmp import shape_directions
 from besman.motion.rollout import roll_out_plans, sample_plan
@@ -225,3 +226,11 @@ def test_a_jump(robots, plan_of):
     slow = replace(arm, limits=replace(arm.limits, velocity=arm.limits.velocity / 1000))
     with pytest.raises(PlanError, match=r"a: the arm would have to jump: .* takes \d+ s, allowed"):
         retarget_plan(plan, slow)
+
+
+def test_a_shape_that_is_none_is_taken_away_whole(robots, plan_of):
+    arm, plan = robots["ur5"], plan_of("joint_dmp_velocity")
+    plain = replace(plan, weights=np.zeros_like(plan.weights))
+    assert np.all(adapt_plan._fit_shape(plain, arm, 1.0).weights == 0.0)
+    one = replace(plan, weights=plan.weights * (np.arange(6) == 2)[:, None])
+    assert np.all(adapt_plan._fit_shape(one, arm, 1.0).weights == 0.0)

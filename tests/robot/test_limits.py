@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from scipy.interpolate import BPoly
 
 from besman.robot.dynamics import inverse_dynamics
 from besman.robot.limits import check_limits, resample_trajectory, time_stretch
@@ -27,6 +28,18 @@ def test_resampling_is_exact_for_quintic_movements():
     _, *expected = movement(501)
     for got, wanted in zip(fine, expected, strict=True):
         np.testing.assert_allclose(got, wanted, atol=1e-9)
+
+
+@pytest.mark.parametrize("n_samples", [2, 3, 40])
+def test_resampling_agrees_with_scipy(n_samples):
+    rng = np.random.default_rng(n_samples)
+    time = np.cumsum(rng.uniform(0.003, 0.1, n_samples))
+    coarse = [rng.normal(size=(n_samples, 6)) for _ in range(3)]
+    pieces = BPoly.from_derivatives(time, np.stack(coarse, axis=1))
+    fine_time, *fine = resample_trajectory(time, *coarse)
+    for order, got in enumerate(fine):
+        wanted = pieces.derivative(order)(fine_time) if order else pieces(fine_time)
+        np.testing.assert_allclose(got, wanted, rtol=0, atol=1e-9 * np.abs(wanted).max())
 
 
 def test_resampling_reaches_the_end_of_an_odd_duration():

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from command_line import besman
@@ -11,6 +13,10 @@ from besman.stages.label.stage import LabelConfig
 from besman.standalone.propose_set import propose_set, write_marker_set
 
 NAMED = SAMPLE / "subject1.tsv"
+PALM_DOWN = np.array(
+    [[0, 0.2, 1.45], [0, -0.2, 1.45], [0, -0.25, 1.15], [0.25, -0.22, 1.15], [0.25, -0.28, 1.15],
+     [0.34, -0.25, 1.15], [-0.1, 0, 1.5]]
+)  # fmt: skip
 ARMS = ("LSHO", "RSHO", "RELB", "RWRA", "RWRB", "RFIN", "C7")
 
 
@@ -35,6 +41,8 @@ def test_the_set_of_the_sample_has_its_markers_and_clusters(tmp_path):
 def test_arms_told_by_names_become_frames(tmp_path):
     path = tmp_path / "mine.yaml"
     recording = record([f"Ann:{name}" for name in ARMS])
+    # A right arm bent by a quarter turn, palm down; the hand moves a little.
+    recording = replace(recording, positions=PALM_DOWN + 0.01 * recording.positions)
     path.write_text(propose_set(recording, "mine"))
     proposed = load_marker_set(str(path))
     assert proposed.frames.hand.thumb_side == ("rwra",)

@@ -14,7 +14,7 @@ def hold_orientations(orientations: FloatArray) -> FloatArray:
     """
     held = np.array(orientations)
     rows = np.arange(len(held))
-    seen = np.isfinite(held).all(axis=2)
+    seen = np.asarray(np.isfinite(held).all(axis=2))
     for column in range(held.shape[1]):
         kept = rows[seen[:, column]]
         if kept.size and kept.size < len(rows):

@@ -95,7 +95,9 @@ def read_bvh(path: Path, units: Units | None = None, partial: bool = False) -> R
     return Recording(
         time=np.arange(len(values)) / rate_hz,
         positions=hand_over(positions),
-        names=find_names([joint.name for joint in joints], [""] * len(joints), positions, path.name),
+        names=find_names(
+            [joint.name for joint in joints], [""] * len(joints), positions, path.name
+        ),
         rate_hz=rate_hz,
         source=path.name,
         orientations=orientations,
@@ -105,41 +107,17 @@ def read_bvh(path: Path, units: Units | None = None, partial: bool = False) -> R
 
 def _read_skeleton(lines: TextLines, path: Path) -> tuple[list[_Joint], int]:
     """Read the joints, parents before children, and the index of the line that says MOTION."""
-    joints: list[_Joint] = []
-    above: list[int] = []
-    begun: _Joint | None = None
-    n_channels = 0
+    tree = _Tree()
     for at, line in enumerate(lines):
         words = line.split()
         if not words or (at == 0 and words[0].upper() == "HIERARCHY"):
             continue
-        kind = words[0].upper()
-        if kind == "MOTION":
-            if above or not joints:
+        if words[0].upper() == "MOTION":
+            if tree.above or not tree.joints:
                 break
-            return joints, at
+            return tree.joints, at
         try:
-            if kind in ("ROOT", "JOINT", "END"):
-                parent = above[-1] if above else -1
-                opened = words[-1] == "{"
-                name = " ".join(words[1:-1] if opened else words[1:]) if kind != "END" else f"{joints[parent].name}_end"
-                begun = _Joint(name, parent, first=n_channels)
-                joints.append(begun)
-                if len(joints) > _MOST_JOINTS or (kind != "ROOT") != bool(above):
-                    break
-                words = words[-1:] if opened else []
-            if words and words[0] == "{":
-                above.append(len(joints) - 1)
-            elif kind == "}":
-                above.pop()
-            elif kind == "OFFSET" and begun is not None:
-                x, y, z = (parse_number(word) for word in words[1:4])
-                begun.offset = (x, y, z)
-            elif kind == "CHANNELS" and begun is not None:
-                begun.channels = _read_channels(words)
-                n_channels += len(begun.channels)
-            elif words and kind not in ("ROOT", "JOINT", "END"):
-                break
+            tree.take(words)
         except (ValueError, IndexError):
             break
     else:
@@ -148,6 +126,46 @@ def _read_skeleton(lines: TextLines, path: Path) -> tuple[list[_Joint], int]:
         f"{path}:{at + 1}: got {line.strip()!r:.60}; expected a joint with OFFSET and CHANNELS, or "
         "MOTION below all of them"
     )
+
+
+class _Tree:
+    """Joints as their lines come."""
+
+    def __init__(self) -> None:
+        self.joints: list[_Joint] = []
+        self.above: list[int] = []
+        self.n_channels = 0
+
+    def take(self, words: list[str]) -> None:
+        """Take the words of a line; a ValueError or IndexError if it is none of a skeleton."""
+        kind = words[0].upper()
+        if kind in ("ROOT", "JOINT", "END"):
+            self._begin(kind, words)
+        elif kind == "{":
+            self.above.append(len(self.joints) - 1)
+        elif kind == "}":
+            self.above.pop()
+        elif kind == "OFFSET":
+            x, y, z = (parse_number(word) for word in words[1:4])
+            self.joints[-1].offset = (x, y, z)
+        elif kind == "CHANNELS":
+            self.joints[-1].channels = _read_channels(words)
+            self.n_channels += len(self.joints[-1].channels)
+        else:
+            raise ValueError
+
+    def _begin(self, kind: str, words: list[str]) -> None:
+        """Begin a joint, or an end of the skeleton."""
+        parent = self.above[-1] if self.above else -1
+        if len(self.joints) >= _MOST_JOINTS or (kind != "ROOT") != bool(self.above):
+            raise ValueError
+        opened = words[-1] == "{"
+        name = " ".join(words[1:-1] if opened else words[1:])
+        if kind == "END":
+            name = f"{self.joints[parent].name}_end"
+        self.joints.append(_Joint(name, parent, first=self.n_channels))
+        if opened:
+            self.above.append(len(self.joints) - 1)
 
 
 def _read_channels(words: list[str]) -> list[str]:

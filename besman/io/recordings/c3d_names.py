@@ -75,7 +75,7 @@ def keep_single_names(
     doubled = [name for name, count in counts.items() if count > 1]
     if not doubled:
         return tuple(names)
-    seen = np.isfinite(positions).all(axis=2).any(axis=0)
+    seen = np.asarray(np.asarray(np.isfinite(positions).all(axis=2)).any(axis=0))
     found: list[str | None] = list(names)
     for name in doubled:
         places = [index for index, other in enumerate(names) if other == name]

@@ -1,4 +1,4 @@
-"""Frames and times of rows, and the rate: what a header says held against what the columns count."""
+"""Frames and times of rows, and the rate: what a header says beside what the columns count."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _WHOLE = 5e-4
 
 
 @dataclass(frozen=True)
-class Clock:
+class RowClock:
     """When the rows of a table were.
 
     Attributes
@@ -41,7 +41,7 @@ class Clock:
     rows: npt.NDArray[np.int64] | None
 
     def spread(self, values: FloatArray) -> FloatArray:
-        """Return values of rows (N, ...) as those of all frames (T, ...), NaN where one is missing."""
+        """Return values of rows (N, ...) for all frames (T, ...), NaN where one is missing."""
         if self.rows is None:
             return values
         spread = np.full((len(self.time), *values.shape[1:]), np.nan)
@@ -56,7 +56,7 @@ def settle_clock(
     path: Path,
     first_line: int,
     first_time: float | None = None,
-) -> Clock:
+) -> RowClock:
     """Settle frames, times and rate of rows.
 
     Parameters
@@ -74,7 +74,7 @@ def settle_clock(
 
     Returns
     -------
-    Clock
+    RowClock
 
     Raises
     ------
@@ -101,7 +101,7 @@ def settle_clock(
     elif first_time is None:
         first_time = max(first_frame - 1, 0) / rate
     n_frames = int(rows[-1]) + 1
-    return Clock(
+    return RowClock(
         first_time + np.arange(n_frames) / rate,
         rate,
         first_frame,
@@ -143,7 +143,8 @@ def _count(frames: FloatArray, path: Path, first_line: int) -> npt.NDArray[np.in
         f"{path.name}: {n_missing} frames are missing and became gaps, first before frame "
         f"{frames[row]:.0f} in line {first_line + row}"
     )
-    return places.astype(np.int64)
+    counted: npt.NDArray[np.int64] = places.astype(np.int64)
+    return counted
 
 
 def _show_rate(

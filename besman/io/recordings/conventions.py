@@ -121,7 +121,8 @@ def turn(positions: FloatArray, up: Axis) -> FloatArray:
     """Return positions (..., 3) of a frame in which `up` points up in one in which z does."""
     columns, signs = _TURNS[up]
     # Adding zero turns -0.0 into 0.0.
-    return np.ascontiguousarray(positions[..., columns]) * np.array(signs) + 0.0
+    turned: FloatArray = np.ascontiguousarray(positions[..., columns]) * np.array(signs) + 0.0
+    return turned
 
 
 def _choose(origin: Origin, found: UpAxis, path: Path) -> tuple[Axis, str]:

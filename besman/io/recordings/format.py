@@ -6,11 +6,13 @@ Nothing here or in the table of formats imports a reader: that is done when a fi
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
 from pkgutil import resolve_name
-from typing import TYPE_CHECKING, Any, Literal, TypeVar, get_args
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeVar, get_args
 
 from besman.exceptions import RecordingError, one_of
 
@@ -184,3 +186,76 @@ def _text(head: bytes) -> bytes:
     if head[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return head[2:].replace(b"\0", b"")
     return head.removeprefix(b"\xef\xbb\xbf").lstrip()
+
+
+def is_c3d(head: bytes) -> bool:
+    """Tell C3D: the number of the first block of parameters, then P."""
+    # Text may start with a tab or line end and P, but has no zero bytes.
+    return head[1:2] == b"P" and 2 <= head[0] < 32 and (head[0] not in b"\t\n\r" or b"\0" in head)
+
+
+_POSITION = rb"\[\s*(?:(?:-?[0-9][-+.0-9eE]*|NaN|null)\s*(?:,\s*|(?=\]))){3}"
+_NAMED = re.compile(rb'"[^"\n]+"\s*:\s*' + _POSITION)
+_LISTED = re.compile(rb'"[^"\n]+"\s*:\s*\[\s*' + _POSITION)
+_FRAMED = re.compile(rb'"(frames|tracking|data|keypoints|markers|poses)"\s*:\s*\[\s*\{')
+_RATED = re.compile(rb'"(fps|rate_hz|rate|frame_rate|framerate|sampling_rate|sample_rate)"\s*:')
+
+
+def is_keypoints(head: bytes) -> bool:
+    """Tell keypoints: frames of which each has names of positions, or names with lists of them."""
+    text = head.removeprefix(b"\xef\xbb\xbf").lstrip()
+    if text[:1] not in (b"{", b"["):
+        return False
+    if re.match(rb"\[\s*\{", text) or _FRAMED.search(text):
+        return len(_NAMED.findall(text)) > 1
+    return _RATED.search(text) is not None and len(_LISTED.findall(text)) > 1
+
+
+class _Reading(NamedTuple):
+    """How `read_recording` reads where its caller does not say."""
+
+    units: Units | None = None
+    partial: bool = False
+    up: Axis | None = None
+
+
+_AS_FILES_SAY = _Reading()
+READING: ContextVar[_Reading] = ContextVar("reading", default=_AS_FILES_SAY)
+"""What `reading` set, for `besman.io.recordings.formats.read_recording`."""
+
+
+@contextmanager
+def reading(
+    *, units: Units | None = None, partial: bool | None = None, up: Axis | None = None
+) -> Iterator[None]:
+    """Let `read_recording` read so, within a block of code.
+
+    For whoever reads recordings through other functions, as commands do. What is None stays as it
+    was before.
+
+    Parameters
+    ----------
+    units, partial, up
+        As of `read_recording`.
+    """
+    before = READING.get()
+    token = READING.set(
+        _Reading(
+            before.units if units is None else units,
+            before.partial if partial is None else partial,
+            before.up if up is None else up,
+        )
+    )
+    try:
+        yield
+    finally:
+        READING.reset(token)
+
+
+def reading_options() -> list[str]:
+    """Return the options of the command line that have recordings read as now."""
+    usual = READING.get()
+    options = ["--partial"] if usual.partial else []
+    for option, value in (("--units", usual.units), ("--up", usual.up)):
+        options += [] if value is None else [option, value]
+    return options

@@ -8,39 +8,25 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
-from contextvars import ContextVar
+from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from besman.exceptions import RecordingError, RecordingWarning, one_of, see_look
-from besman.io.recordings.format import Format, Units, text_begins, text_has
+from besman.io.recordings.format import (
+    READING,
+    Format,
+    Units,
+    is_c3d,
+    is_keypoints,
+    text_begins,
+    text_has,
+)
 
 if TYPE_CHECKING:
     from besman.records import Axis, LabelledRecording, Recording
 
 _HEAD_BYTES = 16_384
-
-
-def _is_c3d(head: bytes) -> bool:
-    """Tell C3D: the number of the first block of parameters, then P."""
-    # Text may start with a tab or line end and P, but has no zero bytes.
-    return head[1:2] == b"P" and 2 <= head[0] < 32 and (head[0] not in b"\t\n\r" or b"\0" in head)
-
-
-_POSITION = rb'\[\s*(?:(?:-?[0-9][-+.0-9eE]*|NaN|null)\s*(?:,\s*|(?=\]))){3}'
-_TWO_NAMED = re.compile(rb'"[^"\n]+"\s*:\s*\[?\s*' + _POSITION, re.DOTALL)
-
-
-def _is_keypoints(head: bytes) -> bool:
-    """Tell keypoints: frames of which each has names of positions, or names with lists of them."""
-    text = head.removeprefix(b"\xef\xbb\xbf").lstrip()
-    if text[:1] not in (b"{", b"["):
-        return False
-    is_list = re.match(rb'\[\s*\{', text) is not None
-    is_told = re.search(rb'"(frames|tracking|fps|rate_hz|frame_rate|sampling_rate)"\s*:', text)
-    return (is_list or is_told is not None) and len(_TWO_NAMED.findall(text)) > 1
 
 
 FORMATS = (
@@ -57,7 +43,7 @@ FORMATS = (
     Format(
         "C3D",
         (".c3d",),
-        _is_c3d,
+        is_c3d,
         "c3d:read_c3d",
         "any camera system: Intel, DEC or SGI, floats or integers; gaps by their residual",
         writer="c3d:write_c3d",
@@ -119,7 +105,7 @@ FORMATS = (
     Format(
         "keypoints JSON",
         (".json",),
-        _is_keypoints,
+        is_keypoints,
         "keypoints:read_keypoints",
         "markerless systems: [{name: [x, y, z], ...}, ...]; rate as fps or times, units by height",
         takes_units=True,
@@ -133,7 +119,7 @@ FORMATS = (
             rb"\"?\3[ _.:]y\"?\4\"?\3[ _.:]z\"?"
         ),
         "keypoints_csv:read_keypoints_csv",
-        "markerless systems: columns name_x, name_y, name_z, time or a line '# fps: 30'; units by height",
+        "markerless systems: columns name_x, name_y, name_z, time or '# fps: 30'; units by height",
         takes_units=True,
         takes_partial=True,
         writes_zeros=True,
@@ -157,54 +143,6 @@ KNOWN_FORMATS = one_of(entry.name for entry in FORMATS)
 
 WRITTEN_SUFFIXES = tuple(entry.suffixes[0] for entry in FORMATS if entry.writer)
 """Endings of the files that can be written."""
-
-
-class _Reading(NamedTuple):
-    """How `read_recording` reads where its caller does not say."""
-
-    units: Units | None = None
-    partial: bool = False
-    up: Axis | None = None
-
-
-_READING: ContextVar[_Reading] = ContextVar("reading", default=_Reading())
-
-
-@contextmanager
-def reading(
-    *, units: Units | None = None, partial: bool | None = None, up: Axis | None = None
-) -> Iterator[None]:
-    """Let `read_recording` read so, within a block of code.
-
-    For whoever reads recordings through other functions, as commands do. What is None stays as it
-    was before.
-
-    Parameters
-    ----------
-    units, partial, up
-        As of `read_recording`.
-    """
-    before = _READING.get()
-    token = _READING.set(
-        _Reading(
-            before.units if units is None else units,
-            before.partial if partial is None else partial,
-            before.up if up is None else up,
-        )
-    )
-    try:
-        yield
-    finally:
-        _READING.reset(token)
-
-
-def reading_options() -> list[str]:
-    """Return the options of the command line that have recordings read as now."""
-    usual = _READING.get()
-    options = ["--partial"] if usual.partial else []
-    for option, value in (("--units", usual.units), ("--up", usual.up)):
-        options += [] if value is None else [option, value]
-    return options
 
 
 def read_recording(
@@ -258,7 +196,7 @@ def read_recording(
         raise RecordingError(
             f"{path}: a format that is not known; expected {KNOWN_FORMATS}" + see_look(str(path))
         )
-    usual = _READING.get()
+    usual = READING.get()
     recording = found.read(
         path,
         usual.units if units is None else units,

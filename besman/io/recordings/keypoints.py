@@ -136,10 +136,14 @@ def _find_frames(content: Any, path: Path) -> list[dict[str, Any]]:
         else:
             content = _turn_over(content, path)
     if not isinstance(content, list) or not content:
-        raise RecordingError(f"{path}: no frames; expected a list of them, each with positions by name")
+        raise RecordingError(
+            f"{path}: no frames; expected a list of them, each with positions by name"
+        )
     for at, frame in enumerate(content, start=1):
         if not isinstance(frame, dict):
-            raise RecordingError(f"{path}: frame {at}: got {frame!r:.60}; expected positions by name")
+            raise RecordingError(
+                f"{path}: frame {at}: got {frame!r:.60}; expected positions by name"
+            )
     return content
 
 
@@ -190,7 +194,9 @@ def _collect(frames: list[dict[str, Any]], path: Path) -> tuple[list[str | None]
         if len(places) > _MOST_NAMES:
             raise RecordingError(f"{path}: more than {_MOST_NAMES} names of keypoints")
     if not places:
-        raise RecordingError(f"{path}: no positions by name; expected three numbers for each keypoint")
+        raise RecordingError(
+            f"{path}: no positions by name; expected three numbers for each keypoint"
+        )
     positions = np.full((len(frames), len(places), 3), np.nan)
     for at, row in enumerate(rows):
         if row:

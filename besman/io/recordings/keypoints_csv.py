@@ -26,8 +26,10 @@ from besman.records.frozen import hand_over
 
 _COORDINATE = re.compile(r"(.+)[ _.:]([xyz])", re.IGNORECASE)
 _ABOUT = re.compile(r"#\s*([A-Za-z_]+)\s*[:=,]\s*(\S+)")
-_TIMES = {"time": 1.0, "time_s": 1.0, "time (s)": 1.0, "t": 1.0, "timestamp": 1.0, "seconds": 1.0,
-          "time (seconds)": 1.0, "time_ms": 1e-3, "time (ms)": 1e-3, "timestamp_ms": 1e-3}  # fmt: skip
+_SECONDS = ("time", "time_s", "time (s)", "time (seconds)", "t", "timestamp", "seconds")
+_TIMES = dict.fromkeys(_SECONDS, 1.0) | dict.fromkeys(
+    ("time_ms", "time (ms)", "timestamp_ms"), 1e-3
+)
 _FRAMES = {"frame", "frame#", "frame_number", "frame_id", "index", ""}
 
 
@@ -61,8 +63,9 @@ def read_keypoints_csv(path: Path, units: Units | None = None, partial: bool = F
     """
     lines = open_lines(path, "keypoints in a table")
     about: dict[str, str] = {}
-    at = 0
-    for at, line in enumerate(lines):
+    at = -1
+    for line in lines:
+        at += 1
         if line.lstrip().startswith("#"):
             found = _ABOUT.match(line.lstrip())
             if found:

@@ -19,6 +19,7 @@ import re
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -31,12 +32,13 @@ from besman.io.recordings.clock import settle_clock
 from besman.io.recordings.conventions import BY_HABIT
 from besman.io.recordings.format import Units
 from besman.io.recordings.lengths import find_length
-from besman.io.recordings.number_rows import Cells, find_cells, is_blank, read_rows
+from besman.io.recordings.number_rows import Cells, find_cells, read_rows
 from besman.io.recordings.text_lines import TextLines, open_lines
 from besman.records import FloatArray, Origin, Recording
 from besman.records.frozen import hand_over
 
 _HEADER_LINES = 16
+_TIME = re.compile(r"time( \(.*\))?")
 _LABELS = {"type", "name", "id", "parent"}
 _UNLABELLED = re.compile(r"(Unlabel+ed|Active)?[ _-]*\d*", re.IGNORECASE)
 _FITTED = {"rigid body marker", "bone marker"}
@@ -129,7 +131,9 @@ def read_motive_csv(path: Path, units: Units | None = None, partial: bool = Fals
         rate_hz=clock.rate_hz,
         source=path.name,
         first_frame=clock.first_frame,
-        orientations=None if orientations is None else hold_orientations(clock.spread(orientations)),
+        orientations=None
+        if orientations is None
+        else hold_orientations(clock.spread(orientations)),
         origin=Origin(
             writer=f"Motive, format {header.values.get('format version', '')[:20]}",
             units=length.name,
@@ -146,8 +150,8 @@ def _read_header(lines: TextLines, path: Path) -> _Header:
     head = lines[:_HEADER_LINES]
     cells = find_cells(head[0])
     words = cells.split(head[0])
-    pairs = zip(words[::2], words[1::2], strict=False)
-    values = {key.lower(): value for key, value in pairs}
+    # A name with a comma in it shifts what comes behind, so that every word may be a key.
+    values = {key.lower(): value for key, value in pairwise(words)}
     if values.get("coordinate space", "global").lower() not in ("global", ""):
         raise RecordingError(
             f"{path}:1: Coordinate Space is {values['coordinate space']!r:.40}; expected Global: "
@@ -160,25 +164,35 @@ def _read_header(lines: TextLines, path: Path) -> _Header:
             f"{path}: no line of columns that begins with Frame among the first {_HEADER_LINES}; "
             "is the file cut?"
         )
-    axes = rows[at]
-    while axes and axes[-1] == "" and not any(len(row) >= len(axes) and row[len(axes) - 1] for row in rows[1:at]):  # noqa: E501  # fmt: skip
-        axes.pop()
+    axes, *above = _align([rows[at], *rows[1:at]])
     width = len(axes)
-    above = [row + [""] * (width - len(row)) for row in rows[1:at] if not is_blank(",".join(row))]
-    time = next((k for k, axis in enumerate(axes) if axis.lower().startswith("time (")
-                 or axis.lower() == "time"), None)  # fmt: skip
-    texts = tuple(k for k, axis in enumerate(axes) if axis.lower().startswith("timecode"))
+    lowered = [axis.lower() for axis in axes]
+    time = next((k for k, axis in enumerate(lowered) if _TIME.fullmatch(axis)), None)
+    texts = tuple(k for k, axis in enumerate(lowered) if axis.startswith("timecode"))
     tracks = _find_tracks(axes, above)
     if cells.separator == b";" and at + 1 < len(head) and "," in head[at + 1]:
         cells = replace(cells, has_decimal_commas=True)
     if not tracks:
-        raise RecordingError(f"{path}:{at + 1}: no columns of positions; expected at least one X, Y, Z")
+        raise RecordingError(
+            f"{path}:{at + 1}: no columns of positions; expected at least one X, Y, Z"
+        )
     return _Header(values, tracks, time, width, texts, cells, at + 1)
+
+
+def _align(rows: list[list[str]]) -> list[list[str]]:
+    """Return the rows that have words, as wide as the last column with one.
+
+    Columns of errors have no axis, those that a spreadsheet adds have nothing.
+    """
+    width = max(k + 1 for row in rows for k, cell in enumerate(row) if cell)
+    return [row[:width] + [""] * (width - len(row)) for row in rows if any(row)]
 
 
 def _find_tracks(axes: Sequence[str], above: Sequence[list[str]]) -> tuple[_Track, ...]:
     """Find the columns of everything that has a position."""
-    kinds = _row(above, "type", {"marker", "rigid body", "rigid body marker", "bone", "bone marker"})
+    kinds = _row(
+        above, "type", {"marker", "rigid body", "rigid body marker", "bone", "bone marker"}
+    )
     names = _row(above, "name", set()) or [""] * len(axes)
     ids = _row(above, "id", set()) or [""] * len(axes)
     what = _row(above, "", {"position", "rotation"})
@@ -232,9 +246,7 @@ def _choose_tracks(tracks: tuple[_Track, ...]) -> tuple[list[_Track], tuple[str,
     )
 
 
-def _name(
-    tracks: Sequence[_Track], positions: FloatArray, source: str
-) -> tuple[str | None, ...]:
+def _name(tracks: Sequence[_Track], positions: FloatArray, source: str) -> tuple[str | None, ...]:
     """Return the names of trajectories, None of those that are unlabelled."""
     names = [None if _UNLABELLED.fullmatch(track.name) else track.name for track in tracks]
     return keep_single_names(names, positions, source, "trajectories")

@@ -22,7 +22,7 @@ import numpy as np
 from besman.exceptions import RecordingError
 from besman.foreign.numbers import parse_number
 from besman.io.recordings.c3d_names import find_names
-from besman.io.recordings.clock import Clock, settle_clock
+from besman.io.recordings.clock import RowClock, settle_clock
 from besman.io.recordings.format import Units
 from besman.io.recordings.lengths import find_length, parse_unit
 from besman.io.recordings.number_rows import Cells, find_cells, read_rows
@@ -31,9 +31,10 @@ from besman.records import FloatArray, Origin, Recording
 from besman.records.frozen import hand_over
 
 _TITLE = re.compile(
-    rb'^"?(Trajectories|Model Outputs|Devices|Joints|Segments|Events|Global Angles|Analog)\b[^\n]*$',
-    re.IGNORECASE | re.MULTILINE,
+    rb'"?(Trajectories|Model Outputs|Devices|Joints|Segments|Events|Global Angles|Analog)\b',
+    re.IGNORECASE,
 )
+_WORD = re.compile(rb'\n"?[A-Za-z]')
 # What positions are taken from, the best first.
 _TITLES = ("trajectories", "model outputs", "segments")
 _FIRST = {"frame", "field #", "field", "frame#"}
@@ -122,9 +123,13 @@ def _find_titles(lines: TextLines) -> dict[str, int]:
     found: dict[str, int] = {}
     at = 0
     for block in lines.blocks(0):
-        for title in _TITLE.finditer(block):
-            name = title[1].decode().lower()
-            found.setdefault(name, at + block.count(b"\n", 0, title.start()))
+        text = b"\n" + block
+        for word in _WORD.finditer(text):
+            title = _TITLE.match(text, word.start() + 1)
+            if title:
+                found.setdefault(
+                    title[1].decode().lower(), at + text.count(b"\n", 1, title.start())
+                )
         at += block.count(b"\n") + 1
     return found
 
@@ -141,9 +146,9 @@ def _read_header(lines: TextLines, at: int, title: str, path: Path) -> _Section:
     cells = find_cells(head[table])
     axes, names = cells.split(head[table]), cells.split(head[table - 1])
     names += [""] * (len(axes) - len(names))
+    rate = cells.split(head[1])[0]
     row = cells.split(head[table + 1]) if table + 1 < len(head) else []
     units = row + [""] * (len(axes) - len(row)) if row and not _is_number(row[0]) else None
-    rate = cells.split(head[1])[0] if table > 2 or not any(names[:1]) else ""
     n_ends = next((k for k in range(len(axes), 0, -1) if axes[k - 1]), 0)
     columns, labels, words = _find_positions(axes[:n_ends], names, units)
     if not columns:
@@ -151,14 +156,14 @@ def _read_header(lines: TextLines, at: int, title: str, path: Path) -> _Section:
             f"{path}:{at + table + 1}: no columns of positions in {title!r}; expected X, Y, Z in a "
             "unit of length"
         )
-    body = head[table + 2] if table + 2 < len(head) else ""
-    if cells.separator == b";" and "," in body:
+    if cells.separator == b";" and "," in "".join(head[table + 2 : table + 3]):
         cells = replace(cells, has_decimal_commas=True)
-    sub = next((k for k, axis in enumerate(axes[:3]) if axis.lower().startswith("sub")), None)
+    sub = 1 if "".join(axes[1:2]).lower().startswith("sub") else None
     data_line = at + table + (1 if units is None else 2)
     rate_hz = parse_number(rate) if _is_number(rate) else None
-    word = sorted(words)[0] if words else None
-    return _Section(title, rate_hz, labels, columns, word, sub, n_ends, cells, data_line)
+    return _Section(
+        title, rate_hz, labels, columns, min(words, default=None), sub, n_ends, cells, data_line
+    )
 
 
 def _is_columns(line: str) -> bool:
@@ -179,7 +184,7 @@ def _find_positions(
     """Return the first column of every position, its label, and the words for their unit."""
     columns, labels, words = [], [], set()
     owner = ""
-    for at, axis in enumerate(axes):
+    for at in range(len(axes)):
         owner = names[at] or owner
         letters = "".join(axes[at : at + 3]).upper()
         is_body = letters == "TXTYTZ"
@@ -195,7 +200,7 @@ def _find_positions(
     return tuple(columns), tuple(labels), words
 
 
-def _settle(section: _Section, values: FloatArray, path: Path) -> Clock:
+def _settle(section: _Section, values: FloatArray, path: Path) -> RowClock:
     """Settle frames and rate; where there are sub frames the rate counts these."""
     frames = values[:, 0]
     if section.sub_column is not None:

@@ -30,8 +30,8 @@ def parse_cells(text: bytes, n_cells: int) -> FloatArray | None:
     Returns
     -------
     array, shape (n_cells,), or None
-        NaN for ``nan``, ``null``, ``NA`` and empty cells; None where a cell is anything else than a plain,
-        finite number or one of these.
+        NaN for ``nan``, ``null``, ``NA`` and empty cells; None where a cell is anything else than a
+        plain, finite number or one of these.
     """
     if text.translate(None, _PLAIN):
         return None
@@ -41,9 +41,13 @@ def parse_cells(text: bytes, n_cells: int) -> FloatArray | None:
         text = text.lower().replace(b"null", b"nan")
     values = np.empty(0) if b"\t\t" in text else _read_all(text)
     if len(values) != n_cells:
-        text = b"\t" + text.replace(b"\n", b"\t\n\t") + b"\t"
         # Of two empty cells side by side the first round finds one.
         text = text.replace(b"\t\t", b"\tnan\t").replace(b"\t\t", b"\tnan\t")
+        text = text.replace(b"\t\n", b"\tnan\n")
+        # Most lines begin with a number.
+        text = text.replace(b"\n\t", b"\nnan\t") if b"\n\t" in text else text
+        text = (b"nan" if text[:1] == b"\t" else b"") + text
+        text += b"nan" if text[-1:] == b"\t" else b""
         values = _read_all(text)
     return values if len(values) == n_cells and not np.isinf(values).any() else None
 

@@ -58,7 +58,7 @@ class Cells:
     def split(self, line: str) -> list[str]:
         """Return the cells of a line of a header, without blanks around them."""
         if self.separator == b" ":
-            return line.split()
+            return line.split() or [""]
         return [cell.strip().strip('"').strip() for cell in line.split(self.separator.decode())]
 
 
@@ -117,22 +117,40 @@ def read_rows(
     """
     found, row = [np.empty((0, width))], first
     for block in lines.blocks(first):
-        body = cells.tabbed(block).split(b"\n")
-        end = next((at for at, line in enumerate(body) if not line.strip(b"\t ")), len(body))
-        is_last = row + end >= len(lines)
-        body = body[:end]
-        if is_last and body:
-            above = lines.last(min(_ROWS_ABOVE, len(lines) - first))[:-1]
-            body = _look_for_cut(body, cells, above, width, lines.is_ended, path, row, partial)
-        if body:
-            found.append(_parse(body, width, texts, path, row, lines))
-        if end < len(block.split(b"\n")) or is_last:
+        text = cells.tabbed(block)
+        n_lines = text.count(b"\n") + 1
+        is_last = row + n_lines >= len(lines)
+        values = None
+        if not texts and (lines.is_ended or not is_last) and _is_even(text, width):
+            values = parse_cells(text, n_lines * width)
+        end = n_lines
+        if values is None:
+            body = text.split(b"\n")
+            end = next((at for at, line in enumerate(body) if not line.strip(b"\t ")), n_lines)
+            body = body[:end]
+            if is_last and end == n_lines:
+                above = lines.last(min(_ROWS_ABOVE, len(lines) - first))[:-1]
+                body = _look_for_cut(body, cells, above, width, lines.is_ended, path, row, partial)
+            values = _parse(body, width, texts, path, row, lines) if body else None
+        if values is not None:
+            found.append(values.reshape(-1, width))
+        if end < n_lines or is_last:
             break
-        row += end
+        row += n_lines
     values = np.concatenate(found) if len(found) != 2 else found[1]
     if len(values) == 0:
         raise RecordingError(f"{path}:{first + 1}: no frames after the header; is the file cut?")
     return values
+
+
+def _is_even(text: bytes, width: int) -> bool:
+    """Tell whether every line has as many cells as there are columns, and not all of them empty."""
+    codes = np.frombuffer(text, np.uint8)
+    ends = np.append(np.flatnonzero(codes == ord("\n")), len(codes))
+    tabs = np.flatnonzero(codes == ord("\t"))
+    lengths = np.diff(ends, prepend=-1) - 1
+    counts = np.diff(np.searchsorted(tabs, ends), prepend=0)
+    return width > 1 and bool((counts == width - 1).all() and (lengths > width - 1).all())
 
 
 def _parse(

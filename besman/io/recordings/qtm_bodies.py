@@ -9,24 +9,32 @@ was not seen; no line of columns at all.
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from besman.exceptions import RecordingError
+from besman.exceptions import RecordingError, RecordingWarning
 from besman.foreign.numbers import parse_number
 from besman.io.recordings.bodies import from_matrices, hold_orientations
 from besman.io.recordings.c3d_names import keep_single_names
 from besman.io.recordings.clock import settle_clock
-from besman.io.recordings.number_rows import Cells, read_rows
+from besman.io.recordings.number_rows import TAKE, Cells, read_rows
 from besman.io.recordings.text_lines import TextLines
 from besman.records import FloatArray, Origin, Recording
 from besman.records.frozen import hand_over
 
 _KEY = re.compile(r"[A-Z][A-Z_]+")
-_KEYS = {"NO_OF_BODIES", "BODY_NAMES", "NO_OF_SKELETONS", "SKELETON_NAMES", "SEGMENT_NAMES", "SKELETON"}
+_KEYS = {
+    "NO_OF_BODIES",
+    "BODY_NAMES",
+    "NO_OF_SKELETONS",
+    "SKELETON_NAMES",
+    "SEGMENT_NAMES",
+    "SKELETON",
+}
 _TABS = Cells(b"\t")
 _HEADER_LINES = 40
 # Columns of a body where no line names them: place, three angles, residual, matrix.
@@ -72,6 +80,7 @@ def read_bodies(lines: TextLines, path: Path, partial: bool) -> Recording:
     keys, columns, first = _read_header(lines, path)
     bodies, width = _find_bodies(keys, columns, lines[first] if first < len(lines) else "", path)
     values = read_rows(lines, first, width, _TABS, path, partial=partial)
+    _check_count(_number(keys, "NO_OF_FRAMES"), len(values), path, partial)
     lowered = [column.lower() for column in columns[:2]]
     extra = [values[:, lowered.index(one)] if one in lowered else None for one in ("frame", "time")]
     if not columns and width % len(bodies) == 2:
@@ -89,18 +98,20 @@ def read_bodies(lines: TextLines, path: Path, partial: bool) -> Recording:
     return Recording(
         time=clock.time,
         positions=hand_over(positions),
-        names=keep_single_names([body.name or None for body in bodies], positions, path.name, "bodies"),
+        names=keep_single_names(
+            [body.name or None for body in bodies], positions, path.name, "bodies"
+        ),
         rate_hz=clock.rate_hz,
         source=path.name,
         first_frame=clock.first_frame,
-        orientations=None if orientations is None else hold_orientations(clock.spread(orientations)),
+        orientations=None
+        if orientations is None
+        else hold_orientations(clock.spread(orientations)),
         origin=Origin(writer="Qualisys Track Manager", units="mm", units_by="the format"),
     )
 
 
-def _read_header(
-    lines: TextLines, path: Path
-) -> tuple[dict[str, list[str]], list[str], int]:
+def _read_header(lines: TextLines, path: Path) -> tuple[dict[str, list[str]], list[str], int]:
     """Return keys, the names of columns (none if there is no such line), and the first row."""
     keys: dict[str, list[str]] = {}
     columns: list[str] = []
@@ -115,6 +126,16 @@ def _read_header(
         elif any(cells):
             return keys, columns, at
     raise RecordingError(f"{path}:{len(lines)}: no frames after the header; is the file cut?")
+
+
+def _check_count(said: float | None, n_rows: int, path: Path, partial: bool) -> None:
+    """Hold the frames against NO_OF_FRAMES."""
+    if said is None or said == n_rows:
+        return
+    what = f"NO_OF_FRAMES is {said:g} and {n_rows} frames follow"
+    if n_rows < said and not partial:
+        raise RecordingError(f"{path}: {what}; is the file cut? {TAKE}")
+    warnings.warn(f"{path.name}: {what}", RecordingWarning, stacklevel=6)
 
 
 def _number(keys: dict[str, list[str]], key: str) -> float | None:
@@ -141,17 +162,26 @@ def _find_bodies(
         bodies = _from_labels(labels, names or named)
         width = max(len(labels), 1)
     else:
-        n_bodies = len(named) or int(min(_number(keys, "NO_OF_BODIES") or 0, n_cells))
-        n_extra = 2 if n_bodies and (n_cells - 2) // len(_PLAIN) == n_bodies else 0
-        names = named or [""] * n_bodies
-        bodies = [
-            _Body(name, {label.upper(): n_extra + len(_PLAIN) * k + j for j, label in enumerate(_PLAIN)})
-            for k, name in enumerate(names)
-        ]
-        width = n_extra + len(_PLAIN) * n_bodies
+        bodies, width = _plain_bodies(keys, named, n_cells)
     if not bodies:
-        raise RecordingError(f"{path}: no bodies with X, Y and Z in the header; expected at least one")
+        raise RecordingError(
+            f"{path}: no bodies with X, Y and Z in the header; expected at least one"
+        )
     return bodies, width
+
+
+def _plain_bodies(
+    keys: dict[str, list[str]], named: Sequence[str], n_cells: int
+) -> tuple[list[_Body], int]:
+    """Return the bodies of a file without a line of columns, and how many columns there are."""
+    n_bodies = len(named) or int(min(_number(keys, "NO_OF_BODIES") or 0, n_cells))
+    n_extra = 2 if n_bodies and (n_cells - 2) // len(_PLAIN) == n_bodies else 0
+    bodies = []
+    for k, name in enumerate(named or [""] * n_bodies):
+        first = n_extra + len(_PLAIN) * k
+        columns = {label.upper(): first + j for j, label in enumerate(_PLAIN)}
+        bodies.append(_Body(name, columns))
+    return bodies, n_extra + len(_PLAIN) * n_bodies
 
 
 def _is_name(labels: Sequence[str], at: int) -> bool:
@@ -167,7 +197,10 @@ def _from_labels(labels: Sequence[str], names: Sequence[str]) -> list[_Body]:
     bodies: list[_Body] = []
     for at, label in enumerate(labels):
         before, _, last = label.rpartition(" ")
-        if last.upper() == "X" and [one[-1:].upper() for one in labels[at + 1 : at + 3]] == ["Y", "Z"]:
+        if last.upper() == "X" and [one[-1:].upper() for one in labels[at + 1 : at + 3]] == [
+            "Y",
+            "Z",
+        ]:
             name = before or (names[len(bodies)] if len(bodies) < len(names) else "")
             bodies.append(_Body(name, {}))
         if bodies and last:

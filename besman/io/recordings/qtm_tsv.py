@@ -40,8 +40,9 @@ def read_tsv(path: Path, partial: bool = False) -> Recording:
     """Read a Qualisys TSV file.
 
     Markers are known by name, whatever the order of the columns. Gaps (``nan``, ``null``, ``NA`` or
-    empty cells) become NaN. 6D exports and skeletons: `besman.io.recordings.qtm_bodies`. Unidentified trajectories, which exports leave unnamed or number (``New
-    0001``), have no name; lines of events and of trajectory types are passed over.
+    empty cells) become NaN. Unidentified trajectories, which exports leave unnamed or number (``New
+    0001``), have no name; lines of events and of trajectory types are passed over. 6D exports and
+    skeletons are read as `besman.io.recordings.qtm_bodies` says.
 
     Parameters
     ----------
@@ -118,10 +119,7 @@ def write_tsv(recording: Recording, path: Path) -> None:
         "\t".join(["MARKER_NAMES", *names]),
         "\t".join([*columns, ""]),
     ]
-    frames = recording.first_frame + np.arange(n_samples)
-    # Adding zero turns a rounded -0.0 into 0.0.
-    flat = np.round(recording.positions.reshape(n_samples, -1) * 1000.0, 3) + 0.0
-    rows = np.column_stack([frames, (frames - 1) / recording.rate_hz, flat])
+    flat = recording.positions.reshape(n_samples, -1)
     line = "\t".join(["%d", "%.5f"] + ["%.3f"] * (3 * n_markers)) + "\n"
     with (
         written_aside(path, kind=RecordingError) as temporary,
@@ -129,7 +127,11 @@ def write_tsv(recording: Recording, path: Path) -> None:
     ):
         file.write("\n".join(header) + "\n")
         for start in range(0, n_samples, _ROWS_AT_ONCE):
-            block = rows[start : start + _ROWS_AT_ONCE]
+            rows = flat[start : start + _ROWS_AT_ONCE]
+            frames = recording.first_frame + start + np.arange(len(rows))
+            # Adding zero turns a rounded -0.0 into 0.0.
+            values = np.round(rows * 1000.0, 3) + 0.0
+            block = np.column_stack([frames, (frames - 1) / recording.rate_hz, values])
             file.write(line * len(block) % tuple(block.ravel().tolist()))
 
 

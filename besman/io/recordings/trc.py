@@ -1,4 +1,4 @@
-"""TRC: frames by markers, as OpenSim, Motion Analysis (EVaRT, Cortex), Pose2Sim and OpenCap write it.
+"""TRC: frames by markers, as OpenSim, EVaRT, Cortex, Pose2Sim and OpenCap write it.
 
 Variants seen: tabs, commas, semicolons or blanks between cells; cells padded with blanks, tabs
 doubled (EVaRT); millimetres, centimetres and metres, or another word there; frames from 0 and from
@@ -118,31 +118,27 @@ def _read_header(lines: TextLines, path: Path) -> _Header:
         )
     values: dict[str, str] = {}
     if keys is not None and keys + 1 < names:
-        words = [re.split(r"[\s,;\"]+", head[at].strip()) for at in (keys, keys + 1)]
-        values = {key.lower(): value for key, value in zip(*words, strict=False)}
-    first = next(
-        (at for at in range(names + 1, len(head)) if _is_row(head[at])),
-        None,
-    )
+        values = dict(zip(_words(head[keys].lower()), _words(head[keys + 1]), strict=False))
+    first = next((at for at in range(names + 1, len(head)) if _is_row(head[at])), None)
     if first is None:
         raise RecordingError(f"{path}:{len(head)}: no frames after the header; is the file cut?")
     cells = find_cells(head[first])
     labelled = _read_names(head[names], find_cells(head[names]))
-    n_labels = sum(bool(_AXIS.fullmatch(word)) for word in re.split(r"[\s,;]+", head[first - 1]))
-    for line in head[names + 1 : first]:
-        found = [word for word in re.split(r"[\s,;\"]+", line) if _AXIS.fullmatch(word)]
-        n_labels = max(n_labels, len(found))
-    row = cells.split(head[first].rstrip("\r\n"))
-    if _is_doubled(row, 2 + max(n_labels, 3 * len(labelled))):
-        cells = Cells(cells.separator, cells.has_decimal_commas, is_doubled=True)
-        row = row[::2]
-    while row and not row[-1]:
-        row.pop()
+    n_labels = sum(
+        bool(_AXIS.fullmatch(word)) for line in head[names + 1 : first] for word in _words(line)
+    )
     n_markers = max(len(labelled), n_labels // 3)
-    if not labelled and not n_markers:
+    if _is_doubled(cells.split(head[first]), 2 + 3 * n_markers):
+        cells = Cells(cells.separator, cells.has_decimal_commas, is_doubled=True)
+    if not n_markers:
         raise RecordingError(f"{path}:{names + 1}: no markers are named; expected at least one")
     labelled += [""] * (n_markers - len(labelled))
     return _Header(values, tuple(labelled), cells, first)
+
+
+def _words(line: str) -> list[str]:
+    """Return the words of a line, whatever separates them."""
+    return re.split(r"[\s,;\"]+", line.strip())
 
 
 def _is_row(line: str) -> bool:

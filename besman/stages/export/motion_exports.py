@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 _LIMITS = "limits.json"
 _ENDINGS = (".csv", ".ros.json", ".ros.yaml", ".script")
 
-# Rounding of what is written: nine digits; six decimals in URScript.
+# Rounding of what is written: twelve digits, nine decimals, or six in URScript.
 _AGREEMENT_RAD = 1e-6
 # Writing holds Python's lock; processes are started in the time of so many motions.
 _PROCESSES_FROM = 40

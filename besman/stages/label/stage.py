@@ -20,6 +20,7 @@ from besman.stages.label.derive_markers import derive_markers
 from besman.stages.label.model import MarkerModel
 from besman.stages.label.model_from_pose import model_from_pose
 from besman.stages.label.named_recording import NamedRecording
+from besman.stages.label.person_check import check_person
 from besman.stages.label.results import label_results
 from besman.stages.label.trajectories import (
     fill_in_place,
@@ -179,6 +180,7 @@ class LabelConfig(LabelBase):
         columns = marker_set.match(recording.names, recording.source)
         labelled = self.take_names(recording, columns, marker_set)
         self.refuse_gaps(labelled, marker_set)
+        check_person(labelled, marker_set)
         return labelled
 
 
@@ -187,7 +189,8 @@ def _keep_orientations(recording: Recording, columns: tuple[int, ...]) -> FloatA
     if recording.orientations is None:
         return None
     kept: FloatArray = recording.orientations[:, columns]
-    return kept
+    # Markers that stand among bodies have none.
+    return kept if np.isfinite(kept).any() else None
 
 
 def _refuse_gap(
@@ -264,7 +267,9 @@ class NamingBase(LabelBase):
                     + see_look(recording.source)
                 )
         self.refuse_gaps(named, marker_set)
-        return derive_markers(named, marker_set)
+        named = derive_markers(named, marker_set)
+        check_person(named, marker_set)
+        return named
 
 
 class LabelTrajectoriesConfig(NamingBase):

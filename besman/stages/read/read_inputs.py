@@ -20,6 +20,7 @@ from besman.stages.read.config import ReadConfig
 # Enough to tell takes apart; what is written as text or in single precision is rounded.
 _COMPARED_FRAMES = 20
 _SAME_PLACE_M = 2e-5
+_AS_FILES_SAY = ReadConfig()
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,7 @@ class Inputs:
 
 
 def read_inputs(
-    paths: Sequence[str], teacher: str | None = None, config: ReadConfig = ReadConfig()
+    paths: Sequence[str], teacher: str | None = None, config: ReadConfig = _AS_FILES_SAY
 ) -> Inputs:
     """Read recordings, and the segments and truth files beside them.
 

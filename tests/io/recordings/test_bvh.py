@@ -1,3 +1,4 @@
+# ruff: noqa: E501
 """Skeletons whose joints are followed by a second library's rotations."""
 
 from itertools import permutations
@@ -55,7 +56,7 @@ def motion(orders, n_frames, scale=1.0):
     turns = {}
     for k, (_, parent, offset) in enumerate(TREE):
         own = Rotation.identity(n_frames)
-        if k in orders and orders[k]:
+        if orders.get(k):
             own = Rotation.from_euler(orders[k], angles[k], degrees=True)
         turns[k] = own if parent < 0 else turns[parent] * own
         positions[:, k] = root if parent < 0 else positions[:, parent] + turns[parent].apply(offset)
@@ -64,7 +65,7 @@ def motion(orders, n_frames, scale=1.0):
 
 def write_tree(path, orders, n_frames=5, scale=1.0, said=None, brace="\n"):
     channels, positions, turns = motion(orders, n_frames, scale)
-    lines = [*tree_lines(orders, scale, brace), "MOTION", f"Frames: {said or n_frames}", "Frame Time: 0.0083333"]  # noqa: E501  # fmt: skip
+    lines = [*tree_lines(orders, scale, brace), "MOTION", f"Frames: {said or n_frames}", "Frame Time: 0.0083333"]  # fmt: skip
     lines += [" ".join(f"{one:.9f}" for one in row) for row in channels]
     write_lines(lines, path)
     return lines, positions, turns
@@ -78,7 +79,7 @@ ORDERS = ["".join(order) for order in permutations("XYZ")]
 @pytest.mark.parametrize("brace", ["\n", " "])
 def test_any_order_of_channels(tmp_path, order, brace):
     joints = [k for k, (name, _, _) in enumerate(TREE) if not name.endswith("_end")]
-    orders = {k: order if order != "mixed" else ["ZXY", "X", "YZ", "XYZ", "ZYX", ""][at] for at, k in enumerate(joints)}  # noqa: E501  # fmt: skip
+    orders = {k: order if order != "mixed" else ["ZXY", "X", "YZ", "XYZ", "ZYX", ""][at] for at, k in enumerate(joints)}  # fmt: skip
     _, positions, turns = write_tree(tmp_path / "a.bvh", orders, brace=brace)
     found = read_bvh(tmp_path / "a.bvh")
     assert found.names == tuple(name for name, _, _ in TREE)
@@ -97,7 +98,9 @@ JOINTS = {k: "ZXY" for k, (name, _, _) in enumerate(TREE) if not name.endswith("
 )  # fmt: skip
 def test_the_height_of_the_body_tells_the_units(tmp_path, name, scale):
     _, positions, _ = write_tree(tmp_path / "a.bvh", JOINTS, scale=scale)
-    with pytest.warns(RecordingWarning, match=rf"no units are named; .* taken for {name}, by the size"):
+    with pytest.warns(
+        RecordingWarning, match=rf"no units are named; .* taken for {name}, by the size"
+    ):
         found = read_bvh(tmp_path / "a.bvh")
     np.testing.assert_allclose(found.positions, positions, atol=1e-5)
     assert found.origin.units == name
@@ -105,7 +108,9 @@ def test_the_height_of_the_body_tells_the_units(tmp_path, name, scale):
 
 def test_what_is_asked_for_and_what_no_person_is(tmp_path):
     _, positions, _ = write_tree(tmp_path / "a.bvh", JOINTS, scale=0.0001)
-    with pytest.raises(RecordingError, match=r"the body is 0.0\d+ high, which is no person's in any"):
+    with pytest.raises(
+        RecordingError, match=r"the body is 0.0\d+ high, which is no person's in any"
+    ):
         read_bvh(tmp_path / "a.bvh")
     found = read_bvh(tmp_path / "a.bvh", units="m")
     np.testing.assert_allclose(found.positions, positions / 100, atol=1e-6)

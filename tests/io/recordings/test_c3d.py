@@ -1,3 +1,4 @@
+# ruff: noqa: E501
 import os
 import struct
 import warnings
@@ -180,7 +181,8 @@ def test_names(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("labels", "kept"), [(["a", "b", "a"], (None, "b", None)), (["s:a", "b", "a"], (None, "b", None))]
+    ("labels", "kept"),
+    [(["a", "b", "a"], (None, "b", None)), (["s:a", "b", "a"], (None, "b", None))],
 )
 def test_two_points_with_one_name_have_none(tmp_path, labels, kept):
     path = foreign(tmp_path / "a.c3d", RNG.normal(size=(3, 3, 3)), labels)

@@ -8,19 +8,19 @@ from scipy.spatial.transform import Rotation
 from besman.exceptions import RecordingError, RecordingWarning
 from besman.geometry.up_axis import AXES
 from besman.io.recordings.conventions import BY_FORMAT, BY_HABIT, leave_out_zeros, turn, turn_up
-from besman.io.recordings.format import parse_units, parse_up
-from besman.io.recordings.formats import read_recording, reading, write_recording
+from besman.io.recordings.format import parse_units, parse_up, reading
+from besman.io.recordings.formats import read_recording, write_recording
 from besman.records import Origin, Recording
 
 PATH = Path("a.x")
 RNG = np.random.default_rng(0)
-NAMES = ("head", "shoulder", "hips", "knee", "foot", "toe", "neck", "ankle")
-HEIGHTS = (1.7, 1.4, 1.0, 0.5, 0.05, 0.02, 1.5, 0.1)
+NAMES = ("head", "shoulder", "hips", "knee", "foot", "toe", "neck", "ankle", "heel", "chin")
+HEIGHTS = (1.7, 1.4, 1.0, 0.5, 0.05, 0.02, 1.5, 0.1, 0.03, 1.6)
 
 
 def person(origin=None, names=NAMES):
     """Stand with z up."""
-    positions = RNG.normal(scale=1e-3, size=(30, 8, 3)) - [1.0, 1.0, 0.0]
+    positions = RNG.normal(scale=1e-3, size=(30, 10, 3)) - [1.0, 1.0, 0.0]
     positions[..., 2] = HEIGHTS
     return Recording(np.arange(30) / 100, positions, names, 100.0, "a.x", origin=origin)
 
@@ -59,9 +59,7 @@ def test_a_person_stands_afterwards(up):
     if up == "z":
         turned = turn_up(laid, None, PATH)
     else:
-        with pytest.warns(
-            RecordingWarning, match=rf"a.x: {up} points up, by names .*, not z"
-        ):
+        with pytest.warns(RecordingWarning, match=rf"a.x: {up} points up, by names .*, not z"):
             turned = turn_up(laid, None, PATH)
     np.testing.assert_allclose(turned.positions, upright.positions, atol=1e-12)
     assert turned.origin.up == up
@@ -79,10 +77,8 @@ def test_what_the_format_or_the_file_says():
         with pytest.warns(RecordingWarning, match=rf"not z \({said}\); --up z says otherwise"):
             assert turn_up(wrong, None, PATH).origin.up == "y"
     # The floor alone is less than the file's own word.
-    unnamed = replace(laid, names=(None,) * 8, origin=Origin(up="z", up_by="the screen"))
-    with pytest.warns(
-        RecordingWarning, match=r"y seems to point up, by the floor, and z is taken"
-    ):
+    unnamed = replace(laid, names=(None,) * 10, origin=Origin(up="z", up_by="the screen"))
+    with pytest.warns(RecordingWarning, match=r"y seems to point up, by the floor, and z is taken"):
         assert turn_up(unnamed, None, PATH).origin.up == "z"
 
 

@@ -11,11 +11,8 @@ from places import DATA, REAL_DATA, SAMPLE
 
 from besman.exceptions import RecordingError, RecordingWarning
 from besman.io.recordings.exoskeleton import write_joint_log
-from besman.io.recordings.formats import (
-    read_recording,
-    reading,
-    write_recording,
-)
+from besman.io.recordings.format import reading
+from besman.io.recordings.formats import read_recording, write_recording
 from besman.io.recordings.mvnx import write_mvnx
 
 N = 60

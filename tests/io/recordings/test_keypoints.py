@@ -1,3 +1,4 @@
+# ruff: noqa: E501
 import json
 
 import numpy as np
@@ -36,7 +37,9 @@ def assert_is(found, written, atol=1e-6):
 
 
 @CONCLUDING
-@pytest.mark.parametrize("wrapped", ["list", "frames", "tracking", "data", "nulls", "lists", "bare"])
+@pytest.mark.parametrize(
+    "wrapped", ["list", "frames", "tracking", "data", "nulls", "lists", "bare"]
+)
 def test_forms_of_frames(tmp_path, wrapped):
     written = throw(first_frame=1 if wrapped in ("lists", "bare") else 0)
     frames = keypoint_frames(written)
@@ -65,11 +68,13 @@ def test_forms_of_frames(tmp_path, wrapped):
     assert recognise((tmp_path / "a.json").read_bytes()).name == "keypoints JSON"
 
 
-@pytest.mark.parametrize(("units", "scale"), [("ft", 1 / 0.3048), ("m", 1), ("cm", 100), ("mm", 1000), ("in", 1 / 0.0254)])  # noqa: E501  # fmt: skip
+@pytest.mark.parametrize(("units", "scale"), [("ft", 1 / 0.3048), ("m", 1), ("cm", 100), ("mm", 1000), ("in", 1 / 0.0254)])  # fmt: skip
 def test_the_height_of_the_body_tells_the_units(tmp_path, units, scale):
     written = throw()
     path = write({"fps": 30, "frames": keypoint_frames(written, scale)}, tmp_path / "a.json")
-    with pytest.warns(RecordingWarning, match=rf"the body is .* high, so they are taken for {units}"):
+    with pytest.warns(
+        RecordingWarning, match=rf"the body is .* high, so they are taken for {units}"
+    ):
         found = read_keypoints(path)
     assert_is(found, written)
     assert found.origin.units_by == "the size of a person"
@@ -78,7 +83,12 @@ def test_the_height_of_the_body_tells_the_units(tmp_path, units, scale):
 
 def test_what_the_file_says_of_units_and_up(tmp_path):
     written = throw()
-    content = {"fps": 30, "units": "feet", "up": "y", "frames": keypoint_frames(written, 1 / 0.3048)}
+    content = {
+        "fps": 30,
+        "units": "feet",
+        "up": "y",
+        "frames": keypoint_frames(written, 1 / 0.3048),
+    }
     found = read_keypoints(write(content, tmp_path / "a.json"))
     assert (found.origin.units, found.origin.up, found.origin.up_by) == ("ft", "y", "the file")
     content["up"] = "sideways"
@@ -124,6 +134,7 @@ def test_what_is_wrong_is_one_line(tmp_path, content, message):
     [
         {"frames": [[1, 2], [3, 4]], "labels": ["a"]},
         {"target_m": [1, 2, 3], "trajectories": ["a"]},
+        {"rate_hz": 100, "frames": [[1, 2]], "throws": [{"from_m": [1, 2, 3], "to_m": [1, 2, 3]}]},
         {"position_error_m": {"mean": 1}, "frames": [0, 1, 2]},
         {"a": [1.0, 2.0, 3.0], "b": [1.0, 2.0, 3.0]},
     ],

@@ -1,3 +1,4 @@
+# ruff: noqa: E501
 import numpy as np
 import pytest
 from foreign_recordings import motive_lines, write_lines, y_up
@@ -14,7 +15,7 @@ RNG = np.random.default_rng(0)
 
 def take(names=("Body", "Body:Marker1", None), first_frame=0, n_samples=20):
     time = np.arange(n_samples) / 50
-    positions = RNG.normal(scale=0.3, size=(1, len(names), 3)) + [0, 0, 1]
+    positions = RNG.normal([0, 0, 1], 0.3, size=(1, len(names), 3))
     positions = positions + 0.1 * np.sin(time)[:, None, None]
     positions[4:6, 1] = positions[-3:, -1] = np.nan
     turns = Rotation.random(n_samples * len(names), rng=1).as_quat(scalar_first=True)
@@ -44,7 +45,7 @@ def test_versions(tmp_path, version, second, time, bodies):
     assert (found.orientations is not None) == bool(bodies)
 
 
-@pytest.mark.parametrize("options", [{"labels": False}, {"parent": True}, {"timecode": True}, {"first_frame": 480}])  # noqa: E501  # fmt: skip
+@pytest.mark.parametrize("options", [{"labels": False}, {"parent": True}, {"timecode": True}, {"first_frame": 480}])  # fmt: skip
 def test_rows_and_columns_of_the_header(tmp_path, options):
     written = take(first_frame=options.pop("first_frame", 0))
     assert_reads(motive_lines(written, bodies=1, **options), written, tmp_path)

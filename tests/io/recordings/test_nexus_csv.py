@@ -1,3 +1,4 @@
+# ruff: noqa: E501
 import numpy as np
 import pytest
 from foreign_recordings import nexus_lines, write_lines
@@ -12,7 +13,7 @@ RNG = np.random.default_rng(0)
 
 def take(names=("LASI", None, "RASI"), first_frame=7, n_samples=20):
     time = (first_frame - 1 + np.arange(n_samples)) / 50
-    positions = RNG.normal(scale=0.3, size=(1, len(names), 3)) + [0, 0, 1]
+    positions = RNG.normal([0, 0, 1], 0.3, size=(1, len(names), 3))
     positions = positions + 0.1 * np.sin(time)[:, None, None]
     positions[4:6, 1] = positions[-3:, -1] = np.nan
     return Recording(time, positions, names, 50.0, "a.csv", first_frame)
@@ -63,7 +64,7 @@ def test_workstation(tmp_path):
 def test_tables_before_and_behind(tmp_path):
     written = take()
     devices = ["Devices", "1000", ",,Force", "Frame,Sub Frame,Fx,Fy,Fz", ",,N,N,N", "1,0,1,2,3", ""]
-    outputs = ["", "Model Outputs", "50", ",,S1:Angle", "Frame,Sub Frame,X,Y,Z", ",,deg,deg,deg", "1,0,1,2,3"]  # noqa: E501  # fmt: skip
+    outputs = ["", "Model Outputs", "50", ",,S1:Angle", "Frame,Sub Frame,X,Y,Z", ",,deg,deg,deg", "1,0,1,2,3"]  # fmt: skip
     found = assert_reads([*devices, *nexus_lines(written), *outputs], written, tmp_path)
     assert found.origin.notes == ("taken from trajectories; not looked at: devices, model outputs",)
 

@@ -1,3 +1,4 @@
+# ruff: noqa: E501
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ CONCLUDING = pytest.mark.filterwarnings("ignore::besman.exceptions.RecordingWarn
 
 def walk(names=("Top.Head", "R Shoulder", "hand"), first_frame=1, n_samples=20, gaps=True):
     time = np.arange(n_samples) / 50
-    positions = RNG.normal(scale=0.3, size=(1, len(names), 3)) + [0, 0, 1]
+    positions = RNG.normal([0, 0, 1], 0.3, size=(1, len(names), 3))
     positions = positions + 0.1 * np.sin(time)[:, None, None]
     if gaps:
         positions[4:6, 1] = positions[:3, -1] = np.nan
@@ -86,7 +87,9 @@ def test_lines_that_end_at_gaps_or_in_more_tabs(tmp_path):
 def test_words_for_gaps(tmp_path, word):
     written = walk()
     lines = trc_lines(written)
-    rows = [line.replace("\t\t", f"\t{word}\t").replace("\t\t", f"\t{word}\t") for line in lines[6:]]
+    rows = [
+        line.replace("\t\t", f"\t{word}\t").replace("\t\t", f"\t{word}\t") for line in lines[6:]
+    ]
     assert_reads([*lines[:6], *rows], written, tmp_path)
 
 
@@ -105,9 +108,7 @@ def test_trajectories_without_a_name(tmp_path):
 def test_counts_of_the_header_that_are_wrong(tmp_path):
     written = walk()
     lines = trc_lines(written, n_markers=5)[:-2]
-    cut = Recording(
-        written.time[:-2], written.positions[:-2], written.names, 50.0, "a.trc"
-    )
+    cut = Recording(written.time[:-2], written.positions[:-2], written.names, 50.0, "a.trc")
     with pytest.warns(RecordingWarning, match="NumMarkers is 5 and 3 .*; NumFrames is 20 and 18"):
         assert_reads(lines, cut, tmp_path)
 
@@ -132,7 +133,7 @@ def test_which_way_is_up(tmp_path):
     names = ("Head", "LShoulder", "LKnee", "LAnkle")
     written = walk(names, gaps=False)
     high = Recording(
-        written.time, written.positions + [[0, 0, 0.7], [0, 0, 0.4], [0, 0, -0.6], [0, 0, -1]],
+        written.time, written.positions + np.array([[0, 0, 0.7], [0, 0, 0.4], [0, 0, -0.6], [0, 0, -1]]),
         names, 50.0, "a",
     )  # fmt: skip
     for up in "yz":
@@ -169,7 +170,7 @@ def test_what_is_wrong_is_one_line(tmp_path, change, message):
 def test_a_rate_that_nothing_tells(tmp_path):
     lines = trc_lines(walk())
     lines[2] = lines[2].replace("50", "0")
-    lines = [*lines[:6], *("\t".join([*line.split("\t")[:1], "", *line.split("\t")[2:]]) for line in lines[6:])]  # noqa: E501  # fmt: skip
+    lines = [*lines[:6], *("\t".join([*line.split("\t")[:1], "", *line.split("\t")[2:]]) for line in lines[6:])]  # fmt: skip
     with pytest.raises(RecordingError, match="neither the header nor a column of times says"):
         read_trc(write_lines(lines, tmp_path / "a.trc"))
 
