@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 _MOST_GAPS, _MOST_MOVERS, _MOST_NAMES = 8, 4, 12
 _WIDEST_NAME = 32
 _REACH_LABEL = "approach_forward"  # what the recipe ur5_reach takes
+_THROW_LABEL = "throw"  # what ur5_stick_throw takes
 _AT_REST = {"idle", "rest"}
 _UP_BY_HABIT = "habit: nothing tells (--up y if it is y)"
 
@@ -78,10 +79,12 @@ def find_next(look: Look, options: list[str]) -> list[str]:
             longest = f"{look.needed_gap_s + 0.05:.1f}"
             settings += f" --set label.longest_gap_s={longest}"
         markers = f" --markers {name}" if name != "right_arm" else ""
-        label = _choose_label(look)
-        if label != _REACH_LABEL:
+        label, recipe = _choose_label(look), "ur5_reach"
+        if label == _THROW_LABEL and "stick" in fit.found:
+            recipe = "ur5_stick_throw"
+        elif label != _REACH_LABEL:
             settings += f" --set select.label={shlex.quote(label)}"
-        run = f"ur5_reach --set recordings={file}{settings}{how}"
+        run = f"{recipe} --set recordings={file}{settings}{how}"
         # A run learns to name blocks from some that a person has named.
         annotate = [] if _has_segments(look.path) else [f"besman annotate {file}{markers}{how}"]
         return [
@@ -101,13 +104,15 @@ def find_next(look: Look, options: list[str]) -> list[str]:
 
 
 def _choose_label(look: Look) -> str:
-    """Return the name of the blocks to go on with: that of the recipe, else the most frequent."""
+    """Return the name of the blocks to go on with: that of a recipe, else the most frequent."""
     folder = look.path if look.path.is_dir() else look.path.parent
     path = find_segments(folder / look.recording.source)
     with warnings.catch_warnings():
         # Whoever uses the segments is warned of what is odd about them; here they give a hint.
         warnings.simplefilter("ignore", RecordingWarning)
         labels = [] if path is None else list(read_segments(path, look.recording).labels)
+    if _THROW_LABEL in labels:
+        return _THROW_LABEL
     if _REACH_LABEL in labels or not set(labels) - _AT_REST:
         return _REACH_LABEL
     return max(sorted(set(labels) - _AT_REST), key=labels.count)

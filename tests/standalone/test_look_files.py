@@ -5,7 +5,7 @@ import warnings
 import numpy as np
 import pytest
 from command_line import besman
-from places import SAMPLE
+from places import SAMPLE, TOP
 
 from besman.exceptions import RecordingError
 from besman.io.recordings.formats import FORMATS, read_recording, write_recording
@@ -68,7 +68,7 @@ def test_a_page_on_a_recording_of_the_sample():
         f"marker set  right_arm: {len(look.best.found)} of its 14 markers, all that it requires",
     ):
         assert said in text
-    assert commands[-1].startswith(f"besman run ur5_reach --set recordings={NAMED}")
+    assert commands[-1].startswith(f"besman run ur5_stick_throw --set recordings={NAMED}")
 
 
 def test_the_next_command_can_be_pasted(monkeypatch, tmp_path, capsys):
@@ -96,9 +96,8 @@ def test_gaps_that_are_too_long_are_said_and_filled_by_the_next_command(
     assert annotate == f"besman annotate {path}"
     segments_path(path).write_bytes(segments_path(NAMED).read_bytes())
     labelled = find_next(look, [])
-    assert [one.removesuffix(" --set select.label=strike_out") for one in labelled] == [
-        segment, check, run,
-    ]  # fmt: skip
+    # Its labels are those of throws of a stick.
+    assert labelled == [segment, *(one.replace("reach", "stick_throw") for one in (check, run))]
     run = shlex.split(labelled[1])
     assert besman(monkeypatch, *run[1:]) == 0
     settings = [one for one in run if one.startswith("label.longest_gap_s=")]
@@ -189,7 +188,7 @@ def test_a_folder_is_a_table_with_a_row_for_what_cannot_be_read(monkeypatch, tmp
 def test_a_folder_of_one_set_says_how_to_go_on(tmp_path):
     found = [look_at(NAMED), look_at(SAMPLE / "subject2.tsv")]
     last = find_next_of_all([SAMPLE], found, [])[-1]
-    assert last.startswith(f"besman run ur5_reach --set recordings={SAMPLE} --set select.label=")
+    assert last == f"besman run ur5_stick_throw --set recordings={SAMPLE}"
     assert find_next_of_all([SAMPLE], [*found, (NAMED, "broken")], []) == []
     assert find_next_of_all([NAMED, SAMPLE], found, []) == []
 
@@ -213,3 +212,9 @@ def test_a_plot_is_of_one_recording(monkeypatch, tmp_path, capsys):
     assert "--plot: several recordings; expected one" in capsys.readouterr().err
     assert besman(monkeypatch, "look", NAMED, "--plot", picture) == 0
     assert picture.read_bytes()[:4] == b"\x89PNG"
+
+
+def test_the_page_in_the_documentation_is_what_is_printed(monkeypatch, capsys):
+    monkeypatch.chdir(TOP)
+    assert besman(monkeypatch, "look", "data/stick_throw/subject1.tsv") == 0
+    assert f"```text\n{capsys.readouterr().out}```" in (TOP / "docs/howto/recording.md").read_text()
