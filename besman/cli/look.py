@@ -40,10 +40,10 @@ def look(
         for line in describe_look(one, commands):
             say(line)
         if plot is not None:
-            from besman.report.recording_figure import draw_recording
+            from besman.report.recording_figure import draw_sticks_and_gaps
 
             names = () if one.best is None else tuple(one.best.found.values())
-            draw_recording(one.recording, names, plot)
+            draw_sticks_and_gaps(one.recording, names, plot)
             say(f"wrote {plot}")
         if json_file is not None:
             write_json(json_file, content_of(one, commands))

@@ -27,7 +27,7 @@ _ENDINGS = (".png", ".svg")
 _LEGEND = "blue: left, orange: right, as their names say"
 
 
-def draw_recording(recording: Recording, markers: Collection[str], path: Path) -> None:
+def draw_sticks_and_gaps(recording: Recording, markers: Collection[str], path: Path) -> None:
     """Draw a recording; PNG or SVG by the path's ending.
 
     Parameters

@@ -72,6 +72,11 @@ def find_next(look: Look, options: list[str]) -> list[str]:
     how = "".join(f" {shlex.quote(one)}" for one in options)
     stem = look.path.stem
     fit = look.best
+    if look.fault and not look.needed_gap_s and fit is not None and fit.is_complete:
+        # It would stop a run: first look what is wrong.
+        if "upright" in look.fault and "--up" not in options:
+            return [f"besman look {file} --up {'y' if look.origin.up == 'z' else 'z'}{how}"]
+        return [f"besman look {file} --plot {shlex.quote(f'{stem}.png')}{how}"]
     if fit is not None and fit.is_complete:
         name = fit.marker_set.name
         settings = f" --set label.markers={name}" if name != "right_arm" else ""

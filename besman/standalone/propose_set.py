@@ -89,12 +89,7 @@ def propose_set(recording: Recording, name: str) -> str:
         f"name: {json.dumps(name)}",
         "markers:",
     ]
-    spellings = {normalise_name(marker) for marker in markers}
-    for column, marker in zip(columns, markers, strict=True):
-        called = without_subject(recording.names[column] or "")
-        differs = called and normalise_name(called) not in spellings
-        spellings.add(normalise_name(called))
-        lines.append(f"  {marker}: [{json.dumps(called) if differs else ''}]")
+    lines += _write_aliases([recording.names[column] for column in columns], markers)
     required = [marker for marker, share in zip(markers, shares, strict=True) if share >= _SEEN]
     parts = _find_parts([recording.names[column] for column in columns], markers)
     frames = _write_frames(parts)
@@ -109,6 +104,18 @@ def propose_set(recording: Recording, name: str) -> str:
     if all(recording.names[column] is None for column in columns):
         lines += _write_pose(recording, columns, markers)
     return "\n".join(lines) + "\n"
+
+
+def _write_aliases(names: Sequence[str | None], markers: Sequence[str]) -> list[str]:
+    """Return every marker with what the file calls it, where that is not the same."""
+    spellings = {normalise_name(marker) for marker in markers}
+    lines = []
+    for name, marker in zip(names, markers, strict=True):
+        called = without_subject(name or "")
+        differs = called and normalise_name(called) not in spellings
+        spellings.add(normalise_name(called))
+        lines.append(f"  {marker}: [{json.dumps(called) if differs else ''}]")
+    return lines
 
 
 def _name_markers(names: Sequence[str | None]) -> list[str]:

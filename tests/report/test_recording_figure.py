@@ -3,7 +3,7 @@ import pytest
 
 from besman.exceptions import RecordingError
 from besman.records import Recording
-from besman.report.recording_figure import draw_recording, recording_figure
+from besman.report.recording_figure import draw_sticks_and_gaps, recording_figure
 
 
 def record(names, n=100):
@@ -59,9 +59,9 @@ def test_of_many_names_only_those_of_the_set_are_written():
 
 def test_what_cannot_be_drawn(tmp_path):
     with pytest.raises(RecordingError, match=r"got ending '.pdf', expected .png or .svg"):
-        draw_recording(record(("a", "b")), (), tmp_path / "a.pdf")
+        draw_sticks_and_gaps(record(("a", "b")), (), tmp_path / "a.pdf")
     unseen = Recording(np.arange(3) / 9, np.full((3, 2, 3), np.nan), ("a", "b"), 9.0, "a.tsv")
     with pytest.raises(RecordingError, match=r"a.tsv: nothing is ever seen in it"):
-        draw_recording(unseen, (), tmp_path / "a.png")
-    draw_recording(record(("a", "b")), (), tmp_path / "a.svg")
+        draw_sticks_and_gaps(unseen, (), tmp_path / "a.png")
+    draw_sticks_and_gaps(record(("a", "b")), (), tmp_path / "a.svg")
     assert (tmp_path / "a.svg").read_text().count("<svg") == 1

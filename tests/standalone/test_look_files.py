@@ -8,6 +8,7 @@ from command_line import besman
 from places import SAMPLE, TOP
 
 from besman.exceptions import RecordingError
+from besman.io.recordings.format import reading
 from besman.io.recordings.formats import FORMATS, read_recording, write_recording
 from besman.io.segments_json import segments_path
 from besman.records import Recording
@@ -114,6 +115,20 @@ def test_points_of_a_body_say_what_is_assumed(tmp_path):
     assert "besman segment" in text
     assert "--markers halpe" in text
     assert "--set label.markers=halpe" in text
+
+
+def test_a_person_who_lies_is_looked_at_with_another_axis_up(tmp_path):
+    recording = read_recording(NAMED)
+    lying = recording.positions[:, :, [0, 2, 1]] * [1.0, 1.0, -1.0]
+    path = write(tmp_path / "a.tsv", recording.names, lying, recording.rate_hz)
+    look = look_at(path)
+    if look.origin.up == "z":
+        assert "upright" in look.fault
+        assert find_next(look, []) == [f"besman look {path} --up y"]
+    with reading(up="z"):
+        look = look_at(path)
+    assert "upright" in look.fault
+    assert find_next(look, ["--up", "z"]) == [f"besman look {path} --plot a.png --up z"]
 
 
 def test_names_that_are_of_no_set_or_of_a_part_of_one(tmp_path):
