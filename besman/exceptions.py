@@ -2,6 +2,7 @@
 
 import difflib
 import re
+import shlex
 import signal
 from collections.abc import Iterable
 
@@ -96,6 +97,17 @@ def one_of(allowed: Iterable[str]) -> str:
     """Name what is allowed in an error message: ``a, b or c``."""
     *others, last = allowed
     return f"{', '.join(others)} or {last}" if others else last
+
+
+def see_look(file: str) -> str:
+    """Return the end of a message about a recording: the command that says what is in it.
+
+    Parameters
+    ----------
+    file : str
+        The recording, as a user would type it.
+    """
+    return f"; see: besman look {shlex.quote(file)}"
 
 
 def one_line(text: str) -> str:

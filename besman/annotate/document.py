@@ -6,13 +6,17 @@ layer. In the file it has the recording's frame numbers.
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from besman.annotate.store import NO_FILE, Store
 from besman.exceptions import AnnotationError
 from besman.io.segments_json import parse_segments, read_content, segment_rows
+from besman.io.segments_origin import ORIGIN, describe_origin
 from besman.records import LabelledSegments, Recording
 
 PageRow = list[Any]
@@ -37,9 +41,15 @@ class Document:
     """
 
     def __init__(self, path: Path, recording: Recording) -> None:
-        self.path, self.recording = path, recording
+        self.path = path
+        # Its frames: of the samples of an hour there are hundreds of megabytes.
+        nothing = np.empty((len(recording.time), 0, 3))
+        self.recording = dataclasses.replace(
+            recording, positions=nothing, names=(), orientations=None
+        )
+        self._origin = describe_origin(recording)
         self.store = Store(path)
-        self._around: dict[str, Any] | None = None
+        self._around: dict[str, Any] = {}
         self.segments, self.revision = self.load()
 
     def load(self) -> tuple[LabelledSegments, str]:
@@ -57,8 +67,10 @@ class Document:
             content = [] if revision == NO_FILE else read_content(self.path)
             if self.store.revision() == revision:
                 break
-        segments = parse_segments(content, self.recording, self.path, keep_parts=True)
-        self._around = content if isinstance(content, dict) else None
+        segments = parse_segments(
+            content, self.recording, self.path, keep_parts=True, origin=self._origin
+        )
+        self._around = content if isinstance(content, dict) else {}
         self.segments, self.revision = segments, revision
         return segments, revision
 
@@ -83,9 +95,8 @@ class Document:
             cannot be written. Then nothing is written.
         """
         segments = self.parse(rows)
-        content: Any = segment_rows(segments)
-        if self._around is not None:
-            content = {**self._around, "segments": content}
+        rows = segment_rows(segments)
+        content = {**self._around, "segments": rows, ORIGIN: self._origin}
         text = json.dumps(content, indent=1, ensure_ascii=False) + "\n"
         revision = self.store.write(
             text.encode("utf-8"), base, replace=replace, milestone=milestone

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -17,15 +17,18 @@ from besman.exceptions import AnnotationError, LabellingError, nearest
 from besman.geometry.gaps import find_runs
 from besman.person.marker_set import MarkerSet, normalise_name
 from besman.records import FloatArray, Recording
+from besman.records.frozen import hand_over
+from besman.stages.label.gather import found_markers, gather_all
 from besman.stages.label.stage import LabelTrajectoriesConfig
-from besman.stages.label.trajectories import name_trajectories
-from besman.standalone.label_file import with_unnamed
+from besman.stages.label.trajectories import decide_names
 
 GHOST = ""
 """Name of a fragment that is no marker."""
 
 Names = Mapping[int, str]
 """Names of fragments, by their number."""
+
+_Key = TypeVar("_Key")
 
 # A marker that vanished is looked for so long before and after.
 _NEAR_S = 1.0
@@ -114,29 +117,25 @@ class Naming:
             If there is no such fragment or marker, or the marker is seen at the same time.
         """
         paths = self._named_paths()
-        rest = self.base.positions.copy()
+        rest = {k: self._column(k) for k, name in enumerate(self.base.names) if name is None}
         for number, name in sorted(names.items()):
             fragment = self._fragment(number)
-            rows = slice(fragment.start, fragment.end)
+            rows, column = slice(fragment.start, fragment.end), fragment.column
             if name != GHOST:
                 if name not in paths:
                     raise AnnotationError(f"no marker {name!r}; {nearest(name, paths)}")
                 self._refuse_twice(paths[name], name, fragment)
-                paths[name][rows] = rest[rows, fragment.column]
-            rest[rows, fragment.column] = np.nan
+                _writable(paths, name)[rows] = rest[column][rows]
+            _writable(rest, column)[rows] = np.nan
         named = [name for name, path in paths.items() if np.isfinite(path).any()]
-        unnamed = [
-            column
-            for column, name in enumerate(self.base.names)
-            if name is None and np.isfinite(rest[:, column]).any()
-        ]
-        every = [paths[name] for name in named] + [rest[:, column] for column in unnamed]
-        recording = replace(
-            self.base,
-            positions=np.stack(every, axis=1),
-            names=(*named, *(None,) * len(unnamed)),
-            orientations=None,
-        )
+        unnamed = [column for column, path in rest.items() if np.isfinite(path).any()]
+        every = (*named, *(None,) * len(unnamed))
+        recording = self.base
+        if names or every != recording.names or recording.orientations is not None:
+            shown = np.stack([paths[name] for name in named] + [rest[k] for k in unnamed], axis=1)
+            recording = replace(
+                recording, positions=hand_over(shown), names=every, orientations=None
+            )
         return NamedView(recording, {column: len(named) + k for k, column in enumerate(unnamed)})
 
     def candidates(self, number: int, names: Names) -> list[tuple[str, bool]]:
@@ -161,9 +160,8 @@ class Naming:
         for other, name in names.items():
             if other != number and name in paths:
                 one = self._fragment(other)
-                paths[name][one.start : one.end] = self.base.positions[
-                    one.start : one.end, one.column
-                ]
+                rows = slice(one.start, one.end)
+                _writable(paths, name)[rows] = self._column(one.column)[rows]
         found = []
         for order, (name, path) in enumerate(paths.items()):
             taken = bool(np.isfinite(path[fragment.start : fragment.end]).any())
@@ -180,18 +178,19 @@ class Naming:
         try:
             # A recording with names teaches how its own markers are apart.
             model = config.learn(self.marker_set, teacher or (recording if named else None))
-            found = name_trajectories(recording, self.marker_set, model, config.threshold)
+            decisions = decide_names(recording, self.marker_set, model, config.threshold)
         except LabellingError as error:
             self.note = str(error)
             return recording, _cut(recording)
         base, columns = recording, {k: k for k, name in enumerate(recording.names) if name is None}
-        decisions = found.decisions
         if not named:
-            base = with_unnamed(recording, found)
+            markers = found_markers(decisions, self.marker_set)
+            positions, names = gather_all(recording, decisions, markers)
+            base = replace(recording, positions=hand_over(positions), names=names)
             decisions = tuple(one for one in decisions if not one.named)
             # Trajectories that keep something unnamed follow the markers, in their order.
             left = sorted({one.trajectory for one in decisions})
-            columns = {column: len(found.markers) + k for k, column in enumerate(left)}
+            columns = {column: len(markers) + k for k, column in enumerate(left)}
         return base, [
             Fragment(
                 columns[one.trajectory],
@@ -215,7 +214,7 @@ class Naming:
     def _named_paths(self) -> dict[str, FloatArray]:
         """Return the paths of all names that there may be, NaN where not seen, by the set's order.
 
-        Names of the recording that are not in the set come last.
+        They are read-only. Names of the recording that are not in the set come last.
         """
         spelt: dict[str, str] = {}
         for name in filter(None, self.base.names):
@@ -230,8 +229,13 @@ class Naming:
 
     def _path_of(self, name: str) -> FloatArray:
         if name in self.base.names:
-            return np.array(self.base.positions[:, self.base.names.index(name)])
-        return np.full((len(self.base.time), 3), np.nan)
+            return self._column(self.base.names.index(name))
+        return np.broadcast_to(np.nan, (len(self.base.time), 3))
+
+    def _column(self, column: int) -> FloatArray:
+        """Return a trajectory of `base`, shape (T, 3), read-only."""
+        path: FloatArray = self.base.positions[:, column]
+        return path
 
     def _refuse_twice(self, path: FloatArray, name: str, fragment: Fragment) -> None:
         """Refuse a name that another dot has at the same time."""
@@ -259,6 +263,13 @@ class Naming:
             if seen is not None:
                 best = min(best, float(np.linalg.norm(path[seen] - place)))
         return best
+
+
+def _writable(paths: dict[_Key, FloatArray], key: _Key) -> FloatArray:
+    """Return a path to be written to: of one that may not, its copy, which takes its place."""
+    if not paths[key].flags.writeable:
+        paths[key] = np.array(paths[key])
+    return paths[key]
 
 
 def _cut(recording: Recording) -> list[Fragment]:

@@ -79,7 +79,7 @@ class SignalPyramids:
 
     def __init__(self, time: FloatArray, positions: FloatArray, rate_hz: float) -> None:
         self.n_samples, self.n_markers = positions.shape[:2]
-        self._positions = np.ascontiguousarray(positions.transpose(1, 2, 0), dtype=np.float32)
+        self._positions = positions
         self._time = time
         self._lag = max(1, round(_LAG_S * rate_hz))
         self._pyramids: dict[tuple[str, int], Pyramid] = {}
@@ -87,13 +87,12 @@ class SignalPyramids:
 
     def frames(self, index: int) -> Float32:
         """Return the positions of all markers in a piece of the recording, shape (N, M, 3)."""
-        piece = self._positions[:, :, index * CHUNK : (index + 1) * CHUNK]
-        return np.ascontiguousarray(piece.transpose(2, 0, 1))
+        return self._positions[index * CHUNK : (index + 1) * CHUNK].astype(np.float32)
 
     def sketch(self) -> tuple[Float32, int]:
         """Return every n-th sample of all markers, at most `CHUNK`, shape (N, M, 3), and n."""
         step = -(-self.n_samples // CHUNK)
-        return np.ascontiguousarray(self._positions[:, :, ::step].transpose(2, 0, 1)), step
+        return self._positions[::step].astype(np.float32, order="C"), step
 
     def pyramid(self, group: str, marker: int) -> Pyramid:
         """Return a group's signals, of one marker where they are of markers.
@@ -110,7 +109,7 @@ class SignalPyramids:
         key = (group, 0 if group == "speeds" else marker)
         if key not in self._pyramids:
             values = {
-                "positions": lambda: self._positions[marker],
+                "positions": lambda: self._path(marker),
                 "velocities": lambda: self._velocities(marker),
                 "speeds": self._speeds,
             }[group]()
@@ -132,9 +131,13 @@ class SignalPyramids:
             )
         return pyramid.chunk(level, index)
 
+    def _path(self, marker: int) -> Float32:
+        """Return the positions of one marker, shape (3, T)."""
+        return self._positions[:, marker].T.astype(np.float32, order="C")
+
     def _velocities(self, marker: int) -> Float32:
         """Return central differences, shape (3, T); NaN where a position is missing."""
-        x = self._positions[marker]
+        x = self._path(marker)
         n, lag = x.shape[1], self._lag
         velocities: Float32 = np.empty_like(x)
         if n > 2 * lag:

@@ -53,6 +53,8 @@ class Take:
 
     Attributes
     ----------
+    recording : Recording
+        With the names that it has, or that labelling found.
     shown : Recording
         The recording with the names that were found or given.
     naming : Naming or None
@@ -93,6 +95,8 @@ class Take:
         if None in self.recording.names:
             marker_set = load_marker_set(markers or _guess_set(self.recording, teacher))
             self.naming = Naming(self.recording, marker_set, teacher)
+            # The same samples under the names found; what was read is not kept beside them.
+            self.recording = self.naming.base
             self._show(self.naming.view({}))
         else:
             self._show(NamedView(self.recording, {}))
@@ -198,7 +202,7 @@ class Take:
 
     def _about(self) -> dict[str, Any]:
         recording = self.shown
-        names = [trajectory_name(recording, k) for k in range(len(recording.names))]
+        names = [trajectory_name(recording.names, k) for k in range(len(recording.names))]
         first = recording.time[0]
         return {
             "name": self.path.name,

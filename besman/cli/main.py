@@ -19,11 +19,12 @@ import typer
 from besman.cli import recordings, run, run_folders, templates, transfer
 from besman.cli.annotate import annotate
 from besman.cli.evaluate import evaluate_app
+from besman.cli.look import look, markers_app
 from besman.cli.robots import robots
 from besman.cli.terminal import complain
 from besman.cli.view import view
 from besman.exceptions import BesmanError, RecordingWarning, StoppedError
-from besman.io.recordings.formats import taking_partial_files
+from besman.io.recordings.format import parse_units, parse_up, reading
 from besman.work.stopping import stops_on_signals
 
 app = typer.Typer(
@@ -35,6 +36,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 for command in (
+    look,
     run.run,
     run.video,
     run.report,
@@ -54,6 +56,7 @@ for command in (
     app.command()(command)
 app.add_typer(evaluate_app, name="evaluate")
 app.add_typer(templates.app, name="template")
+app.add_typer(markers_app, name="markers")
 app.add_typer(transfer.app, name="transfer")
 app.add_typer(robots, name="robots")
 
@@ -81,6 +84,14 @@ def _options(
     partial: Annotated[
         bool, typer.Option("--partial", help="Take what is there of recordings that were cut.")
     ] = False,
+    units: Annotated[
+        str | None,
+        typer.Option("--units", metavar="m|cm|mm|in|ft", help="What coordinates of files are in."),
+    ] = None,
+    up: Annotated[
+        str | None,
+        typer.Option("--up", metavar="x|y|z|-x|-y|-z", help="The axis of files that points up."),
+    ] = None,
 ) -> None:
     """Options of every command; `main` takes them wherever they stand."""
 
@@ -105,14 +116,28 @@ def _take(option: str) -> bool:
     return is_there
 
 
+def _take_value(option: str) -> str | None:
+    """Take an option with its value out of the arguments, wherever it stands."""
+    for at, argument in enumerate(sys.argv):
+        if argument.startswith(f"{option}="):
+            del sys.argv[at]
+            return argument.partition("=")[2]
+        if argument == option and at + 1 < len(sys.argv):
+            value = sys.argv[at + 1]
+            del sys.argv[at : at + 2]
+            return value
+    return None
+
+
 def main() -> None:
     """Run the command line; a user's error is one line and exit code 2."""
     debug, strict, partial = _take("--debug"), _take("--strict"), _take("--partial")
+    units, up = _take_value("--units"), _take_value("--up")
     warnings.showwarning = _show_warning
     try:
         with (
             warnings.catch_warnings(),
-            taking_partial_files(partial),
+            reading(units=parse_units(units), partial=partial, up=parse_up(up)),
             stops_on_signals(_say_stopped),
         ):
             if strict:

@@ -138,8 +138,8 @@ def label_markers(
 
     if figure is not None:
         check_figure(figure)
-    read, named = label_file(recording, markers, out, learn_from, fill, ignore_names)
-    summary = summarise(read, named)
+    names, named = label_file(recording, markers, out, learn_from, fill, ignore_names)
+    summary = summarise(names, named)
     console = open_terminal()
     for table in summary_tables(summary):
         console.print(table)

@@ -12,6 +12,7 @@ from besman.following.arms import FollowedArm
 from besman.following.follower import Follower
 from besman.person.body import find_body
 from besman.person.marker_set import MarkerSet, load_marker_set
+from besman.person.mirror import mirror_recording
 from besman.pipeline.config import learn_from
 from besman.pipeline.finished_run import read_recipe, trained_model
 from besman.pipeline.stored_run import open_run
@@ -19,6 +20,7 @@ from besman.records import LabelledRecording, Recording
 from besman.records.layers import side_of
 from besman.stages.compose.actions import LevelModel
 from besman.stages.compose.borders import measure_brisk
+from besman.stages.label.derive_markers import derive_markers
 from besman.stages.label.methods import DefaultLabelConfig, LabelMethod
 from besman.stages.label.stage import LabelConfig
 from besman.stages.recognize.model import RecognitionModel
@@ -148,9 +150,11 @@ def label_stream(plan: FollowPlan, recording: Recording) -> LabelledRecording:
         labelled: LabelledRecording = plan.label.run((recording,), marker_set, *teachers)[0]
         return labelled
     columns = list(marker_set.match(recording.names, recording.source).items())
+    if marker_set.side == "left":
+        recording = mirror_recording(recording)
     rows = [column for _, column in columns]
     turned = recording.orientations
-    return LabelledRecording(
+    labelled = LabelledRecording(
         recording.time,
         recording.positions[:, rows],
         tuple(marker for marker, _ in columns),
@@ -160,6 +164,7 @@ def label_stream(plan: FollowPlan, recording: Recording) -> LabelledRecording:
         recording.first_frame,
         None if turned is None else turned[:, rows],
     )
+    return derive_markers(labelled, marker_set)
 
 
 def _finds_names(label: LabelMethod, recording: Recording, marker_set: MarkerSet) -> bool:

@@ -13,13 +13,15 @@ MOST_DIGITS = 19
 """Digits of an integer: those of 64 bits."""
 
 
-def parse_json(text: str | bytes) -> Any:
+def parse_json(text: str | bytes, allow_nan: bool = False) -> Any:
     """Parse JSON.
 
     Parameters
     ----------
     text : str or bytes
         UTF-8 if bytes.
+    allow_nan : bool
+        Take ``NaN``, as Python writes what is missing; ``Infinity`` becomes NaN, too.
 
     Returns
     -------
@@ -38,7 +40,9 @@ def parse_json(text: str | bytes) -> Any:
         except UnicodeDecodeError:
             raise json.JSONDecodeError("expected text in UTF-8", "", 0) from None
     try:
-        content = json.loads(text, parse_int=_parse_int, parse_constant=_refuse)
+        content = json.loads(
+            text, parse_int=_parse_int, parse_constant=_take_nan if allow_nan else _refuse
+        )
     except json.JSONDecodeError:
         raise
     except RecursionError:
@@ -74,6 +78,10 @@ def _parse_int(digits: str) -> int:
 def _refuse(word: str) -> NoReturn:
     """Refuse what Python writes for numbers that are none."""
     raise ValueError(f"{word} is no JSON")
+
+
+def _take_nan(word: str) -> float:
+    return float("nan")
 
 
 def _refuse_depth() -> NoReturn:

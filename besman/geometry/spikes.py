@@ -21,9 +21,10 @@ SMALLEST_M = 0.1
 # A hand that goes out and comes back does not exceed this, and a throw is below this speed.
 _ACCELERATION_M_S2 = 300.0
 _SPEED_M_S = 40.0
-# Where there is no way back to compare with, at an end or for good, nothing is this fast.
+# Where there is no way back to compare with, for good or at an end, nothing is this fast.
 _IMPOSSIBLE_M_S = 100.0
-_IMPOSSIBLE_M = 0.5
+# At an end few samples are lost if it was something after all.
+_AT_AN_END_M_S, _AT_AN_END_M = 50.0, 0.3
 _FARTHEST_M = 1e9
 
 
@@ -48,7 +49,7 @@ def find_faults(positions: FloatArray, rate_hz: float, joined: BoolArray) -> Fau
     Each sample of a spike is farther from the straight line between the samples before and after it
     than a hand gets between two samples (0.1 m and what 300 m/s^2 or 40 m/s give), and than these
     two are from each other. At the start or end of a trajectory there is one of them only; there
-    a spike is what jumps by 0.5 m and 100 m/s.
+    a spike is what jumps by 0.3 m and 50 m/s.
 
     Parameters
     ----------
@@ -158,8 +159,10 @@ def _mark_ends(path: FloatArray, time: FloatArray, found: BoolArray) -> None:
             return
         head = order[: LONGEST + 1]
         steps = np.linalg.norm(np.diff(path[head], axis=0), axis=1)
-        pauses = np.abs(np.diff(time[head]))
-        jumps = np.flatnonzero(steps > _IMPOSSIBLE_M + _IMPOSSIBLE_M_S * pauses)
+        # What was found between two samples is no time in which the body got farther unseen.
+        between = np.abs(np.diff(head)) - 1
+        pauses = np.abs(np.diff(time[head])) - between * np.diff(time).min()
+        jumps = np.flatnonzero(steps > _AT_AN_END_M + _AT_AN_END_M_S * pauses)
         # The longer part is the trajectory.
         if jumps.size and 2 * (jumps[-1] + 1) < len(order):
             found[head[: jumps[-1] + 1]] = True

@@ -14,6 +14,7 @@ from besman.exceptions import RecordingError, RecordingWarning, nearest
 from besman.foreign.json_text import parse_json
 from besman.foreign.names import fault_of_name
 from besman.io.atomic_files import write_text
+from besman.io.segments_origin import ORIGIN, Origin, check_origin, describe_origin
 from besman.records import LabelledRecording, LabelledSegments, Recording
 from besman.records.layers import LAYERS, is_layer
 from besman.records.recordings import FARTHEST_M, GREATEST_FRAME
@@ -76,9 +77,10 @@ def read_segments(
     ----------
     path : Path
         A list of ``{"start index", "end index", "label"}``, or an object that holds the list as
-        ``segments``. Indices are absolute frame numbers; segments are half-open, so that a border
-        is the end of one and the start of the next. A segment may have a ``"layer"``, one of
-        `besman.records.layers.LAYERS`; segments of one layer do not overlap.
+        ``segments`` and may say as ``recording`` what they belong to (see
+        `besman.io.segments_origin`). Indices are absolute frame numbers; segments are half-open,
+        so that a border is the end of one and the start of the next. A segment may have a
+        ``"layer"``, one of `besman.records.layers.LAYERS`; segments of one layer do not overlap.
     recording : Recording or LabelledRecording
         The recording that the segments belong to.
     keep_parts : bool
@@ -98,7 +100,8 @@ def read_segments(
     Warns
     -----
     RecordingWarning
-        If a stretch stands there twice in one layer.
+        If a stretch stands there twice in one layer, or the file says that it was made of other
+        places.
     """
     return parse_segments(read_content(path), recording, path, keep_parts=keep_parts)
 
@@ -109,6 +112,7 @@ def parse_segments(
     path: Path,
     *,
     keep_parts: bool = False,
+    origin: Origin | None = None,
 ) -> LabelledSegments:
     """Check what stands in a segments file, as `read_segments` does.
 
@@ -120,6 +124,8 @@ def parse_segments(
         As in `read_segments`.
     path : Path
         Named in errors.
+    origin : dict, optional
+        What `besman.io.segments_origin.describe_origin` says of the recording, if that is known.
 
     Raises
     ------
@@ -132,6 +138,9 @@ def parse_segments(
         raise RecordingError(
             f"{path}: expected a list of segments or an object with a list 'segments'"
         )
+    if isinstance(content, dict) and ORIGIN in content:
+        origin = describe_origin(recording) if origin is None else origin
+        check_origin(content[ORIGIN], origin, recording.source, path)
     n_samples = len(recording.time)
     segments = [
         _read_segment(row, number, recording.first_frame, n_samples, path)
@@ -177,7 +186,10 @@ def read_throws(path: Path) -> tuple[ThrowEvent, ...]:
 
 
 def write_segments(
-    segments: LabelledSegments, path: Path, throws: tuple[ThrowEvent, ...] | None = None
+    segments: LabelledSegments,
+    path: Path,
+    throws: tuple[ThrowEvent, ...] | None = None,
+    origin: Origin | None = None,
 ) -> None:
     """Write segments in the public layout.
 
@@ -189,13 +201,17 @@ def write_segments(
     path : Path
         The file; replaced if it exists.
     throws : tuple of ThrowEvent, optional
-        Known releases and touchdowns; if given, the file is
-        ``{"segments": [...], "events": {"throws": [...]}}``, else the bare list.
+        Known releases and touchdowns.
+    origin : dict, optional
+        What `besman.io.segments_origin.describe_origin` says of the recording. With it or throws
+        the file is ``{"segments": [...], "recording": {...}, "events": {"throws": [...]}}``, else
+        the bare list.
     """
     rows = segment_rows(segments)
-    content: Any = rows
+    around: dict[str, Any] = {} if origin is None else {ORIGIN: origin}
     if throws is not None:
-        content = {"segments": rows, "events": {"throws": [asdict(throw) for throw in throws]}}
+        around["events"] = {"throws": [asdict(throw) for throw in throws]}
+    content: Any = {"segments": rows, **around} if around else rows
     text = json.dumps(content, indent=1) + "\n"
     write_text(path, text, durable=False, kind=RecordingError)
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from besman.exceptions import RecognitionError
+from besman.exceptions import RecognitionError, see_look
 from besman.records.layers import SIDES, Side, side_of
 
 FloatArray = npt.NDArray[np.float64]
@@ -124,13 +124,13 @@ def find_body(markers: Sequence[str], source: str) -> Body:
         raise RecognitionError(
             f"{source}: no marker {missing[0]!r}: the person's frame needs back_top, back_left, "
             "back_right, of a sensor suit t8, right_shoulder, left_shoulder, or of an exoskeleton "
-            "right_shoulder, left_shoulder"
+            "right_shoulder, left_shoulder" + see_look(source)
         )
     if not body.arms:
         raise RecognitionError(
             f"{source}: no arm is complete: got {', '.join(markers)}; expected hand_top, elbow and "
             "shoulder, of a sensor suit right_hand, right_fore_arm and right_upper_arm, or of an "
-            "exoskeleton right_wrist, right_elbow and right_shoulder"
+            "exoskeleton right_wrist, right_elbow and right_shoulder" + see_look(source)
         )
     return body
 

@@ -5,14 +5,19 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field, field_validator, model_validator
 
 from besman.config.resources import find_resource
 from besman.config.stage import Config
 from besman.config.yaml_file import load_config
-from besman.exceptions import LabellingError, nearest
+from besman.exceptions import LabellingError, nearest, see_look
+from besman.person.mirror import mirror_name
+from besman.person.point_frames import PointFrames
+
+# What systems put before a marker's name without a colon: ``Skeleton_001_Hip``.
+_SUBJECT = re.compile(r"(?i)^(skeleton|subject|person|actor)[ _]?\d+[ _]")
 
 
 class MarkerSet(Config):
@@ -38,6 +43,12 @@ class MarkerSet(Config):
         trajectories can be named where there is no recording to learn from.
     distances_m : dict of str to (dict of str to float)
         Distances that hardly change, such as lengths of limbs, metres.
+    frames : PointFrames, optional
+        Where there are no clusters: from which points back and hands are derived, as the markers
+        ``back_top``, ``hand_top`` and so on; see `besman.person.point_frames`.
+    side : "right" or "left"
+        The hand that the person works with. A recording of a left-handed person is mirrored, names
+        and positions, and is from then on that of a right-handed one.
     """
 
     name: str
@@ -48,6 +59,8 @@ class MarkerSet(Config):
     objects: dict[str, tuple[str, ...]] = Field(default_factory=dict)
     pose_m: dict[str, tuple[float, float, float]] = Field(default_factory=dict)
     distances_m: dict[str, dict[str, Annotated[float, Field(gt=0.0)]]] = Field(default_factory=dict)
+    frames: PointFrames | None = None
+    side: Literal["right", "left"] = "right"
 
     @field_validator("markers")
     @classmethod
@@ -67,11 +80,12 @@ class MarkerSet(Config):
         groups = [
             ("required", self.required),
             *((f"clusters.{name}", group) for name, group in self.clusters.items()),
-            ("roles", tuple(self.roles.values())),
+            ("roles", tuple(one for one in self.roles.values() if one not in self.derived)),
             *((f"objects.{name}", group) for name, group in self.objects.items()),
             ("pose_m", tuple(self.pose_m)),
             ("distances_m", tuple(self.distances_m)),
             *((f"distances_m.{name}", tuple(group)) for name, group in self.distances_m.items()),
+            ("frames", self.frames.points if self.frames else ()),
         ]
         for place, group in groups:
             for marker in group:
@@ -80,6 +94,13 @@ class MarkerSet(Config):
                         f"{place}: no marker {marker!r}; {nearest(marker, self.markers)}"
                     )
         return self
+
+    @property
+    def derived(self) -> tuple[str, ...]:
+        """Names of the markers that `frames` adds."""
+        if self.frames is None:
+            return ()
+        return tuple(name for name in self.frames.names if name not in self.markers)
 
     @property
     def hand(self) -> tuple[str, ...]:
@@ -115,6 +136,7 @@ class MarkerSet(Config):
             there = ", ".join(sorted(name for name in names if name)) or "no named trajectory"
             raise LabellingError(
                 f"{source}: marker {missing[0]!r} of {self.name} is not there; got: {there}"
+                + see_look(source)
             )
         return found
 
@@ -145,16 +167,34 @@ class MarkerSet(Config):
         }
         found: dict[str, int] = {}
         for index, name in enumerate(names):
-            marker = owners.get(normalise_name(name or ""))
+            worn = mirror_name(name or "") if self.side == "left" else name or ""
+            spellings = (worn, without_subject(worn))
+            known = (owners.get(normalise_name(spelling)) for spelling in spellings)
+            marker = next((one for one in known if one is not None), None)
             if marker is None:
                 continue
             if marker in found:
                 raise LabellingError(
                     f"{source}: trajectories {names[found[marker]]!r} and {name!r} both stand for "
-                    f"marker {marker!r} of {self.name}; expected one"
+                    f"marker {marker!r} of {self.name}; expected one" + see_look(source)
                 )
             found[marker] = index
         return {marker: found[marker] for marker in self.markers if marker in found}
+
+
+def without_subject(name: str) -> str:
+    """Return a name without the person or thing it belongs to: ``Ann:RELB``, ``Skeleton_001_Hip``.
+
+    Parameters
+    ----------
+    name : str
+
+    Returns
+    -------
+    str
+        What stands after the last colon; the name itself where nothing stands before it.
+    """
+    return _SUBJECT.sub("", name.rpartition(":")[2].strip())
 
 
 def normalise_name(name: str) -> str:

@@ -66,7 +66,7 @@ def check_pipeline(name: str, settings: tuple[str, ...] = ()) -> list[str]:
 
 def _check_recordings(config: PipelineConfig) -> list[str]:
     """Read the recordings, match their markers and look for examples of the class selected."""
-    inputs = read_inputs(config.recordings, learn_from(config))
+    inputs = read_inputs(config.recordings, learn_from(config), config.read)
     markers = load_marker_set(config.label.markers)
     state, expected = _check_markers(config.label, inputs, markers)
     seconds = sum(len(recording.time) / recording.rate_hz for recording in inputs.recordings)
@@ -79,7 +79,7 @@ def _check_recordings(config: PipelineConfig) -> list[str]:
         return lines
     examples = inputs
     if config.training:
-        examples = read_inputs(config.training, learn_from(config))
+        examples = read_inputs(config.training, learn_from(config), config.read)
         state, _ = _check_markers(config.label, examples, markers)
         lines.append(f"training: {len(examples.recordings)} recordings, {state}")
     lines.append(_check_examples(config, examples))

@@ -54,7 +54,7 @@ def _compile_branches() -> None:
     from besman.robot.collision import distances
     from besman.robot.dynamics import inverse_dynamics
     from besman.robot.model import load_robot
-    from besman.stages.label.fragments import measure_pairs, split_fragments
+    from besman.stages.label.pair_distances import compile_average
     from besman.stages.segment.valley_vmci import find_movements
 
     robot = load_robot("ur5")
@@ -67,7 +67,8 @@ def _compile_branches() -> None:
     time = np.linspace(0.0, 1.0, 100)
     path = np.sin(2 * np.pi * time)[:, None, None] * np.ones((1, 2, 3))
     find_movements(time, path)
-    measure_pairs(split_fragments(path, 100.0))
+    rows = np.zeros(1, dtype=np.int64)
+    compile_average()(rows, rows, rows, rows + 1, rows, path[0], 1)
 
 
 _HALVES = (_compile_descent, _compile_branches)

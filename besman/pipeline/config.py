@@ -19,6 +19,7 @@ from besman.stages.imitate.stage import ImitateConfig
 from besman.stages.label.methods import DefaultLabelConfig, LabelStage
 from besman.stages.label.stage import NamingBase
 from besman.stages.map.stage import MapConfig
+from besman.stages.read.config import ReadConfig
 from besman.stages.recognize.stage import RecognizeConfig, RecognizeStage
 from besman.stages.refine.methods import RefineStage
 from besman.stages.refine.stage import CmaEsConfig
@@ -73,6 +74,8 @@ class PipelineConfig(Config):
     margin_s : float
         Greatest distance of a found border to a manual one that counts as found, where there are
         manual segments.
+    read : ReadConfig
+        What the files of recordings leave open: their units and which axis points up.
     compose : ComposeConfig, optional
         Makes actions of building blocks, for ``select: {action: NAME}``.
     label, segment, recognize, select, map, imitate, refine
@@ -87,6 +90,7 @@ class PipelineConfig(Config):
     second_arm: SecondArmConfig | None = None
     task: str
     margin_s: Annotated[float, Field(gt=0)] = 0.3
+    read: ReadConfig = ReadConfig()
     label: LabelStage = DefaultLabelConfig()
     segment: SegmentStage = DefaultSegmentConfig()
     recognize: RecognizeStage = RecognizeConfig()

@@ -79,7 +79,7 @@ def run_pipeline(
         raise RunError(f"--fresh: no stage {fresh!r}; {nearest(fresh, STAGES)}")
     with Workers(jobs, cluster) as workers:
         clock = Clock()
-        inputs = read_inputs(config.recordings, learn_from(config))
+        inputs = read_inputs(config.recordings, learn_from(config), config.read)
         run = Run(folder, config.name, jobs=jobs, fresh=fresh, display=display, workers=workers)
         with _ends_in_order(run):
             run.start(pipeline_yaml(config), inputs.checksums)
@@ -190,7 +190,7 @@ def _find_examples(
     if trained_in is not None or needs_no_examples(config):
         return (), ()
     if config.training:
-        inputs = read_inputs(config.training, learn_from(config))
+        inputs = read_inputs(config.training, learn_from(config), config.read)
         markers = load_marker_set(config.label.markers)
         known = (inputs.recordings, markers, inputs.teacher)
         labelled = run.prepare("label_training", config.label, *known)

@@ -6,7 +6,7 @@ Arrays are copied, made read-only and checked once, at construction.
 from besman.records.failure import Failure
 from besman.records.frozen import FloatArray, Record, ShapeError, freeze
 from besman.records.plans import AnyPlan, CartesianPlan, MotionPlan
-from besman.records.recordings import LabelledRecording, Recording
+from besman.records.recordings import Axis, LabelledRecording, Origin, Recording
 from besman.records.refined_motion import RefinedMotion
 from besman.records.segments import Actions, LabelledSegments, Segments
 from besman.records.trajectories import HandTrajectory, JointTrajectory
@@ -14,6 +14,7 @@ from besman.records.trajectories import HandTrajectory, JointTrajectory
 __all__ = [
     "Actions",
     "AnyPlan",
+    "Axis",
     "CartesianPlan",
     "Failure",
     "FloatArray",
@@ -22,6 +23,7 @@ __all__ = [
     "LabelledRecording",
     "LabelledSegments",
     "MotionPlan",
+    "Origin",
     "Record",
     "Recording",
     "RefinedMotion",

@@ -28,6 +28,7 @@ _RECORDS = {
     "besman.records:CartesianPlan": "besman.records.plans",
     "besman.records:MotionPlan": "besman.records.plans",
     "besman.records:LabelledRecording": "besman.records.recordings",
+    "besman.records:Origin": "besman.records.recordings",
     "besman.records:Recording": "besman.records.recordings",
     "besman.records:RefinedMotion": "besman.records.refined_motion",
     "besman.records:Actions": "besman.records.segments",
@@ -133,9 +134,11 @@ def _encode(value: Any, arrays: dict[str, np.ndarray]) -> Any:
     if isinstance(value, BaseModel):
         return {"config": value.model_dump(mode="json"), "type": type(value).__name__}
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        later = getattr(value, "later", ())
         fields = {
             field.name: _encode(getattr(value, field.name), arrays)
             for field in dataclasses.fields(value)
+            if field.name not in later or getattr(value, field.name) is not None
         }
         return {"record": _stored_name(type(value)), "fields": fields}
     raise RunError(f"a {type(value).__name__} is no part of a record")

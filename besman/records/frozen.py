@@ -74,16 +74,26 @@ class Record:
         module in them say where it stood when the first files were written.
     finite : tuple of str
         Fields without which a record of a file is of no use: numbers, none missing.
+    later : tuple of str
+        Fields that files of before do not have: left out of a file while they are None, so that
+        what has none is written as it always was.
     """
 
     stored_as: ClassVar[str]
     finite: ClassVar[tuple[str, ...]] = ()
+    later: ClassVar[tuple[str, ...]] = ()
 
     def __init_subclass__(
-        cls, *, stored_as: str, finite: tuple[str, ...] = (), **more: Any
+        cls,
+        *,
+        stored_as: str,
+        finite: tuple[str, ...] = (),
+        later: tuple[str, ...] = (),
+        **more: Any,
     ) -> None:
         super().__init_subclass__(**more)
         cls.stored_as = stored_as
+        cls.later = (*cls.later, *later)
         cls.finite = (*cls.finite, *finite)
 
     def check(self) -> None:

@@ -6,6 +6,7 @@ Arrays are copied, made read-only and checked once, at construction.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -22,11 +23,47 @@ GREATEST_FRAME = 10**9
 """Greatest number of a frame, and of seconds on a clock: no recording counts farther."""
 
 
+Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
+"""A direction of a file's own frame."""
+
+
+@dataclass(frozen=True)
+class Origin(Record, stored_as="besman.records:Origin"):
+    """How the numbers of a recording's file were understood; a recording itself is in metres, z up.
+
+    Attributes
+    ----------
+    format : str
+        As in the table of formats; empty for what comes from no file.
+    writer : str
+        The program that wrote the file, as the file says; empty if it does not.
+    units : str
+        What its coordinates are in, such as ``mm``; empty if that is the format's rule.
+    units_by : str
+        How that was told: ``the file``, ``the size of a person``, ``asked for``.
+    up : str
+        The direction of the file's frame that points up.
+    up_by : str
+        How that was told; empty where nobody looked.
+    notes : tuple of str
+        What else was concluded, or is in the file and not in the recording; one sentence each.
+    """
+
+    format: str = ""
+    writer: str = ""
+    units: str = ""
+    units_by: str = ""
+    up: Axis = "z"
+    up_by: str = ""
+    notes: tuple[str, ...] = ()
+
+
 @dataclass(frozen=True, eq=False)
 class Recording(
     Record,
     stored_as="besman.records:Recording",
     finite=("time",),
+    later=("origin",),
 ):
     """What the cameras delivered.
 
@@ -46,7 +83,10 @@ class Recording(
         Frame number of row 0 (segments files count in frames).
     orientations : array, shape (T, M, 4), or None
         Unit quaternions (w, x, y, z), body2lab, of what was recorded as bodies (segments of a
-        sensor suit, links of an exoskeleton); None for markers, which have none.
+        sensor suit, links of an exoskeleton); None for markers, which have none. NaN where a marker
+        stands among bodies, or a body was not seen.
+    origin : Origin, optional
+        How the numbers of its file were understood.
     """
 
     time: FloatArray
@@ -56,6 +96,7 @@ class Recording(
     source: str
     first_frame: int = 1
     orientations: FloatArray | None = None
+    origin: Origin | None = None
 
     def __post_init__(self) -> None:
         shapes: dict[str, tuple[int | str, ...]] = {"time": ("T",), "positions": ("T", "M", 3)}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 
+_SILENCING = threading.Lock()
 _CHUNK_STEPS = 50
 
 
@@ -113,12 +115,18 @@ def run_physics(
     return run
 
 
-@lru_cache(maxsize=1)
 def _silence_warnings() -> None:
     """Have MuJoCo say nothing: a simulation that diverges is an outcome.
 
-    Otherwise it would write a log into the working directory.
+    Otherwise it would write a log into the working directory. Said once, by one thread, before any
+    of them simulates: MuJoCo's setters of callbacks wait for each other.
     """
+    with _SILENCING:
+        _silence_once()
+
+
+@lru_cache(maxsize=1)
+def _silence_once() -> None:
     import mujoco
 
     mujoco.set_mju_user_warning(lambda _: None)

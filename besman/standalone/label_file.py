@@ -9,14 +9,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from besman.exceptions import LabellingError
+from besman.geometry.gaps import BoolArray
 from besman.io.atomic_files import check_file, written_aside
 from besman.io.recordings.formats import find_writer, read_recording, write_recording
 from besman.person.marker_set import load_marker_set
+from besman.person.mirror import mirror_name, mirror_recording
 from besman.records import Recording
+from besman.records.frozen import FloatArray, hand_over
+from besman.stages.label.gather import found_markers, gather_all
 from besman.stages.label.methods import DefaultLabelConfig
-from besman.stages.label.named_recording import NamedRecording
-from besman.stages.label.results import review_rows
-from besman.stages.label.trajectories import name_trajectories
+from besman.stages.label.named_recording import NameDecision, NamedRecording
+from besman.stages.label.person_check import check_person
+from besman.stages.label.results import TrajectoryNames, review_rows
+from besman.stages.label.trajectories import decide_names, fill_in_place
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -29,7 +34,7 @@ def label_file(
     learn_from: Path | None = None,
     fill: bool = False,
     ignore_names: bool = False,
-) -> tuple[Recording, NamedRecording]:
+) -> tuple[TrajectoryNames, NamedRecording]:
     """Name the trajectories of a recording and write it with names.
 
     Names that it has are kept where they fit the marker set. What got no name is written too.
@@ -51,10 +56,10 @@ def label_file(
 
     Returns
     -------
-    Recording
-        What was read.
+    tuple of (str or None)
+        Names of the trajectories that were read.
     NamedRecording
-        What was found in it.
+        What was found in them.
 
     Raises
     ------
@@ -73,29 +78,64 @@ def label_file(
     given = marker_set.find(recording.names, recording.source) or None
     teacher = None if learn_from is None else read_recording(learn_from)
     model = config.learn(marker_set, teacher)
-    named = name_trajectories(recording, marker_set, model, config.threshold, given)
+    is_mirrored = marker_set.side == "left"
+    if is_mirrored:
+        recording = mirror_recording(recording)
+    decisions = decide_names(recording, marker_set, model, config.threshold, given)
+    found = found_markers(decisions, marker_set)
+    positions, names = gather_all(recording, decisions, found)
+    # What was read goes here: of an hour one array has hundreds of megabytes.
+    read_names, recording = recording.names, _without_samples(recording)
+    filled = np.zeros((len(positions), len(found)), dtype=np.bool_)
     if fill:
-        named = config.fill(named, marker_set)
-    write_recording(with_unnamed(recording, named), out)
-    return recording, named
+        longest = config.fill_samples(recording.rate_hz)
+        filled = fill_in_place(positions, found, marker_set, *longest)[:, : len(found)]
+    named = _take_markers(recording, positions, found, filled, decisions, config.threshold)
+    check_person(named, marker_set)
+    written = replace(recording, positions=hand_over(positions), names=names)
+    if is_mirrored:
+        own = tuple(mirror_name(name) for name in found)
+        written = replace(mirror_recording(written), names=(*own, *names[len(found) :]))
+    write_recording(written, out)
+    return read_names, named
 
 
-def with_unnamed(recording: Recording, named: NamedRecording) -> Recording:
-    """Return the named markers, then what is left of the trajectories, as it is called."""
-    rest = recording.positions.copy()
-    for decision in named.decisions:
-        if decision.named:
-            rest[decision.start : decision.stop, decision.trajectory] = np.nan
-    kept = np.isfinite(rest).any(axis=(0, 2))
-    return replace(
-        recording,
-        positions=np.concatenate((named.positions, rest[:, kept]), axis=1),
-        names=(*named.markers, *(recording.names[column] for column in np.flatnonzero(kept))),
+def _take_markers(
+    frames: Recording,
+    positions: FloatArray,
+    markers: tuple[str, ...],
+    filled: BoolArray,
+    decisions: tuple[NameDecision, ...],
+    threshold: float,
+) -> NamedRecording:
+    """Return the markers, which stand first in positions, as a record."""
+    return NamedRecording(
+        time=frames.time,
+        positions=hand_over(np.array(positions[:, : len(markers)], order="C")),
+        markers=markers,
+        filled=filled,
+        rate_hz=frames.rate_hz,
+        source=frames.source,
+        first_frame=frames.first_frame,
+        decisions=decisions,
+        threshold=threshold,
     )
 
 
-def summarise(recording: Recording, named: NamedRecording) -> dict[str, Any]:
+def _without_samples(recording: Recording) -> Recording:
+    """Return the frames of a recording, without trajectories."""
+    nothing = np.empty((len(recording.time), 0, 3))
+    return replace(recording, positions=nothing, names=(), orientations=None)
+
+
+def summarise(names: TrajectoryNames, named: NamedRecording) -> dict[str, Any]:
     """Return what was named: by marker, in all, and what is for review.
+
+    Parameters
+    ----------
+    names : tuple of (str or None)
+        Of the trajectories that were read.
+    named : NamedRecording
 
     Returns
     -------
@@ -114,18 +154,18 @@ def summarise(recording: Recording, named: NamedRecording) -> dict[str, Any]:
             {
                 "marker": marker,
                 "fragments": len(own),
-                "seen_share": n_seen / len(recording.time),
+                "seen_share": n_seen / len(named.time),
                 "confidence": min(decision.confidence for decision in own),
             }
         )
     return {
-        "recording": recording.source,
+        "recording": named.source,
         "fragments": len(decisions),
         "n_unnamed": len(decisions) - len(given),
         "named_share": sum(decision.stop - decision.start for decision in given) / samples,
         "filled_samples": int(named.filled.sum()),
         "markers": rows,
-        "review": review_rows(recording, named),
+        "review": review_rows(names, named),
     }
 
 

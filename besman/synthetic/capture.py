@@ -15,6 +15,7 @@ from besman.exceptions import RecordingError
 from besman.io.atomic_files import make_folder, write_text, written_aside
 from besman.io.recordings.qtm_tsv import write_tsv
 from besman.io.segments_json import ThrowEvent, segments_path, write_segments
+from besman.io.segments_origin import describe_origin
 from besman.records import LabelledSegments, Recording
 from besman.records.layers import ACTIONS, stack_layers
 from besman.synthetic.body import BodyMotion
@@ -136,7 +137,8 @@ def write_capture(capture: Capture, folder: Path) -> Path:
             raise RecordingError(f"{file}: is there already and is not overwritten")
     make_folder(folder, kind=RecordingError)
     # The recording last: where it is, all that belongs to it is there.
-    write_segments(capture.truth, segments_path(path), capture.throws or None)
+    origin = describe_origin(capture.recording, whole=path.suffix == ".tsv")
+    write_segments(capture.truth, segments_path(path), capture.throws or None, origin)
     if capture.trajectories:
         text = json.dumps({"trajectories": list(capture.trajectories)}, indent=1) + "\n"
         write_text(truth, text, durable=False, kind=RecordingError)

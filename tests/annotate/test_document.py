@@ -5,6 +5,7 @@ import stat
 import subprocess
 import sys
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from besman.annotate.document import Document
 from besman.annotate.store import NO_FILE, Store
 from besman.exceptions import AnnotationError, ChangedError, RecordingError
 from besman.io.segments_json import read_segments
+from besman.io.segments_origin import describe_origin
 from besman.records import Recording
 
 WRITER = """
@@ -44,11 +46,9 @@ def test_segments_are_written_in_frames_and_read_back(recording, path):
     assert document.revision == NO_FILE
     rows = [[0, 30, "reach", ""], [30, 100, 'a "<b>" é', "left_hand"]]
     document.save(rows, NO_FILE)
-    assert json.loads(path.read_text())[0] == {
-        "start index": 690,
-        "end index": 720,
-        "label": "reach",
-    }
+    content = json.loads(path.read_text())
+    assert content["segments"][0] == {"start index": 690, "end index": 720, "label": "reach"}
+    assert content["recording"] == describe_origin(recording)
     read = read_segments(path, recording)
     assert read.bounds.tolist() == [[0, 30], [30, 100]]
     assert read.labels == ("reach", 'a "<b>" é')
@@ -99,6 +99,31 @@ def test_segments_of_another_recording_are_refused_at_the_start(recording, path)
     with pytest.raises(RecordingError, match="do not lie in the recording's frames 690 to 789"):
         Document(path, recording)
     assert path.read_text() == text
+
+
+def test_segments_of_a_shorter_recording_are_refused_before_anything_is_written(recording, path):
+    shorter = replace(recording, time=recording.time[:50], positions=recording.positions[:50])
+    Document(path, shorter).save([[0, 30, "reach", ""]], NO_FILE)
+    before = path.read_bytes()
+    with pytest.raises(RecordingError, match="has 100 frames, 690 to 789, at 50 Hz; expected"):
+        Document(path, recording)
+    assert path.read_bytes() == before
+
+
+def test_a_page_that_knows_an_older_file_of_another_person_does_not_overwrite_it(recording, path):
+    mine, theirs = Document(path, recording), Document(path, recording)
+    theirs.save([[0, 30, "theirs", ""]], theirs.revision)
+    written = path.read_bytes()
+    with pytest.raises(ChangedError, match="another window or program changed it"):
+        mine.save([[0, 30, "mine", ""]], mine.revision)
+    assert path.read_bytes() == written
+
+
+def test_a_bare_list_gets_its_recording_when_it_is_saved(recording, path):
+    path.write_text('[{"start index": 690, "end index": 700, "label": "a"}]')
+    document = Document(path, recording)
+    document.save(document.page_rows(), document.revision)
+    assert json.loads(path.read_text())["recording"]["frames"] == 100
 
 
 def test_overlap_in_a_file_is_refused_at_the_start(recording, path):

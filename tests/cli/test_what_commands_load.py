@@ -19,6 +19,8 @@ ALLOWED = {
     "run --help": set(),
     "evaluate --help": set(),
     "info": set(),
+    "look RECORDING": {"numpy"},
+    "markers new RECORDING": {"numpy"},
     "segment RECORDING": {"numpy"},
     "check PIPELINE": {"numpy", "pinocchio"},
     "robots": {"numpy", "pinocchio"},
@@ -64,6 +66,8 @@ def loaded(small_run, tmp_path_factory):
     named = TOP / "data/pick_and_place_calibration/person.tsv"
     out = ("--out", folder / "named.tsv", "--learn-from", named)
     arguments = {
+        "look RECORDING": ("look", recording),
+        "markers new RECORDING": ("markers", "new", recording, "--out", folder / "set.yaml"),
         "segment RECORDING": ("segment", recording),
         "check PIPELINE": ("check", "ur5_stick_throw"),
         "train RECORDINGS": ("train", SAMPLE, "--out", folder / "model"),

@@ -57,7 +57,7 @@ def label_markers(folder: Path):
     from besman.standalone.label_file import label_file
 
     teacher = folder / "person.tsv"
-    return label_file(folder / "a.tsv", "right_arm", folder / "out.tsv", teacher, True)[0]
+    return label_file(folder / "a.tsv", "right_arm", folder / "out.tsv", teacher, True)[1]
 
 
 def read_inputs(folder: Path):
@@ -145,6 +145,14 @@ _SETTINGS = (
     b"map.correct=true\nrecognize={method: dtw}"
 )
 _READ = {"judge": sense.of_recording}
+_FOREIGN = (
+    ("TRC", "trc"),
+    ("Motive CSV", "csv"),
+    ("Nexus CSV", "csv"),
+    ("BVH", "bvh"),
+    ("keypoints JSON", "json"),
+    ("keypoints CSV", "csv"),
+)
 _TASKS = ("stick_throw", "ball_throw", "grasp_box", "pull_lever", "reach")
 _MARKERS = ("right_arm", "two_arms", "xsens", "exoskeleton")
 _RECIPES = ("ur5_stick_throw", "rh5_two_arms", "ur10_lever", "iiwa7_grasp")
@@ -177,6 +185,17 @@ TARGETS = {
         share=8,
         **_READ,
     ),
+    **{
+        name: Target(
+            lambda name=name, ending=ending: whole_files.foreign(name, ending),
+            {f"a.{ending}": mutations.json_file if ending == "json" else mutations.table},
+            read_recording,
+            share=6,
+            **_READ,
+        )
+        for name, ending in _FOREIGN
+    },
+    "tsv of bodies": Target(whole_files.six_d, {"a.tsv": mutations.table}, read_recording, **_READ),
     "joint csv": Target(
         whole_files.joint_csv, {"a.csv": mutations.table}, read_joint_csv, sense.of_arrays, 1
     ),

@@ -186,3 +186,31 @@ def joint_csv() -> Files:
     return _made(
         lambda folder: write_joint_csv(folder / "a.csv", time, values, values, values, ("a", "b"))
     )
+
+
+@cache
+def foreign(name: str, ending: str) -> Files:
+    from foreign_recordings import WRITERS
+
+    from besman.records import Recording
+
+    time = np.arange(12) / 50
+    positions = np.array([[0.0, 0.0, 1.7], [0.1, 0.2, 0.9], [0.3, 0.1, 0.1]]) + np.zeros((12, 1, 1))
+    positions = positions + 0.05 * np.sin(3 * time)[:, None, None]
+    if name != "BVH":
+        positions[4:6, 1] = np.nan
+    recording = Recording(time, positions, ("head", "hips", "foot"), 50.0, "a", 1)
+    return _made(lambda folder: WRITERS[name](recording, folder / f"a.{ending}"))
+
+
+@cache
+def six_d() -> Files:
+    from foreign_recordings import six_d_lines, write_lines
+
+    from besman.records import Recording
+
+    time = np.arange(12) / 50
+    positions = np.ones((12, 2, 3)) + 0.05 * np.sin(3 * time)[:, None, None]
+    turns = np.tile([0.5, 0.5, 0.5, 0.5], (12, 2, 1))
+    recording = Recording(time, positions, ("hand", "back"), 50.0, "a", 1, turns)
+    return _made(lambda folder: write_lines(six_d_lines(recording), folder / "a.tsv"))

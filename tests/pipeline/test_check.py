@@ -1,5 +1,7 @@
 """What would stop a run is said before it, in its words."""
 
+import json
+
 import pytest
 from command_line import besman
 
@@ -30,7 +32,10 @@ def capture(tmp_path_factory):
         )  # fmt: skip
         write_recording(part, folder / name / "subject1.tsv")
         segments = "subject1_manually_segmented.json"
-        (folder / name / segments).write_bytes((folder / "whole" / segments).read_bytes())
+        content = json.loads((folder / "whole" / segments).read_text())
+        # It says of the whole recording, of which this one is not.
+        del content["recording"]
+        (folder / name / segments).write_text(json.dumps(content))
     return folder
 
 

@@ -76,7 +76,8 @@ def test_gaps_stay_unless_filled(unnamed, tmp_path, monkeypatch):
 def test_names_that_fit_are_kept_and_all_others_too(tmp_path, monkeypatch):
     whole = read_recording(SAMPLE / "subject2.tsv")
     # One is called by another's name, one has none, one is no marker of the set.
-    wrong = {"Hand left": "hand_right", "Hand right": "hand_left", "Elbow": None, "Stick": "toy"}
+    circle = {"Hand left": "hand_right", "Hand right": "hand_top", "Hand top": "hand_left"}
+    wrong = {**circle, "Elbow": None, "Stick": "toy"}
     names = tuple(wrong.get(name, name) for name in whole.names)
     part = Recording(whole.time[:1000], whole.positions[:1000], names, whole.rate_hz, "take.tsv")
     write_recording(part, tmp_path / "take.tsv")
@@ -88,7 +89,7 @@ def test_names_that_fit_are_kept_and_all_others_too(tmp_path, monkeypatch):
     at = {name: k for k, name in enumerate(whole.names)}
     for recording, exchanged in ((kept, True), (found, False)):
         for marker, called in (("elbow", "Elbow"), ("hand_left", "Hand left")):
-            true = "Hand right" if exchanged and called == "Hand left" else called
+            true = "Hand top" if exchanged and called == "Hand left" else called
             expected = whole.positions[:1000, at[true]]
             there = recording.positions[:, recording.names.index(marker)]
             np.testing.assert_allclose(there, expected, atol=2e-6)

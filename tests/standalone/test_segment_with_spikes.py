@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from places import SAMPLE
 
@@ -46,6 +46,10 @@ def test_a_hundred_metres_at_frame_400_move_nothing(throw, clean, tmp_path):
 
 
 @settings(max_examples=25, deadline=None)
+@example(spikes=[(5, 690, 10, 0.0)], seed=0, together=True)
+@example(spikes=[(5, 690, 10, 0.0)], seed=2, together=False)
+@example(spikes=[(5, 0, 1, 0.0)], seed=0, together=False)
+@example(spikes=[(5, 0, 3, 0.0)], seed=0, together=False)
 @given(
     spikes=st.lists(
         st.tuples(st.integers(0, 8), st.integers(0, N - 10), st.integers(1, 10), st.floats(0, 2)),

@@ -2,72 +2,67 @@
 
 from __future__ import annotations
 
-import re
 import tempfile
-import warnings
-from collections.abc import Sequence
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 
-from besman.exceptions import RecordingError, RecordingWarning
+from besman.exceptions import RecordingError
 from besman.io.atomic_files import written_aside
-from besman.io.recordings.c3d_layout import MAX_FRAMES, C3dSections, read_sections
+from besman.io.recordings.c3d_counts import MAX_FRAMES
+from besman.io.recordings.c3d_layout import C3dSections, read_sections
+from besman.io.recordings.c3d_names import find_names
 from besman.io.recordings.format import Units
-from besman.records import FloatArray, Recording
+from besman.io.recordings.lengths import find_length, parse_unit
+from besman.records import Axis, Origin, Recording
 from besman.records.recordings import RATES_HZ
 
-_UNIT_M = {
-    "mm": 1e-3,
-    "millimeter": 1e-3,
-    "millimeters": 1e-3,
-    "millimetre": 1e-3,
-    "millimetres": 1e-3,
-    "m": 1.0,
-    "meter": 1.0,
-    "meters": 1.0,
-    "metre": 1.0,
-    "metres": 1.0,
-}
-# Points seen together lie this far apart only in millimetres: metres would be a town.
-_SURELY_MM = 300.0
 # Points that are no positions, by the parameter that lists them.
 _NO_POSITIONS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS")
-_UNNAMED = re.compile(r"\*\d*")
+_EVENTS_NAMED = 8
+_SCREEN_AXES = {
+    sign + axis: cast(Axis, sign.replace("+", "") + axis)
+    for axis in "xyz"
+    for sign in ("", "+", "-")
+}
 
 
 def read_c3d(path: Path, units: Units | None = None, partial: bool = False) -> Recording:
     """Read the points of a C3D file.
 
-    A gap is a point with residual -1 or with coordinates that are no numbers. Unnamed points
-    (``*0``, ``*1``, ...) have no name; the prefix of names such as ``subject:LASI`` is left out if
-    there is only one. Points that are listed as angles, forces, moments, powers or scalars are
-    left out.
+    A gap is a point with residual -1 or with coordinates that are no numbers. Names are found as
+    `besman.io.recordings.c3d_names` says. Points that are listed as angles, forces, moments, powers
+    or scalars are left out. X_SCREEN and Y_SCREEN tell which way is up. Events become notes.
+
+    Variants seen: Intel, DEC and SGI/MIPS; floats and integers; frames from 0 and from 1; LABELS2
+    and on; labels of four letters with whole names as descriptions; parameters without the byte of
+    their description; no units, or ``mete``; analog words counted wrong (`c3d_layout`); more than
+    65,535 frames with TRIAL:ACTUAL_END_FIELD.
 
     Parameters
     ----------
     path : Path
         The file.
-    units : "m" or "mm", optional
-        What the coordinates are in, for a file that does not say so.
+    units : "m", "cm", "mm" or "in", optional
+        What the coordinates are in, whatever the file says.
     partial : bool
         Take the whole frames of a file that was cut.
 
     Returns
     -------
     Recording
-        Positions in metres, time in seconds: ``(frame - 1) / rate``.
+        Positions in metres and in the file's frame, time in seconds: ``(frame - 1) / rate``.
 
     Raises
     ------
     RecordingError
-        If the file is missing, cut, damaged, has two points with one name, or if its units
-        cannot be told.
+        If the file is missing, cut, damaged, or if its units cannot be told.
 
     Warns
     -----
     RecordingWarning
-        If the file names no units and only millimetres can be meant.
+        If the size of a person tells the units, and for names that several points have.
     """
     try:
         content = path.read_bytes()
@@ -85,18 +80,31 @@ def read_c3d(path: Path, units: Units | None = None, partial: bool = False) -> R
     kept = [index for index, label in enumerate(labels) if not label or label not in others]
     if not kept:
         raise RecordingError(f"{path}: no points that are positions; expected at least one marker")
-    names = _read_names([labels[index] for index in kept], [index + 1 for index in kept], path)
+    about = _values(sections, "DESCRIPTIONS")[: len(labels)]
+    about += [""] * (len(labels) - len(about))
     positions = positions[:, kept]
+    names = find_names(
+        [labels[index] for index in kept], [about[index] for index in kept], positions, path.name
+    )
     rate_hz = _read_rate(sections, path)
-    scale = _read_scale(sections, positions, units, path)
+    length = find_length(_unit_word(sections), units, positions, str(path), "POINT:UNITS")
+    up = _read_up(sections)
     return Recording(
         # Some count frames from 1, as the format says, some from 0.
         time=(max(sections.first_frame - 1, 0) + np.arange(len(positions))) / rate_hz,
-        positions=positions * scale,
+        positions=positions * length.metres,
         names=names,
         rate_hz=rate_hz,
         source=path.name,
         first_frame=sections.first_frame,
+        origin=Origin(
+            writer=_text(sections, "MANUFACTURER:SOFTWARE", "MANUFACTURER:COMPANY"),
+            units=length.name,
+            units_by=length.told_by,
+            up=up or "z",
+            up_by="POINT:X_SCREEN and Y_SCREEN" if up else "",
+            notes=(*sections.notes, *_read_events(sections)),
+        ),
     )
 
 
@@ -168,27 +176,11 @@ def _values(sections: C3dSections, name: str) -> list[str]:
     return values
 
 
-def _read_names(
-    labels: Sequence[str], numbers: Sequence[int], path: Path
-) -> tuple[str | None, ...]:
-    """Turn labels into names: None for unnamed points, without a prefix common to all."""
-    prefixes = {label.split(":", 1)[0] for label in labels if ":" in label}
-    bare = [label.split(":", 1)[-1].strip() if len(prefixes) == 1 else label for label in labels]
-    names = [None if not name or _UNNAMED.fullmatch(name) else name for name in bare]
-    owners: dict[str, int] = {}
-    for index, name in enumerate(names):
-        other = owners.setdefault(name, index) if name else index
-        if other != index:
-            raise RecordingError(
-                f"{path}: points {numbers[other]} ({labels[other]!r}) and {numbers[index]} "
-                f"({labels[index]!r}) are both named {name!r}; expected each name once"
-            )
-    return tuple(names)
-
-
 def _read_rate(sections: C3dSections, path: Path) -> float:
     """Return frames per second."""
     values = sections.parameters.get("POINT:RATE") or [sections.rate_hz]
+    if values == [0.0]:
+        values = [sections.rate_hz]
     # The shortest number that means the same in the file's single precision.
     rate = values[0] if isinstance(values[0], float) else float("nan")
     slowest, fastest = RATES_HZ
@@ -200,39 +192,49 @@ def _read_rate(sections: C3dSections, path: Path) -> float:
     return float(str(np.float32(rate)))
 
 
-def _read_scale(
-    sections: C3dSections, positions: FloatArray, units: Units | None, path: Path
-) -> float:
-    """Return the length of the file's unit in metres."""
+def _unit_word(sections: C3dSections) -> str | None:
+    """Return the file's word for its unit of length; None if it has none, or several."""
     written = sorted(set(_values(sections, "UNITS")) - {""})
-    if len(written) > 1 or (written and written[0].lower() not in _UNIT_M):
-        raise RecordingError(
-            f"{path}: POINT:UNITS is {', '.join(map(repr, written))}; expected 'mm' or 'm'"
-        )
-    if written:
-        return _UNIT_M[written[0].lower()]
-    if units is not None:
-        return _UNIT_M[units]
-    extent = _typical_extent(positions)
-    if extent < _SURELY_MM:
-        raise RecordingError(
-            f"{path}: POINT:UNITS is empty and points seen together lie {extent:.3g} apart, so the "
-            "units cannot be told; expected 'mm' or 'm' in the file, or given as units"
-        )
-    warnings.warn(
-        f"{path.name}: POINT:UNITS is empty; points seen together lie {extent:.0f} apart, "
-        "so the units are taken for mm",
-        RecordingWarning,
-        stacklevel=3,
-    )
-    return _UNIT_M["mm"]
+    # Some list the units of angles and forces beside that of the positions.
+    lengths = [word for word in written if parse_unit(word) is not None]
+    if len({parse_unit(word) for word in lengths}) == 1:
+        return lengths[0]
+    return ", ".join(written) or None
 
 
-def _typical_extent(positions: FloatArray) -> float:
-    """Return the median over time of the diagonal of the box around all points seen."""
-    high = np.where(np.isnan(positions), -np.inf, positions).max(axis=1)
-    low = np.where(np.isnan(positions), np.inf, positions).min(axis=1)
-    seen = np.isfinite(high).all(axis=1)
-    if not seen.any():
-        return 0.0
-    return float(np.median(np.linalg.norm(high[seen] - low[seen], axis=1)))
+def _text(sections: C3dSections, *keys: str) -> str:
+    """Return texts of the file in one line, of the parameters that it has."""
+    words = (" ".join(str(one) for one in sections.parameters.get(key, ())[:1]) for key in keys)
+    return "".join(one for one in ", ".join(filter(None, words)) if one.isprintable())[:80]
+
+
+def _read_up(sections: C3dSections) -> Axis | None:
+    """Return the axis of the file that points up, as the screen's axes say; None if they do not."""
+    screen = [
+        _SCREEN_AXES.get(str((_values(sections, key) or [""])[0]).lower())
+        for key in ("X_SCREEN", "Y_SCREEN")
+    ]
+    across, upwards = screen
+    if across is None or upwards is None or across[-1] == upwards[-1]:
+        return None
+    return upwards
+
+
+def _read_events(sections: C3dSections) -> tuple[str, ...]:
+    """Say what events the file has; a recording has none."""
+    labels = [str(one) for one in sections.parameters.get("EVENT:LABELS", ())]
+    sides = [str(one) for one in sections.parameters.get("EVENT:CONTEXTS", ())]
+    # Minutes and seconds of each.
+    times = sections.parameters.get("EVENT:TIMES", ())
+    n_events = min(len(labels), len(times) // 2)
+    found = []
+    for at in range(n_events):
+        minutes, seconds = times[2 * at : 2 * at + 2]
+        if isinstance(minutes, float) and isinstance(seconds, float):
+            side = sides[at] if at < len(sides) else ""
+            found.append(f"{side} {labels[at]} {60 * minutes + seconds:.3f} s".strip())
+    if not found:
+        return ()
+    more = f" and {len(found) - _EVENTS_NAMED} more" if len(found) > _EVENTS_NAMED else ""
+    said = f"events: {', '.join(found[:_EVENTS_NAMED])}{more}"
+    return ("".join(one for one in said if one.isprintable()),)

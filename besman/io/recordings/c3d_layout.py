@@ -20,9 +20,14 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.exceptions import RecordingError, RecordingWarning
+from besman.io.recordings.c3d_counts import (
+    BLOCK,
+    MAX_FRAMES,
+    Layout,
+    find_analog_words,
+    find_last_frame,
+)
 
-MAX_FRAMES = 65_535
-_BLOCK = 512
 _MAGIC = 0x50
 _INTEL, _DEC, _MIPS = 84, 85, 86
 _CHAR, _BYTE, _INTEGER, _FLOAT = -1, 1, 2, 4
@@ -43,13 +48,16 @@ class C3dSections:
     rate_hz : float
         Frames per second in the header.
     first_frame : int
-        Number of the first frame, counted from 1.
+        Number of the first frame; some programs count from 0.
+    notes : tuple of str
+        What was concluded where the file contradicts itself.
     """
 
     parameters: dict[str, Values]
     points: npt.NDArray[np.float64]
     rate_hz: float
     first_frame: int
+    notes: tuple[str, ...] = ()
 
 
 class _Entry(NamedTuple):
@@ -82,13 +90,13 @@ def read_sections(content: bytes, path: Path, partial: bool = False) -> C3dSecti
     RecordingError
         If the file is cut, damaged, holds no points, or more frames than its format can count.
     """
-    if len(content) < _BLOCK or content[1] != _MAGIC:
+    if len(content) < BLOCK or content[1] != _MAGIC:
         raise RecordingError(
-            f"{path}: no C3D header; expected {_BLOCK} bytes with 0x50 as the second, "
+            f"{path}: no C3D header; expected {BLOCK} bytes with 0x50 as the second, "
             f"got {len(content)} bytes; is the file cut?"
         )
-    start = (content[0] - 1) * _BLOCK
-    if start < _BLOCK or start + 4 > len(content):
+    start = (content[0] - 1) * BLOCK
+    if start < BLOCK or start + 4 > len(content):
         raise RecordingError(f"{path}: the file ends before its parameters; is it cut?")
     processor = content[start + 3]
     if processor not in (_INTEL, _DEC, _MIPS):
@@ -96,23 +104,22 @@ def read_sections(content: bytes, path: Path, partial: bool = False) -> C3dSecti
             f"{path}: byte order {processor} is unknown; expected 84 (Intel), 85 (DEC), 86 (MIPS)"
         )
     parameters = _read_parameters(content, start + 4, processor, path)
-    points, rate_hz, first_frame = _read_points(content, processor, path, partial)
-    declared = parameters.get("POINT:USED", [points.shape[1]])
-    if declared != [points.shape[1]]:
+    found = _read_points(content, processor, parameters, path, partial)
+    n_points = found.points.shape[1]
+    declared = parameters.get("POINT:USED", [n_points])
+    if declared != [n_points]:
         raise RecordingError(
-            f"{path}: the header counts {points.shape[1]} points and POINT:USED {declared}; "
+            f"{path}: the header counts {n_points} points and POINT:USED {declared}; "
             "expected the same number"
         )
-    return C3dSections(parameters, points, rate_hz, first_frame)
+    return found
 
 
-def _read_points(
-    content: bytes, processor: int, path: Path, partial: bool
-) -> tuple[npt.NDArray[np.float64], float, int]:
-    """Return the points, shape (T, M, 4), frames per second and the first frame's number."""
+def _read_layout(content: bytes, processor: int, path: Path) -> tuple[Layout, float, float]:
+    """Return what the header says: counts, scale and frames per second."""
     order = ">" if processor == _MIPS else "<"
     n_points, n_analog, first, last = struct.unpack_from(f"{order}4H", content, 2)
-    (data_block,) = struct.unpack_from(f"{order}H", content, 16)
+    data_block, n_samples = struct.unpack_from(f"{order}2H", content, 16)
     if n_points == 0:
         raise RecordingError(f"{path}: the header counts no points; expected at least one")
     if last < first:
@@ -122,10 +129,29 @@ def _read_points(
     scale, rate_hz = _floats(content[12:16] + content[20:24], processor).tolist()
     if not np.isfinite(scale) or scale == 0:
         raise RecordingError(f"{path}: the scale in the header is {scale:g}; is the file damaged?")
+    word_bytes = 4 if scale < 0 else 2
+    layout = Layout(n_points, n_analog, n_samples, first, last, data_block, word_bytes)
+    return layout, scale, rate_hz
+
+
+def _read_points(
+    content: bytes,
+    processor: int,
+    parameters: dict[str, Values],
+    path: Path,
+    partial: bool,
+) -> C3dSections:
+    """Return the points, shape (T, M, 4), and what is known of them."""
+    order = ">" if processor == _MIPS else "<"
+    layout, scale, rate_hz = _read_layout(content, processor, path)
+    n_points, data_block, size = layout.n_points, layout.data_block, layout.word_bytes
+    room = len(content) - (data_block - 1) * BLOCK
+    layout = layout._replace(last=find_last_frame(layout, parameters, room))
+    n_analog, note = find_analog_words(layout, parameters, room, path)
     width = 4 * n_points + n_analog
-    size = 4 if scale < 0 else 2
-    n_frames = _check_length(len(content), data_block, width * size, (first, last), path, partial)
-    at = (data_block - 1) * _BLOCK
+    frames = (layout.first, layout.last)
+    n_frames = _check_length(len(content), data_block, width * size, frames, path, partial)
+    at = (data_block - 1) * BLOCK
     data = content[at : at + n_frames * width * size]
     if scale < 0:
         numbers = _floats(data, processor).reshape(n_frames, width)
@@ -134,7 +160,7 @@ def _read_points(
     points = numbers[:, : 4 * n_points].reshape(n_frames, n_points, 4)
     if scale > 0:
         points[..., :3] *= scale
-    return points, rate_hz, first
+    return C3dSections(parameters, points, rate_hz, layout.first, (note,) if note else ())
 
 
 def _check_length(
@@ -148,7 +174,7 @@ def _check_length(
     """Return how many frames there are; refuse fewer than the file says, or more than it can."""
     first, last = frames
     n_frames = last - first + 1
-    room = n_bytes - (data_block - 1) * _BLOCK
+    room = n_bytes - (data_block - 1) * BLOCK
     n_there = max(0, room) // frame_bytes
     if data_block < 2 or n_there < n_frames:
         what = f"the file ends after {n_there} of {n_frames} frames"
@@ -159,7 +185,7 @@ def _check_length(
         return n_there
     excess = room - n_frames * frame_bytes
     wrapped = excess >= (MAX_FRAMES + 1) * frame_bytes
-    if wrapped or (last == MAX_FRAMES and excess >= frame_bytes + _BLOCK):
+    if wrapped or (last == MAX_FRAMES and excess >= frame_bytes + BLOCK):
         raise RecordingError(
             f"{path}: got about {room // frame_bytes} frames; C3D counts up to {MAX_FRAMES}, "
             "so the frames cannot be told apart: export parts, or TSV"
@@ -206,7 +232,9 @@ def _read_entry(content: bytes, at: int, processor: int) -> _Entry | None:
         n_bytes = abs(kind) * math.prod(sides)
         values = _decode(content[at : at + n_bytes], kind, sides, processor)
         at += n_bytes
-    at += 1 + content[at]
+    # Some programs leave out the description with the byte of its length.
+    if next_at != at:
+        at += 1 + content[at]
     if at > len(content) or 0 <= next_at < at:
         raise ValueError
     return _Entry(group, name, values, next_at)

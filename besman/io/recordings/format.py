@@ -6,19 +6,60 @@ Nothing here or in the table of formats imports a reader: that is done when a fi
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
 from pkgutil import resolve_name
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeVar, get_args
+
+from besman.exceptions import RecordingError, one_of
 
 if TYPE_CHECKING:
-    from besman.records import Recording
+    from besman.records import Axis, Recording
 
-Units = Literal["m", "mm"]
+Units = Literal["m", "cm", "mm", "in", "ft"]
+
+Name = TypeVar("Name", bound=str)
 
 # Endings that many other files have too: in a folder their content alone counts.
 _SHARED_SUFFIXES = frozenset({".csv", ".json", ".txt"})
+
+
+def parse_units(text: str | None) -> Units | None:
+    """Return units by their name; None for None.
+
+    Raises
+    ------
+    RecordingError
+        If they are none.
+    """
+    known: tuple[Units, ...] = get_args(Units)
+    return _one_of_names(text, known, "--units")
+
+
+def parse_up(text: str | None) -> Axis | None:
+    """Return the axis that points up by its name, such as ``y`` or ``-z``; None for None.
+
+    Raises
+    ------
+    RecordingError
+        If it is none.
+    """
+    known: tuple[Axis, ...] = ("x", "y", "z", "-x", "-y", "-z")
+    return _one_of_names(text, known, "--up")
+
+
+def _one_of_names(text: str | None, known: tuple[Name, ...], option: str) -> Name | None:
+    """Return a name out of several."""
+    if text is None:
+        return None
+    wanted = text.strip().lower().removeprefix("+")
+    found = next((name for name in known if name == wanted), None)
+    if found is None:
+        raise RecordingError(f"{option}: got {text!r:.40}; expected {one_of(known)}")
+    return found
 
 
 @dataclass(frozen=True)
@@ -36,8 +77,8 @@ class Format:
     sniff : callable
         Tells of the first bytes of a file whether it is one; no two formats want the same file.
     reader : str
-        Takes a path, and units (``"m"``, ``"mm"`` or None) if `takes_units`; returns a
-        `Recording`.
+        Takes a path, and units (of `Units`, or None) if `takes_units`; returns a `Recording` in
+        metres and in the file's frame.
     about : str
         Where such files come from, which variants are known, and what a file needs.
     writer : str, optional
@@ -46,9 +87,13 @@ class Format:
     companions : str, optional
         Takes a path and returns the further files that a recording is read with.
     takes_units : bool
-        Whether a file may leave open what its coordinates are in.
+        Whether a file may leave open what its coordinates are in, or say it wrongly.
     takes_partial : bool
         Whether the reader can take what is there of a file that was cut: a keyword ``partial``.
+    has_one_up : bool
+        Whether the format itself fixes that z is up, so that nobody need look.
+    writes_zeros : bool
+        Whether programs write 0, 0, 0 in it for what was not seen.
     """
 
     name: str
@@ -60,6 +105,8 @@ class Format:
     companions: str | None = None
     takes_units: bool = False
     takes_partial: bool = False
+    has_one_up: bool = False
+    writes_zeros: bool = False
 
     @property
     def own_suffixes(self) -> tuple[str, ...]:
@@ -77,8 +124,8 @@ class Format:
         Parameters
         ----------
         path : Path
-        units : "m" or "mm", optional
-            What its coordinates are in, if it does not say so itself.
+        units : "m", "cm", "mm" or "in", optional
+            What its coordinates are in, whatever it says itself.
         partial : bool
             Take what is there of a file that was cut.
         """
@@ -87,6 +134,17 @@ class Format:
             options["partial"] = partial
         recording: Recording = _function(self.reader)(path, **options)
         return recording
+
+    def sign(self, recording: Recording) -> Recording:
+        """Return a recording of this format that says so."""
+        from dataclasses import replace
+
+        from besman.io.recordings.conventions import BY_FORMAT
+        from besman.records import Origin
+
+        origin = recording.origin or Origin()
+        up_by = origin.up_by or (BY_FORMAT if self.has_one_up else "")
+        return replace(recording, origin=replace(origin, format=self.name, up_by=up_by))
 
     def write(self, recording: Recording, path: Path) -> None:
         """Write a file; only of formats that have a `writer`."""
@@ -128,3 +186,76 @@ def _text(head: bytes) -> bytes:
     if head[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return head[2:].replace(b"\0", b"")
     return head.removeprefix(b"\xef\xbb\xbf").lstrip()
+
+
+def is_c3d(head: bytes) -> bool:
+    """Tell C3D: the number of the first block of parameters, then P."""
+    # Text may start with a tab or line end and P, but has no zero bytes.
+    return head[1:2] == b"P" and 2 <= head[0] < 32 and (head[0] not in b"\t\n\r" or b"\0" in head)
+
+
+_POSITION = rb"\[\s*(?:(?:-?[0-9][-+.0-9eE]*|NaN|null)\s*(?:,\s*|(?=\]))){3}"
+_NAMED = re.compile(rb'"[^"\n]+"\s*:\s*' + _POSITION)
+_LISTED = re.compile(rb'"[^"\n]+"\s*:\s*\[\s*' + _POSITION)
+_FRAMED = re.compile(rb'"(frames|tracking|data|keypoints|markers|poses)"\s*:\s*\[\s*\{')
+_RATED = re.compile(rb'"(fps|rate_hz|rate|frame_rate|framerate|sampling_rate|sample_rate)"\s*:')
+
+
+def is_keypoints(head: bytes) -> bool:
+    """Tell keypoints: frames of which each has names of positions, or names with lists of them."""
+    text = head.removeprefix(b"\xef\xbb\xbf").lstrip()
+    if text[:1] not in (b"{", b"["):
+        return False
+    if re.match(rb"\[\s*\{", text) or _FRAMED.search(text):
+        return len(_NAMED.findall(text)) > 1
+    return _RATED.search(text) is not None and len(_LISTED.findall(text)) > 1
+
+
+class _Reading(NamedTuple):
+    """How `read_recording` reads where its caller does not say."""
+
+    units: Units | None = None
+    partial: bool = False
+    up: Axis | None = None
+
+
+_AS_FILES_SAY = _Reading()
+READING: ContextVar[_Reading] = ContextVar("reading", default=_AS_FILES_SAY)
+"""What `reading` set, for `besman.io.recordings.formats.read_recording`."""
+
+
+@contextmanager
+def reading(
+    *, units: Units | None = None, partial: bool | None = None, up: Axis | None = None
+) -> Iterator[None]:
+    """Let `read_recording` read so, within a block of code.
+
+    For whoever reads recordings through other functions, as commands do. What is None stays as it
+    was before.
+
+    Parameters
+    ----------
+    units, partial, up
+        As of `read_recording`.
+    """
+    before = READING.get()
+    token = READING.set(
+        _Reading(
+            before.units if units is None else units,
+            before.partial if partial is None else partial,
+            before.up if up is None else up,
+        )
+    )
+    try:
+        yield
+    finally:
+        READING.reset(token)
+
+
+def reading_options() -> list[str]:
+    """Return the options of the command line that have recordings read as now."""
+    usual = READING.get()
+    options = ["--partial"] if usual.partial else []
+    for option, value in (("--units", usual.units), ("--up", usual.up)):
+        options += [] if value is None else [option, value]
+    return options

@@ -7,25 +7,26 @@ texts, the page *My recording* and the tests go through the table; nothing else 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
-from contextvars import ContextVar
+import warnings
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from besman.exceptions import RecordingError, one_of
-from besman.io.recordings.format import Format, Units, text_begins, text_has
+from besman.exceptions import RecordingError, RecordingWarning, one_of, see_look
+from besman.io.recordings.format import (
+    READING,
+    Format,
+    Units,
+    is_c3d,
+    is_keypoints,
+    text_begins,
+    text_has,
+)
 
 if TYPE_CHECKING:
-    from besman.records import LabelledRecording, Recording
+    from besman.records import Axis, LabelledRecording, Recording
 
 _HEAD_BYTES = 16_384
-
-
-def _is_c3d(head: bytes) -> bool:
-    """Tell C3D: the number of the first block of parameters, then P."""
-    # Text may start with a tab or line end and P, but has no zero bytes.
-    return head[1:2] == b"P" and 2 <= head[0] < 32 and (head[0] not in b"\t\n\r" or b"\0" in head)
 
 
 FORMATS = (
@@ -34,19 +35,21 @@ FORMATS = (
         (".tsv",),
         text_has(rb"^(FILE_VERSION|NO_OF_[A-Z]+|FREQUENCY|DATA_INCLUDED|MARKER_NAMES)(\t|\r?$)"),
         "qtm_tsv:read_tsv",
-        "Qualisys Track Manager, old and new header",
+        "Qualisys Track Manager, old and new header; markers, 6D bodies, skeletons",
         writer="qtm_tsv:write_tsv",
         takes_partial=True,
+        writes_zeros=True,
     ),
     Format(
         "C3D",
         (".c3d",),
-        _is_c3d,
+        is_c3d,
         "c3d:read_c3d",
-        "any camera system; units in mm or m, gaps by their residual",
+        "any camera system: Intel, DEC or SGI, floats or integers; gaps by their residual",
         writer="c3d:write_c3d",
         takes_units=True,
         takes_partial=True,
+        writes_zeros=True,
     ),
     Format(
         "Xsens MVNX",
@@ -55,6 +58,71 @@ FORMATS = (
         "mvnx:read_mvnx",
         "Xsens MVN: a suit with segments",
         takes_partial=True,
+        has_one_up=True,
+    ),
+    Format(
+        "TRC",
+        (".trc",),
+        text_begins(rb'"?PathFileType[\t ,;"]'),
+        "trc:read_trc",
+        "OpenSim, Motion Analysis, Pose2Sim, OpenCap: tabs, commas or blanks; says no up axis",
+        takes_units=True,
+        takes_partial=True,
+        writes_zeros=True,
+    ),
+    Format(
+        "Motive CSV",
+        (".csv",),
+        text_begins(rb'(?i)"?format version"?[\t ,;]'),
+        "motive_csv:read_motive_csv",
+        "OptiTrack Motive, format 1.21 to 1.25: rigid bodies, bones, markers; y-up as exported",
+        takes_units=True,
+        takes_partial=True,
+        writes_zeros=True,
+    ),
+    Format(
+        "Nexus CSV",
+        (".csv",),
+        text_begins(
+            rb'(?i)"?(trajectories|model outputs|devices|joints|segments)"?[,;\t ]*\r?\n'
+            rb'"?[0-9]+(\.[0-9]+)?"?([,;\t ]*\r?$|[,;\t] *hz)'
+        ),
+        "nexus_csv:read_nexus_csv",
+        "Vicon Nexus, Workstation, Tracker: trajectories, or the positions among model outputs",
+        takes_units=True,
+        takes_partial=True,
+        writes_zeros=True,
+    ),
+    Format(
+        "BVH",
+        (".bvh",),
+        text_begins(rb"(?i)HIERARCHY\s"),
+        "bvh:read_bvh",
+        "animation and suits: a skeleton with joints' angles; units by the height of the body",
+        takes_units=True,
+        takes_partial=True,
+    ),
+    Format(
+        "keypoints JSON",
+        (".json",),
+        is_keypoints,
+        "keypoints:read_keypoints",
+        "markerless systems: [{name: [x, y, z], ...}, ...]; rate as fps or times, units by height",
+        takes_units=True,
+        writes_zeros=True,
+    ),
+    Format(
+        "keypoints CSV",
+        (".csv",),
+        text_begins(
+            rb"(?i)(#[^\n]*\n)*([^\n]*[,;\t])?\"?([^\n,;\t\"]+)[ _.:]x\"?([,;\t])"
+            rb"\"?\3[ _.:]y\"?\4\"?\3[ _.:]z\"?"
+        ),
+        "keypoints_csv:read_keypoints_csv",
+        "markerless systems: columns name_x, name_y, name_z, time or '# fps: 30'; units by height",
+        takes_units=True,
+        takes_partial=True,
+        writes_zeros=True,
     ),
     Format(
         "joint log (CSV with '# urdf' and '# frames')",
@@ -64,6 +132,7 @@ FORMATS = (
         "an exoskeleton; its URDF beside it, or the name of one of configs/exoskeleton",
         companions="exoskeleton:find_log_files",
         takes_partial=True,
+        has_one_up=True,
     ),
 )
 """All formats there are."""
@@ -76,27 +145,11 @@ WRITTEN_SUFFIXES = tuple(entry.suffixes[0] for entry in FORMATS if entry.writer)
 """Endings of the files that can be written."""
 
 
-_TAKES_PARTIAL: ContextVar[bool] = ContextVar("takes_partial", default=False)
-
-
-@contextmanager
-def taking_partial_files(partial: bool = True) -> Iterator[None]:
-    """Let `read_recording` take what is there of files that were cut, within a block of code.
-
-    Parameters
-    ----------
-    partial : bool
-        Whether it does; for whoever reads recordings through other functions, as commands do.
-    """
-    before = _TAKES_PARTIAL.set(partial)
-    try:
-        yield
-    finally:
-        _TAKES_PARTIAL.reset(before)
-
-
 def read_recording(
-    path: Path, units: Units | None = None, partial: bool | None = None
+    path: Path,
+    units: Units | None = None,
+    partial: bool | None = None,
+    up: Axis | None = None,
 ) -> Recording:
     """Read one recording; its content tells the format, whatever the file's ending.
 
@@ -104,16 +157,21 @@ def read_recording(
     ----------
     path : Path
         Of one of `FORMATS`.
-    units : "m" or "mm", optional
-        What the coordinates are in, if the file does not say so itself, as a C3D file may.
+    units : "m", "cm", "mm" or "in", optional
+        What the coordinates are in, whatever the file says, if its format may be wrong about it.
     partial : bool, optional
-        Take what is there of a file that was cut in transfer, with a warning; if not given, what
-        `taking_partial_files` says, by default not.
+        Take what is there of a file that was cut in transfer, with a warning.
+    up : str, optional
+        The direction of the file's frame that points up, such as ``y`` or ``-z``; if not given,
+        what the file says, or `besman.geometry.up_axis` finds.
+
+    Where an argument is not given it is what `reading` says around the call.
 
     Returns
     -------
     Recording
-        At least two frames, with times that rise.
+        At least two frames, with times that rise; metres, z up. `Recording.origin` says how
+        that was told.
 
     Raises
     ------
@@ -124,8 +182,10 @@ def read_recording(
     -----
     RecordingWarning
         If samples that no body makes became gaps, and for what else was concluded: see
-        `besman.io.recordings.sense.check_recording` and the format's reader.
+        `besman.io.recordings.sense.check_recording`, `besman.io.recordings.conventions` and the
+        format's reader.
     """
+    from besman.io.recordings.conventions import leave_out_zeros, turn_up
     from besman.io.recordings.sense import check_recording
 
     head = _read_head(path)
@@ -133,10 +193,19 @@ def read_recording(
     if found is None:
         if not head.strip():
             raise RecordingError(f"{path}: the file is empty; expected {KNOWN_FORMATS}")
-        raise RecordingError(f"{path}: a format that is not known; expected {KNOWN_FORMATS}")
-    if partial is None:
-        partial = _TAKES_PARTIAL.get()
-    return check_recording(found.read(path, units, partial), path)
+        raise RecordingError(
+            f"{path}: a format that is not known; expected {KNOWN_FORMATS}" + see_look(str(path))
+        )
+    usual = READING.get()
+    recording = found.read(
+        path,
+        usual.units if units is None else units,
+        usual.partial if partial is None else partial,
+    )
+    if found.writes_zeros:
+        recording = leave_out_zeros(recording)
+    recording = turn_up(found.sign(recording), usual.up if up is None else up, path)
+    return check_recording(recording, path)
 
 
 def find_companions(path: Path) -> tuple[Path, ...]:
@@ -175,6 +244,11 @@ def write_recording(recording: Recording | LabelledRecording, path: Path) -> Non
     ------
     RecordingError
         If the ending is another one, the folder does not exist or the format cannot hold it.
+
+    Warns
+    -----
+    RecordingWarning
+        If the recording has orientations, which no format written here holds.
     """
     from besman.records import LabelledRecording, Recording
 
@@ -186,8 +260,16 @@ def write_recording(recording: Recording | LabelledRecording, path: Path) -> Non
             rate_hz=recording.rate_hz,
             source=recording.source,
             first_frame=recording.first_frame,
+            orientations=recording.orientations,
         )
-    find_writer(path).write(recording, path)
+    entry = find_writer(path)
+    entry.write(recording, path)
+    if recording.orientations is not None:
+        warnings.warn(
+            f"{path.name}: {entry.name} holds positions alone; orientations are left out",
+            RecordingWarning,
+            stacklevel=2,
+        )
 
 
 def find_writer(path: Path) -> Format:

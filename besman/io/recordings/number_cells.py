@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import numpy.typing as npt
 
 FloatArray = npt.NDArray[np.float64]
 
 # Of anything else NumPy's and Python's opinions differ.
+_NOT_THERE = re.compile(rb"\bNA\b")
 _PLAIN = b"0123456789.+-eE\t\nnaulNAUL"
 
 
@@ -27,18 +30,24 @@ def parse_cells(text: bytes, n_cells: int) -> FloatArray | None:
     Returns
     -------
     array, shape (n_cells,), or None
-        NaN for ``nan``, ``null`` and empty cells; None where a cell is anything else than a plain,
-        finite number or one of these.
+        NaN for ``nan``, ``null``, ``NA`` and empty cells; None where a cell is anything else than a
+        plain, finite number or one of these.
     """
     if text.translate(None, _PLAIN):
         return None
+    if b"NA" in text:
+        text = _NOT_THERE.sub(b"nan", text)
     if b"l" in text or b"L" in text:
         text = text.lower().replace(b"null", b"nan")
     values = np.empty(0) if b"\t\t" in text else _read_all(text)
     if len(values) != n_cells:
-        text = b"\t" + text.replace(b"\n", b"\t\n\t") + b"\t"
         # Of two empty cells side by side the first round finds one.
         text = text.replace(b"\t\t", b"\tnan\t").replace(b"\t\t", b"\tnan\t")
+        text = text.replace(b"\t\n", b"\tnan\n")
+        # Most lines begin with a number.
+        text = text.replace(b"\n\t", b"\nnan\t") if b"\n\t" in text else text
+        text = (b"nan" if text[:1] == b"\t" else b"") + text
+        text += b"nan" if text[-1:] == b"\t" else b""
         values = _read_all(text)
     return values if len(values) == n_cells and not np.isinf(values).any() else None
 

@@ -13,9 +13,10 @@ from besman.exceptions import RecordingError, RecordingWarning
 from besman.foreign.numbers import has_odd_digits, parse_number
 from besman.io.atomic_files import written_aside
 from besman.io.recordings.number_cells import parse_cells
+from besman.io.recordings.qtm_bodies import has_bodies, read_bodies
 from besman.io.recordings.qtm_header import QtmHeader, read_header
-from besman.io.recordings.text_lines import TextLines
-from besman.records import Recording
+from besman.io.recordings.text_lines import TextLines, open_lines
+from besman.records import Origin, Recording
 from besman.records.frozen import hand_over
 from besman.records.recordings import GREATEST_FRAME, RATES_HZ
 
@@ -24,7 +25,7 @@ FloatArray = npt.NDArray[np.float64]
 # Times are rounded in the file; a clock that disagrees more than this runs at another rate.
 _CLOCK_TOLERANCE = 0.05
 _EMPTY_CELL = re.compile(r"\t *(?=\t)")
-_MISSING = re.compile(r"\bnull\b", re.IGNORECASE)
+_MISSING = re.compile(r"\b(null|NA|N/A)(?=\s)", re.IGNORECASE)
 # A step of time may deviate this much from the usual one.
 _STEP_TOLERANCE = 0.5
 _DECIMAL = re.compile(r"[+-]?[0-9]*\.[0-9]+")
@@ -38,9 +39,10 @@ _ROWS_AT_ONCE = 4096
 def read_tsv(path: Path, partial: bool = False) -> Recording:
     """Read a Qualisys TSV file.
 
-    Markers are known by name, whatever the order of the columns. Gaps (``nan``, ``null`` or empty
-    cells) become NaN. Unidentified trajectories, which exports leave unnamed or number (``New
-    0001``), have no name; lines of events and of trajectory types are passed over.
+    Markers are known by name, whatever the order of the columns. Gaps (``nan``, ``null``, ``NA`` or
+    empty cells) become NaN. Unidentified trajectories, which exports leave unnamed or number (``New
+    0001``), have no name; lines of events and of trajectory types are passed over. 6D exports and
+    skeletons are read as `besman.io.recordings.qtm_bodies` says.
 
     Parameters
     ----------
@@ -66,7 +68,9 @@ def read_tsv(path: Path, partial: bool = False) -> Recording:
     RecordingWarning
         If NO_OF_FRAMES says something else than the lines, or times do not rise evenly.
     """
-    lines = _read_lines(path)
+    lines = open_lines(path, "a Qualisys TSV recording")
+    if has_bodies(lines):
+        return read_bodies(lines, path, partial)
     header = read_header(lines, path)
     _look_for_cut(lines, header, path, partial)
     clock, positions = _read_numbers(lines, header, path)
@@ -81,6 +85,7 @@ def read_tsv(path: Path, partial: bool = False) -> Recording:
         rate_hz=rate_hz,
         source=path.name,
         first_frame=int(frames[0]),
+        origin=Origin(units="mm", units_by="the format"),
     )
 
 
@@ -114,10 +119,7 @@ def write_tsv(recording: Recording, path: Path) -> None:
         "\t".join(["MARKER_NAMES", *names]),
         "\t".join([*columns, ""]),
     ]
-    frames = recording.first_frame + np.arange(n_samples)
-    # Adding zero turns a rounded -0.0 into 0.0.
-    flat = np.round(recording.positions.reshape(n_samples, -1) * 1000.0, 3) + 0.0
-    rows = np.column_stack([frames, (frames - 1) / recording.rate_hz, flat])
+    flat = recording.positions.reshape(n_samples, -1)
     line = "\t".join(["%d", "%.5f"] + ["%.3f"] * (3 * n_markers)) + "\n"
     with (
         written_aside(path, kind=RecordingError) as temporary,
@@ -125,21 +127,12 @@ def write_tsv(recording: Recording, path: Path) -> None:
     ):
         file.write("\n".join(header) + "\n")
         for start in range(0, n_samples, _ROWS_AT_ONCE):
-            block = rows[start : start + _ROWS_AT_ONCE]
+            rows = flat[start : start + _ROWS_AT_ONCE]
+            frames = recording.first_frame + start + np.arange(len(rows))
+            # Adding zero turns a rounded -0.0 into 0.0.
+            values = np.round(rows * 1000.0, 3) + 0.0
+            block = np.column_stack([frames, (frames - 1) / recording.rate_hz, values])
             file.write(line * len(block) % tuple(block.ravel().tolist()))
-
-
-def _read_lines(path: Path) -> TextLines:
-    """Read the file."""
-    try:
-        lines = TextLines.of(path)
-    except FileNotFoundError:
-        raise RecordingError(f"{path}: no such file") from None
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be read: {error.strerror}") from None
-    if lines.is_blank:
-        raise RecordingError(f"{path}: the file is empty; expected a Qualisys TSV recording")
-    return lines
 
 
 def _look_for_cut(lines: TextLines, header: QtmHeader, path: Path, partial: bool) -> None:

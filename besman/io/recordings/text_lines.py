@@ -7,6 +7,8 @@ from itertools import islice
 from pathlib import Path
 from typing import overload
 
+from besman.exceptions import RecordingError
+
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 # Bytes that are read together.
 _AT_ONCE = 2**22
@@ -106,6 +108,31 @@ class TextLines(Sequence[str]):
     def decode(self, text: bytes) -> str:
         """Decode a part of the file."""
         return text.decode(self._encoding)
+
+
+def open_lines(path: Path, expected: str) -> TextLines:
+    """Return the lines of a recording that is text.
+
+    Parameters
+    ----------
+    path : Path
+    expected : str
+        Such as ``a TRC recording``, for messages.
+
+    Raises
+    ------
+    RecordingError
+        If the file is missing, cannot be read or is empty.
+    """
+    try:
+        lines = TextLines.of(path)
+    except FileNotFoundError:
+        raise RecordingError(f"{path}: no such file") from None
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be read: {error.strerror}") from None
+    if lines.is_blank:
+        raise RecordingError(f"{path}: the file is empty; expected {expected}")
+    return lines
 
 
 def _read(path: Path) -> Iterator[bytes]:

@@ -135,6 +135,21 @@ def _order_markers(model: MarkerModel, weight: FloatArray) -> IntArray:
     return np.array(order, dtype=np.int64)
 
 
+def _fit_distances(
+    mean: FloatArray,
+    variance: FloatArray,
+    count: FloatArray,
+    model: MarkerModel,
+    weight: FloatArray,
+    least_fit: float,
+) -> FloatArray:
+    """Return how well two markers fit two fragments, (M, M, K, K + 1); the last K is hidden."""
+    distance, spread = model.distance[:, :, None, None], model.spread[:, :, None, None]
+    squared = ((mean - distance) ** 2 + variance) / spread**2
+    fit = np.maximum(log_t1(squared, np.log(spread)), least_fit) * count * weight[:, :, None, None]
+    return np.pad(fit, ((0, 0), (0, 0), (0, 0), (0, 1)))
+
+
 def _search_beam(
     mean: FloatArray,
     variance: FloatArray,
@@ -149,19 +164,14 @@ def _search_beam(
     weight = np.maximum(model.weight, model.weight.T)
     order = _order_markers(model, weight)
     rank = np.argsort(order)
+    fit = _fit_distances(mean, variance, count, model, weight, least_fit)
     chosen = np.full((1, model.n_markers), HIDDEN, dtype=np.int64)
     score = np.zeros(1)
     for step, marker in enumerate(order):
         gain = np.zeros((len(chosen), n_fragments + 1))
         gain[:, -1] = -_HIDDEN_COST
         for other in order[:step]:
-            squared = ((mean - model.distance[marker, other]) ** 2 + variance) / (
-                model.spread[marker, other] ** 2
-            )
-            fit = log_t1(squared, np.log(model.spread[marker, other]))
-            fit = np.maximum(fit, least_fit) * count * weight[marker, other]
-            padded = np.concatenate((fit, np.zeros((n_fragments, 1))), axis=1)
-            gain[:, :-1] += padded[:, chosen[:, other]].T
+            gain[:, :-1] += fit[marker, other][:, chosen[:, other]].T
         taken = np.where(chosen == HIDDEN, n_fragments, chosen)
         used = np.zeros((len(chosen), n_fragments + 1), dtype=bool)
         np.put_along_axis(used, taken, True, axis=1)
@@ -190,17 +200,27 @@ def _score_sides(
 ) -> FloatArray:
     """Score handedness and order of the tuples that `marker` completes, shape (B,)."""
     score = np.zeros(len(chosen))
-    for k in np.flatnonzero(rank[model.quads].max(axis=1, initial=-1) == rank[marker]):
-        member = chosen[:, model.quads[k]]
-        volume = signed_volumes(places, np.maximum(member, 0))
-        pull = 2.0 * model.volume[k] * volume / model.volume_spread[k] ** 2
-        score += np.where((member != HIDDEN).all(axis=1), _compare_sides(pull), 0.0)
-    for k in np.flatnonzero(rank[model.swaps].max(axis=1, initial=-1) == rank[marker]):
-        member = chosen[:, model.swaps[k]]
-        a, b, c = np.maximum(member, 0).T
-        pull = 2.0 * model.excess[k] * (mean[a, c] - mean[b, c]) / model.excess_spread[k] ** 2
-        score += np.where((member != HIDDEN).all(axis=1), _compare_sides(pull), 0.0)
+    quads = np.flatnonzero(rank[model.quads].max(axis=1, initial=-1) == rank[marker])
+    if quads.size:
+        member = chosen[:, model.quads[quads]]
+        volume = signed_volumes(places, np.maximum(member, 0).reshape(-1, 4))
+        pull = 2.0 * model.volume[quads] * volume.reshape(len(chosen), -1)
+        _add_sides(score, member, pull / model.volume_spread[quads] ** 2)
+    swaps = np.flatnonzero(rank[model.swaps].max(axis=1, initial=-1) == rank[marker])
+    if swaps.size:
+        member = chosen[:, model.swaps[swaps]]
+        a, b, c = np.moveaxis(np.maximum(member, 0), 2, 0)
+        pull = 2.0 * model.excess[swaps] * (mean[a, c] - mean[b, c])
+        _add_sides(score, member, pull / model.excess_spread[swaps] ** 2)
     return score
+
+
+def _add_sides(score: FloatArray, member: IntArray, pull: FloatArray) -> None:
+    """Add what tuples, fragments (B, Q, ...) with pulls (B, Q), say where all are seen."""
+    sides = np.where((member != HIDDEN).all(axis=2), _compare_sides(pull), 0.0)
+    # One after the other: the sum's last bits depend on the order.
+    for side in sides.T:
+        score += side
 
 
 def _compare_sides(pull: FloatArray) -> FloatArray:

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 import numpy.typing as npt
 
+from besman.stages.label.pair_distances import average_distances
+
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
-
-# A pair of fragments is compared at no more instants than this, so that cost is linear in time.
-_MAX_SAMPLES = 48
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,55 +108,12 @@ def split_fragments(positions: FloatArray, rate_hz: float) -> Fragments:
     start, stop, column = start[order], stop[order], column[order]
     length = stop - start
     offset = np.concatenate(([0], np.cumsum(length)))
-    owner = np.repeat(np.arange(len(start)), length)
-    frame = np.arange(offset[-1]) - offset[owner] + start[owner]
-    return Fragments(
-        start, stop, column, offset[:-1], positions[frame, column[owner]], n_frames, rate_hz
-    )
-
-
-def _sum_distances_plain(
-    first: IntArray,
-    second: IntArray,
-    start: IntArray,
-    stop: IntArray,
-    offset: IntArray,
-    samples: FloatArray,
-    stride: int,
-) -> tuple[FloatArray, FloatArray]:
-    """Return mean and variance of the distance of each pair; compiled below."""
-    mean = np.empty(len(first))
-    variance = np.empty(len(first))
-    for pair in range(len(first)):
-        i, j = first[pair], second[pair]
-        begin = max(start[i], start[j])
-        common = min(stop[i], stop[j]) - begin
-        n = min(common, max(4, min(_MAX_SAMPLES, common // stride)))
-        row_i = offset[i] + begin - start[i]
-        row_j = offset[j] + begin - start[j]
-        total = 0.0
-        squares = 0.0
-        for k in range(n):
-            frame = (2 * k + 1) * common // (2 * n)
-            square = 0.0
-            for axis in range(3):
-                square += (samples[row_i + frame, axis] - samples[row_j + frame, axis]) ** 2
-            squares += square
-            total += square**0.5
-        mean[pair] = total / n
-        variance[pair] = max(squares / n - mean[pair] ** 2, 0.0)
-    return mean, variance
-
-
-@cache
-def _compile_kernel() -> Callable[..., tuple[FloatArray, FloatArray]]:
-    """Compile the loop over pairs; numba is only loaded when it is needed."""
-    import numba
-
-    compiled: Callable[..., tuple[FloatArray, FloatArray]] = numba.njit(cache=True)(
-        _sum_distances_plain
-    )
-    return compiled
+    samples = np.empty((offset[-1], 3))
+    for begin, end, first, last, trajectory in zip(
+        offset[:-1], offset[1:], start, stop, column, strict=True
+    ):
+        samples[begin:end] = positions[first:last, trajectory]
+    return Fragments(start, stop, column, offset[:-1], samples, n_frames, rate_hz)
 
 
 def measure_pairs(fragments: Fragments, stride_s: float = 0.05) -> FragmentPairs:
@@ -183,7 +137,7 @@ def measure_pairs(fragments: Fragments, stride_s: float = 0.05) -> FragmentPairs
     first = np.repeat(index, n_later)
     within = np.arange(len(first)) - np.repeat(np.cumsum(n_later) - n_later, n_later)
     second = first + 1 + within
-    mean, variance = _compile_kernel()(
+    mean, variance = average_distances(
         first,
         second,
         fragments.start,

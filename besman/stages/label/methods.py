@@ -12,6 +12,7 @@ from besman.config.stage import Work
 from besman.person.marker_set import MarkerSet
 from besman.records import LabelledRecording, Recording
 from besman.stages.label.model import MarkerModel
+from besman.stages.label.person_check import check_person
 from besman.stages.label.stage import LabelConfig, LabelTrajectoriesConfig, NamingBase
 
 
@@ -92,6 +93,7 @@ class LabelAutoConfig(NamingBase):
         if nameless and self._lacks(taken, marker_set, teacher):
             return None
         self.refuse_gaps(taken, marker_set)
+        check_person(taken, marker_set)
         return taken
 
     def _lacks(

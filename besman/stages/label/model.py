@@ -121,5 +121,9 @@ def adapt_marker_model(
 def signed_volumes(positions: FloatArray, quads: IntArray) -> FloatArray:
     """Return det(b - a, c - a, d - a) of marker quadruples, shape (..., Q), cubic metres."""
     a, b, c, d = (positions[..., quads[:, k], :] for k in range(4))
-    volume: FloatArray = np.sum(np.cross(b - a, c - a) * (d - a), axis=-1)
+    (bx, by, bz), (cx, cy, cz), (dx, dy, dz) = (np.moveaxis(end - a, -1, 0) for end in (b, c, d))
+    # As np.cross and np.sum do it, which take longer to begin than to compute a few hundred.
+    volume: FloatArray = (
+        (by * cz - bz * cy) * dx + (bz * cx - bx * cz) * dy + (bx * cy - by * cx) * dz
+    )
     return volume

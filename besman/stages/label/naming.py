@@ -26,6 +26,7 @@ from besman.stages.label.scores import (
     score_distances,
     score_links,
 )
+from besman.stages.label.sides import weigh_sides
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -39,6 +40,7 @@ _LONG_S = 1.0
 _LOOSE_BIAS = 3.0  # nothing but its life speaks for a loose marker
 _LOOSE_LONG_S = 4.0
 _LEAST_PLAUSIBLE = 0.4
+_LEAST_SIDES = -1.0  # log odds: what lies in the mirror is not named
 
 DEFAULT_WEIGHTS = ScoreWeights()
 
@@ -130,6 +132,7 @@ def label_fragments(
     _, exchange_margin = exchange_names(fragments, pairs, ends, labels, model, weights, held)
     margin = np.minimum(margin, exchange_margin)
     plausible = measure_plausibility(pairs, labels, model) >= _LEAST_PLAUSIBLE
+    plausible &= weigh_sides(fragments, labels, model_now) > _LEAST_SIDES
     confidence = np.where(plausible, estimate_confidence(margin), 0.0)
     confidence = np.where(held, 1.0, confidence)
     sure = np.where(confidence >= threshold, labels, GHOST)

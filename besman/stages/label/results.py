@@ -11,6 +11,9 @@ from besman.person.marker_set import MarkerSet, normalise_name
 from besman.records import LabelledRecording, Recording
 from besman.stages.label.named_recording import NamedRecording
 
+TrajectoryNames = tuple[str | None, ...]
+"""Names of a recording's trajectories, None of those that have none."""
+
 
 def label_results(
     recordings: tuple[Recording, ...],
@@ -52,15 +55,17 @@ def label_results(
         runs = [len(find_runs(column)) for column in seen.T]
         fragments += sum(runs)
         seen_samples += int(seen.sum())
-        named_samples += int((np.isfinite(result.positions[:, :, 0]) & ~result.filled).sum())
-        filled_samples += int(result.filled.sum())
+        worn = [name not in marker_set.derived for name in result.markers]
+        is_named = np.isfinite(result.positions[:, :, 0]) & ~result.filled
+        named_samples += int(is_named[:, worn].sum())
+        filled_samples += int(result.filled[:, worn].sum())
         own = marker_set.find(recording.names, recording.source) if looks_at_names else {}
         taken = len(own.keys() & set(result.markers))
-        n_found = len(result.markers) - taken
+        n_found = sum(worn) - taken
         names.append({"recording": recording.source, "taken": taken, "found": n_found})
         if isinstance(result, NamedRecording):
             n_unnamed += sum(not decision.named for decision in result.decisions)
-            review += review_rows(recording, result)
+            review += review_rows(recording.names, result)
             if truth and truth[index] is not None:
                 counts += count_names(result, truth[index] or ())
         else:
@@ -69,7 +74,7 @@ def label_results(
             review += [
                 {
                     "recording": recording.source,
-                    "trajectory": trajectory_name(recording, column),
+                    "trajectory": trajectory_name(recording.names, column),
                     "reason": f"no marker of {marker_set.name}",
                 }
                 for column in left_out
@@ -91,14 +96,14 @@ def label_results(
     return results
 
 
-def review_rows(recording: Recording, named: NamedRecording) -> list[dict[str, Any]]:
+def review_rows(names: TrajectoryNames, named: NamedRecording) -> list[dict[str, Any]]:
     """List the decisions a person should look at, with frame numbers as in the file."""
     return [
         {
-            "recording": recording.source,
-            "trajectory": trajectory_name(recording, decision.trajectory),
-            "first_frame": recording.first_frame + decision.start,
-            "last_frame": recording.first_frame + decision.stop - 1,
+            "recording": named.source,
+            "trajectory": trajectory_name(names, decision.trajectory),
+            "first_frame": named.first_frame + decision.start,
+            "last_frame": named.first_frame + decision.stop - 1,
             "best": decision.marker or None,
             "confidence": decision.confidence,
         }
@@ -129,9 +134,9 @@ def count_names(named: NamedRecording, truth: tuple[str, ...]) -> tuple[int, int
     return visible, right, wrong
 
 
-def trajectory_name(recording: Recording, column: int) -> str:
+def trajectory_name(names: TrajectoryNames, column: int) -> str:
     """Say which trajectory is meant: its name in the file, or its number from 1."""
-    return recording.names[column] or f"trajectory {column + 1}"
+    return names[column] or f"trajectory {column + 1}"
 
 
 def _left_out(recording: Recording, marker_set: MarkerSet) -> list[int]:

@@ -10,14 +10,17 @@ import numpy as np
 from pydantic import Field
 
 from besman.config.stage import Items, Stage, Truth, Work
-from besman.exceptions import LabellingError
+from besman.exceptions import LabellingError, see_look
 from besman.geometry.gaps import find_runs
 from besman.person.marker_set import MarkerSet
+from besman.person.mirror import mirror_recording
 from besman.records import FloatArray, LabelledRecording, Recording
 from besman.records.frozen import hand_over
+from besman.stages.label.derive_markers import derive_markers
 from besman.stages.label.model import MarkerModel
 from besman.stages.label.model_from_pose import model_from_pose
 from besman.stages.label.named_recording import NamedRecording
+from besman.stages.label.person_check import check_person
 from besman.stages.label.results import label_results
 from besman.stages.label.trajectories import (
     fill_in_place,
@@ -99,11 +102,13 @@ class LabelBase(Stage):
         self, recording: Recording, columns: dict[str, int], marker_set: MarkerSet
     ) -> LabelledRecording:
         """Take trajectories for markers as they are named, and fill the gaps that may be filled."""
+        if marker_set.side == "left":
+            recording = mirror_recording(recording)
         positions = np.take(recording.positions, list(columns.values()), axis=1)
         filled = fill_in_place(
             positions, tuple(columns), marker_set, *self.fill_samples(recording.rate_hz)
         )
-        return LabelledRecording(
+        taken = LabelledRecording(
             time=recording.time,
             positions=hand_over(positions),
             markers=tuple(columns),
@@ -113,6 +118,7 @@ class LabelBase(Stage):
             first_frame=recording.first_frame,
             orientations=_keep_orientations(recording, tuple(columns.values())),
         )
+        return derive_markers(taken, marker_set)
 
     def refuse_gaps(self, labelled: LabelledRecording, marker_set: MarkerSet) -> None:
         """Raise a LabellingError if a required marker still has a gap."""
@@ -174,6 +180,7 @@ class LabelConfig(LabelBase):
         columns = marker_set.match(recording.names, recording.source)
         labelled = self.take_names(recording, columns, marker_set)
         self.refuse_gaps(labelled, marker_set)
+        check_person(labelled, marker_set)
         return labelled
 
 
@@ -182,7 +189,8 @@ def _keep_orientations(recording: Recording, columns: tuple[int, ...]) -> FloatA
     if recording.orientations is None:
         return None
     kept: FloatArray = recording.orientations[:, columns]
-    return kept
+    # Markers that stand among bodies have none.
+    return kept if np.isfinite(kept).any() else None
 
 
 def _refuse_gap(
@@ -219,6 +227,8 @@ class NamingBase(LabelBase):
 
     def learn(self, marker_set: MarkerSet, teacher: Recording | None = None) -> MarkerModel:
         """Return the model of the markers: from the teacher, or from the set's own pose."""
+        if teacher is not None and marker_set.side == "left":
+            teacher = mirror_recording(teacher)
         if teacher is not None:
             return learn_from_recording(teacher, marker_set)
         return model_from_pose(marker_set)
@@ -245,6 +255,8 @@ class NamingBase(LabelBase):
             If the marker set does not fit, or a required marker is not found or has a gap that
             is too long.
         """
+        if marker_set.side == "left":
+            recording = mirror_recording(recording)
         found = name_trajectories(recording, marker_set, model, self.threshold, given)
         named = self.fill(found, marker_set)
         for marker in marker_set.required:
@@ -252,8 +264,11 @@ class NamingBase(LabelBase):
                 raise LabellingError(
                     f"{recording.source}: marker {marker!r} of {marker_set.name} was not found "
                     f"with confidence {self.threshold:g}; found: {', '.join(named.markers)}"
+                    + see_look(recording.source)
                 )
         self.refuse_gaps(named, marker_set)
+        named = derive_markers(named, marker_set)
+        check_person(named, marker_set)
         return named
 
 

@@ -12,18 +12,20 @@ from besman.geometry.gaps import BoolArray, fill_gaps
 from besman.geometry.rigid_bodies import fill_members
 from besman.person.marker_set import MarkerSet
 from besman.records import Recording
+from besman.records.frozen import hand_over
 from besman.stages.label.fragments import split_fragments
+from besman.stages.label.gather import found_markers, gather_markers
 from besman.stages.label.learning import learn_marker_model
 from besman.stages.label.model import MarkerModel
 from besman.stages.label.named_recording import NameDecision, NamedRecording
 from besman.stages.label.naming import FREE, label_fragments
+from besman.stages.label.presence import find_absence
 from besman.stages.label.scores import GHOST
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 _LEAST_TO_LEARN_S = 0.4
-_LEAST_FOUND = 0.5
 
 
 def learn_from_recording(teacher: Recording, marker_set: MarkerSet) -> MarkerModel:
@@ -63,7 +65,8 @@ def learn_from_recording(teacher: Recording, marker_set: MarkerSet) -> MarkerMod
             )
     markers = tuple(marker for marker, there in zip(columns, seen, strict=True) if there)
     bodies = (*marker_set.clusters.values(), *marker_set.objects.values())
-    return learn_marker_model(positions[:, seen], teacher.rate_hz, markers, bodies=bodies)
+    # A set that names no cluster does not say that there is none.
+    return learn_marker_model(positions[:, seen], teacher.rate_hz, markers, bodies=bodies or None)
 
 
 def name_trajectories(
@@ -74,6 +77,45 @@ def name_trajectories(
     given: Mapping[str, int] | None = None,
 ) -> NamedRecording:
     """Name the trajectories of a recording.
+
+    Parameters
+    ----------
+    recording, marker_set, model, threshold, given
+        As of `decide_names`.
+
+    Returns
+    -------
+    NamedRecording
+        The markers found, in the order of the set, with all gaps.
+
+    Raises
+    ------
+    LabellingError
+        As `decide_names`.
+    """
+    decisions = decide_names(recording, marker_set, model, threshold, given)
+    markers = found_markers(decisions, marker_set)
+    return NamedRecording(
+        time=recording.time,
+        positions=hand_over(gather_markers(recording, decisions, markers)),
+        markers=markers,
+        filled=np.zeros((len(recording.time), len(markers)), dtype=np.bool_),
+        rate_hz=recording.rate_hz,
+        source=recording.source,
+        first_frame=recording.first_frame,
+        decisions=decisions,
+        threshold=threshold,
+    )
+
+
+def decide_names(
+    recording: Recording,
+    marker_set: MarkerSet,
+    model: MarkerModel,
+    threshold: float,
+    given: Mapping[str, int] | None = None,
+) -> tuple[NameDecision, ...]:
+    """Decide which marker each unbroken stretch of a recording's trajectories is.
 
     Parameters
     ----------
@@ -91,8 +133,8 @@ def name_trajectories(
 
     Returns
     -------
-    NamedRecording
-        The markers found, in the order of the set, with all gaps.
+    tuple of NameDecision
+        In the order of their first frames.
 
     Raises
     ------
@@ -108,35 +150,25 @@ def name_trajectories(
     known = None if given is None else _known_labels(recording, fragments.column, model, given)
     answer = label_fragments(fragments, model, known=known, threshold=threshold)
     owners = {column: marker for marker, column in (given or {}).items()}
-    paths: dict[str, FloatArray] = {}
     decisions = []
     for k, label in enumerate(answer.labels):
-        start, stop = int(fragments.start[k]), int(fragments.stop[k])
         column = int(fragments.column[k])
         guess = "" if answer.best[k] == GHOST else model.markers[answer.best[k]]
-        best = owners.get(column, guess)
-        named = label != GHOST or column in owners
-        if named:
-            path = paths.setdefault(best, np.full((len(recording.time), 3), np.nan))
-            path[start:stop] = recording.positions[start:stop, column]
-        confidence = round(float(answer.confidence[k]), 4)
-        decisions.append(NameDecision(column, start, stop, best, confidence, named))
-    _refuse_misfit(recording, marker_set, tuple(paths))
-    markers = tuple(marker for marker in marker_set.markers if marker in paths)
-    positions = np.empty((len(recording.time), len(markers), 3))
-    for index, marker in enumerate(markers):
-        positions[:, index] = paths[marker]
-    return NamedRecording(
-        time=recording.time,
-        positions=positions,
-        markers=markers,
-        filled=np.zeros((len(recording.time), len(markers)), dtype=np.bool_),
-        rate_hz=recording.rate_hz,
-        source=recording.source,
-        first_frame=recording.first_frame,
-        decisions=tuple(decisions),
-        threshold=threshold,
-    )
+        decisions.append(
+            NameDecision(
+                column,
+                int(fragments.start[k]),
+                int(fragments.stop[k]),
+                owners.get(column, guess),
+                round(float(answer.confidence[k]), 4),
+                bool(label != GHOST or column in owners),
+            )
+        )
+    markers = found_markers(decisions, marker_set)
+    seen = gather_markers(recording, decisions, markers)
+    paths = {marker: seen[:, index] for index, marker in enumerate(markers)}
+    _refuse_misfit(recording, marker_set, model, paths, tuple(given or ()))
+    return tuple(decisions)
 
 
 def _known_labels(
@@ -150,15 +182,20 @@ def _known_labels(
     return of_column[columns]
 
 
-def _refuse_misfit(recording: Recording, marker_set: MarkerSet, names: tuple[str, ...]) -> None:
-    """Raise an error if so few required markers were found that the set cannot be the right one."""
-    found = [marker for marker in marker_set.required if marker in names]
-    if len(found) < _LEAST_FOUND * len(marker_set.required):
+def _refuse_misfit(
+    recording: Recording,
+    marker_set: MarkerSet,
+    model: MarkerModel,
+    paths: Mapping[str, FloatArray],
+    given: tuple[str, ...],
+) -> None:
+    """Raise an error if what was found cannot be the body of the marker set."""
+    reason = find_absence(paths, marker_set, model, recording.rate_hz, given)
+    if reason is not None:
         raise LabellingError(
-            f"{recording.source}: marker set {marker_set.name} does not fit: "
-            f"{len(found)} of {len(marker_set.required)} required markers found among "
-            f"{len(recording.names)} trajectories ({', '.join(found) or 'none'}); expected those "
-            "of this person's markers, see --markers and learn_from"
+            f"{recording.source}: marker set {marker_set.name} does not fit, nothing is named: "
+            f"{reason}, among {len(recording.names)} trajectories; expected those of this "
+            "person's markers, see --markers and learn_from"
         )
 
 

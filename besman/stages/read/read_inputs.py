@@ -15,10 +15,12 @@ from besman.io.recordings.formats import find_companions, find_recordings, read_
 from besman.io.recordings.true_names import find_true_names, read_true_names
 from besman.io.segments_json import find_segments, read_segments
 from besman.records import LabelledSegments, Recording
+from besman.stages.read.config import ReadConfig
 
 # Enough to tell takes apart; what is written as text or in single precision is rounded.
 _COMPARED_FRAMES = 20
 _SAME_PLACE_M = 2e-5
+_AS_FILES_SAY = ReadConfig()
 
 
 @dataclass(frozen=True)
@@ -46,7 +48,9 @@ class Inputs:
     checksums: dict[str, str]
 
 
-def read_inputs(paths: Sequence[str], teacher: str | None = None) -> Inputs:
+def read_inputs(
+    paths: Sequence[str], teacher: str | None = None, config: ReadConfig = _AS_FILES_SAY
+) -> Inputs:
     """Read recordings, and the segments and truth files beside them.
 
     Parameters
@@ -55,6 +59,8 @@ def read_inputs(paths: Sequence[str], teacher: str | None = None) -> Inputs:
         Files or folders.
     teacher : str, optional
         Recording that markers are learnt from.
+    config : ReadConfig
+        How files are read.
 
     Returns
     -------
@@ -70,7 +76,7 @@ def read_inputs(paths: Sequence[str], teacher: str | None = None) -> Inputs:
     recordings, truth, names = [], [], []
     checksums: dict[str, str] = {}
     for file in files:
-        recording = read_recording(file)
+        recording = read_recording(file, config.units, up=config.up)
         segments = find_segments(file)
         recordings.append(recording)
         truth.append(None if segments is None else read_segments(segments, recording))
@@ -80,7 +86,7 @@ def read_inputs(paths: Sequence[str], teacher: str | None = None) -> Inputs:
         _note_checksums(checksums, file, *beside, *find_companions(file))
     learnt = None
     if teacher is not None:
-        learnt = read_recording(Path(teacher))
+        learnt = read_recording(Path(teacher), config.units, up=config.up)
         _note_checksums(checksums, Path(teacher), *find_companions(Path(teacher)))
     _warn_of_copies(recordings)
     return Inputs(tuple(recordings), tuple(truth), tuple(names), learnt, checksums)

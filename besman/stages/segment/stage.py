@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from besman.config.stage import Work
+from besman.person.body import find_back
 from besman.records import LabelledRecording, Segments
 from besman.stages.segment.of_hands import SegmentingStage
 from besman.stages.segment.sampling import (
@@ -18,6 +19,7 @@ from besman.stages.segment.sampling import (
 )
 from besman.stages.segment.signals import measure_scaling, prepare_signals
 from besman.stages.segment.valley_vmci import EVIDENCE_HZ, find_movements
+from besman.stages.segment.valleys import ValleyShape
 from besman.stages.segment.vmci import (
     VmciModel,
     find_change_points,
@@ -25,6 +27,10 @@ from besman.stages.segment.vmci import (
     weigh_borders,
 )
 from besman.stages.segment.vmci_online import OnlineVmci
+from besman.stages.segment.walking import take_from_person
+
+# A hand sways no faster while its person stands; nobody reaches anywhere as slowly.
+_SHAPE = ValleyShape(least=0.02)
 
 
 class SegmentConfig(SegmentingStage):
@@ -191,7 +197,11 @@ class ValleyVmciConfig(SegmentingStage):
 
     def _segment(self, recording: LabelledRecording) -> Segments:
         paths = gather_gapless_paths(recording, self.markers)
-        found = find_movements(recording.time, paths, self.longest_s)
+        back = find_back(recording.markers)
+        if back:
+            places = np.stack([recording.marker(name) for name in back], axis=1)
+            paths = take_from_person(paths, places, recording.rate_hz)
+        found = find_movements(recording.time, paths, self.longest_s, shape=_SHAPE)
         n_rows, rate_hz = len(paths), recording.rate_hz
         rows = np.round(found.borders_s * rate_hz).astype(np.int64)
         rows[-1] = n_rows

@@ -25,6 +25,8 @@ are borders.
        R_k = \log g(n) + \log \frac{\Gamma_s((n + \nu) / 2)}{\pi^{n s / 2} \Gamma_s(\nu / 2)}
              + \frac{\nu}{2} \log |S_0| - \frac{n + \nu}{2} \log |S_0 + v' v|
 
+   Speeds that noise alone would have are rest as well (`besman.stages.segment.stillness`).
+
 4. No movement leads past a valley deeper than 0.3 of the lower peak beside it: the evidence alone
    takes many short, alike movements for one (simulated step patterns: F1 0.69 and 1.00).
 5. The most probable segmentation maximises the sum over its movements and rests, found by dynamic
@@ -68,6 +70,7 @@ import numpy.typing as npt
 from besman.stages.segment.signals import prepare_signals, resample
 from besman.stages.segment.span_evidence import SpanEvidence
 from besman.stages.segment.spans import Spans
+from besman.stages.segment.stillness import least_speed
 from besman.stages.segment.valleys import (
     GRID_HZ,
     Valley,
@@ -133,7 +136,7 @@ def find_movements(
     time : array, shape (T,)
         Seconds, rising in equal steps.
     paths : array, shape (T, m, 3)
-        Positions of m markers, metres; any unit will do.
+        Positions of m markers, metres; of another unit that of ``shape.least``.
     longest_s : float, optional
         Greatest duration of a movement, seconds.
     model : VmciModel, optional
@@ -158,13 +161,18 @@ def find_movements(
     rate_hz = min(EVIDENCE_HZ, 1 / step)
     samples = resample(t, x, rate_hz)
     whole = np.array([0.0, len(t) * step])
-    still = MovementsAndRests(whole, np.zeros(1, bool), np.nan, np.empty((0, 2)), np.empty(0))
+    still = MovementsAndRests(whole, np.ones(1, bool), np.nan, np.empty((0, 2)), np.empty(0))
     if len(samples) < 2:
         return still
     signals = prepare_signals(samples)
     if not signals.moves:
         return still
     speed = smooth_speed(t, x, shape.smoothing_s)
+    shape = shape._replace(least=max(shape.least, least_speed(t, x, shape.smoothing_s)))
+    # Where the bell reaches beyond the recording, noise is faster.
+    edge = min(round(2 * shape.smoothing_s * GRID_HZ), (len(speed) - 1) // 2)
+    if speed[edge : len(speed) - edge].max() < shape.least:
+        return still
     valleys = find_valleys(speed, shape)
     n_grid = len(speed)
     longest = None if longest_s is None else max(2, round(longest_s * rate_hz))

@@ -26,7 +26,7 @@ _TRUNCATE = 4.0
 
 
 class ValleyShape(NamedTuple):
-    """What counts as a valley and as a rest; shares are of speed, so that no unit matters.
+    """What counts as a valley and as a rest; shares are of speed, so that no unit matters to them.
 
     Attributes
     ----------
@@ -43,6 +43,8 @@ class ValleyShape(NamedTuple):
         A shorter rest is a turning point: one border at its slowest instant.
     sure : float
         A valley deeper than this share of the lower peak beside it is a border in any case.
+    least : float
+        A hill lower than this is no movement either, m/s.
     """
 
     smoothing_s: float = 0.05
@@ -51,6 +53,7 @@ class ValleyShape(NamedTuple):
     rest: float = 0.08
     least_rest_s: float = 0.45
     sure: float = 0.3
+    least: float = 0.0
 
 
 class Valley(NamedTuple):
@@ -144,7 +147,7 @@ def find_valleys(speed: FloatArray, shape: ValleyShape | None = None) -> list[Va
     minima = np.flatnonzero(inner) + 1
     if speed.size < 2 or not speed.any():
         return []
-    minima = _drop_low_hills(speed, minima, shape.hill * typical_speed(speed))
+    minima = _drop_low_hills(speed, minima, max(shape.hill * typical_speed(speed), shape.least))
     minima = _drop_shallow(speed, minima, shape.depth)
     return _find_rests(speed, minima, shape)
 

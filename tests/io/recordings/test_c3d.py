@@ -1,3 +1,4 @@
+# ruff: noqa: E501
 import os
 import struct
 import warnings
@@ -134,13 +135,15 @@ def test_units(tmp_path, units, scale):
 
 
 def test_units_that_cannot_be_told(tmp_path):
-    points = RNG.normal(size=(5, 2, 3))
+    points = RNG.normal(size=(5, 2, 3)) * 0.01
     path = foreign(tmp_path / "a.c3d", points, "ab", units=None)
     with pytest.raises(RecordingError, match=r"POINT:UNITS is empty .* cannot be told"):
         read_c3d(path)
-    np.testing.assert_allclose(read_c3d(path, "m").positions, points, atol=1e-6)
+    recording = read_c3d(path, "m")
+    np.testing.assert_allclose(recording.positions, points, atol=1e-6)
+    assert (recording.origin.units, recording.origin.units_by) == ("m", "asked for")
     path = foreign(tmp_path / "b.c3d", points, "ab", units="furlong")
-    with pytest.raises(RecordingError, match="UNITS is 'furlong'; expected 'mm' or 'm'"):
+    with pytest.raises(RecordingError, match=r"UNITS is 'furlong' .* expected 'mm', 'cm' or 'm'"):
         read_c3d(path)
     path = foreign(tmp_path / "c.c3d", np.full((5, 1, 3), 1000.0), "a", units=None)
     with pytest.raises(RecordingError, match="cannot be told"):
@@ -149,12 +152,22 @@ def test_units_that_cannot_be_told(tmp_path):
         read_c3d(foreign(tmp_path / "d.c3d", np.full((5, 1, 3), np.nan), "a", units=None))
 
 
-def test_only_millimetres_can_be_meant(tmp_path):
-    points = RNG.normal(size=(5, 4, 3)) * 1000
-    path = foreign(tmp_path / "a.c3d", points, "abcd", units=None)
-    with pytest.warns(RecordingWarning, match=r"a.c3d: POINT:UNITS is empty; .* taken for mm"):
+@pytest.mark.parametrize(("units", "scale"), [("mm", 1000), ("cm", 100), ("m", 1)])
+def test_the_size_of_a_person_tells_the_units(tmp_path, units, scale):
+    points = RNG.uniform(-0.8, 0.8, size=(5, 20, 3))
+    path = foreign(tmp_path / "a.c3d", points * scale, "abcdefghijklmnopqrst", units=None)
+    with pytest.warns(RecordingWarning, match=rf"a.c3d: POINT:UNITS is empty; .* for {units}, by"):
         recording = read_c3d(path)
-    np.testing.assert_allclose(recording.positions, points / 1000, atol=1e-6)
+    np.testing.assert_allclose(recording.positions, points, atol=1e-6)
+    assert recording.origin.units_by == "the size of a person"
+
+
+def test_what_is_asked_for_counts_more_than_the_file(tmp_path):
+    points = RNG.normal(size=(5, 2, 3))
+    path = foreign(tmp_path / "a.c3d", points, "ab", units="mm")
+    with pytest.warns(RecordingWarning, match=r"UNITS is 'mm' and the units asked for are m"):
+        recording = read_c3d(path, "m")
+    np.testing.assert_allclose(recording.positions, points, atol=1e-6)
 
 
 def test_names(tmp_path):
@@ -168,15 +181,63 @@ def test_names(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("labels", "message"),
-    [
-        (["a", "b", "a"], r"points 1 \('a'\) and 3 \('a'\) are both named 'a'"),
-        (["s:a", "b", "a"], r"points 1 \('s:a'\) and 3 \('a'\) are both named 'a'"),
-    ],
+    ("labels", "kept"),
+    [(["a", "b", "a"], (None, "b", None)), (["s:a", "b", "a"], (None, "b", None))],
 )
-def test_two_points_with_one_name(tmp_path, labels, message):
-    with pytest.raises(RecordingError, match=message):
-        read_c3d(foreign(tmp_path / "a.c3d", RNG.normal(size=(3, 3, 3)), labels))
+def test_two_points_with_one_name_have_none(tmp_path, labels, kept):
+    path = foreign(tmp_path / "a.c3d", RNG.normal(size=(3, 3, 3)), labels)
+    with pytest.warns(RecordingWarning, match=r"several points have one name .* 'a' \(2\)"):
+        assert read_c3d(path).names == kept
+
+
+def test_the_only_one_of_a_name_that_is_seen_keeps_it(tmp_path):
+    points = RNG.normal(size=(3, 3, 3))
+    points[:, 2] = np.nan
+    assert read_c3d(foreign(tmp_path / "a.c3d", points, ["a", "b", "a"])).names == ("a", "b", None)
+
+
+@pytest.mark.parametrize(
+    ("labels", "descriptions", "names"),
+    [
+        (["BACK", "BACK", "HAND"], ["back_top", "back_left", "hand"], ("back_top", "back_left", "hand")),
+        (["SHOU", "ELBO", "C7"], ["Shoulder", "Elbow", "C7"], ("Shoulder", "Elbow", "C7")),
+        # What a label is short for is not its name.
+        (["LASI", "RASI", "C7"], ["Left front pelvis", "Right front pelvis", "C7"], ("LASI", "RASI", "C7")),
+        (["LASI", "RASI", "C7"], ["", "", ""], ("LASI", "RASI", "C7")),
+        (["elbow", "hand", "back"], ["elbow", "hand", "back"], ("elbow", "hand", "back")),
+    ],
+)  # fmt: skip
+def test_descriptions_are_names_where_labels_are_cut(tmp_path, labels, descriptions, names):
+    extra = {"DESCRIPTIONS": descriptions}
+    path = foreign(tmp_path / "a.c3d", RNG.normal(size=(3, 3, 3)), labels, extra=extra)
+    assert read_c3d(path).names == names
+
+
+@pytest.mark.parametrize(
+    ("screen", "up"),
+    [(("+X", "+Z"), "z"), (("+X", "+Y"), "y"), (("+Z", "-y"), "-y"), (("+X", "+X"), None), (("", ""), None)],
+)  # fmt: skip
+def test_the_screen_says_which_way_is_up(tmp_path, screen, up):
+    extra = {key: [value] for key, value in zip(("X_SCREEN", "Y_SCREEN"), screen, strict=True)}
+    path = foreign(tmp_path / "a.c3d", RNG.normal(size=(3, 2, 3)), "ab", extra=extra)
+    origin = read_c3d(path).origin
+    assert (origin.up, bool(origin.up_by)) == (up or "z", up is not None)
+
+
+def test_events_and_the_writer_are_kept_as_notes(tmp_path):
+    file = ezc3d.c3d()
+    file["parameters"]["POINT"]["LABELS"]["value"] = ["a"]
+    file["parameters"]["POINT"]["UNITS"]["value"] = ["mm"]
+    file["parameters"]["POINT"]["RATE"]["value"] = [100.0]
+    file.add_parameter("EVENT", "LABELS", ["Foot Strike", "Foot Off"])
+    file.add_parameter("EVENT", "CONTEXTS", ["Left", "Right"])
+    file.add_parameter("EVENT", "TIMES", np.array([[0.0, 1.0], [1.25, 2.5]]))
+    file.add_parameter("MANUFACTURER", "SOFTWARE", ["Nexus"])
+    file["data"]["points"] = np.ones((4, 1, 3))
+    file.write(str(tmp_path / "a.c3d"))
+    origin = read_c3d(tmp_path / "a.c3d").origin
+    assert origin.notes == ("events: Left Foot Strike 1.250 s, Right Foot Off 62.500 s",)
+    assert origin.writer == "Nexus"
 
 
 def test_angles_are_no_positions(tmp_path):

@@ -11,11 +11,8 @@ from places import DATA, REAL_DATA, SAMPLE
 
 from besman.exceptions import RecordingError, RecordingWarning
 from besman.io.recordings.exoskeleton import write_joint_log
-from besman.io.recordings.formats import (
-    read_recording,
-    taking_partial_files,
-    write_recording,
-)
+from besman.io.recordings.format import reading
+from besman.io.recordings.formats import read_recording, write_recording
 from besman.io.recordings.mvnx import write_mvnx
 
 N = 60
@@ -78,7 +75,7 @@ def test_partial_takes_the_whole_frames(ending, whole, tmp_path):
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
         got = read_recording(cut, partial=True)
-        with taking_partial_files():
+        with reading(partial=True):
             again = read_recording(cut)
     assert 0.6 * N < len(got.time) < N
     assert all(issubclass(one.category, RecordingWarning) for one in said)

@@ -105,15 +105,18 @@ def test_empty_recording(clean, marker_set, model):
         name_trajectories(empty, marker_set, model, 0.8)
 
 
-def test_one_frame_names_what_it_can(clean, marker_set, model):
-    one = replace(
+def test_few_frames_name_all_or_nothing(clean, marker_set, model):
+    few = replace(
         clean.recording,
-        positions=clean.recording.positions[:1],
-        time=clean.recording.time[:1],
+        positions=clean.recording.positions[:60],
+        time=clean.recording.time[:60],
     )
-    named = name_trajectories(one, marker_set, model, 0.8)
+    named = name_trajectories(few, marker_set, model, 0.8)
     assert clean.count(named)[1] == 0
-    assert len(named.decisions) == one.positions.shape[1]
+    assert len(named.decisions) == few.positions.shape[1]
+    one = replace(few, positions=few.positions[:1], time=few.time[:1])
+    with pytest.raises(LabellingError, match="6 of 8 required markers found, without shoulder, e"):
+        name_trajectories(one, marker_set, model, 0.8)
 
 
 def test_a_marker_set_that_does_not_fit(marker_set, model):
@@ -124,8 +127,8 @@ def test_a_marker_set_that_does_not_fit(marker_set, model):
     )
     with pytest.raises(
         LabellingError,
-        match=r"^x.tsv: marker set right_arm does not fit: \d of 8 required markers found among "
-        r"6 trajectories",
+        match=r"^x.tsv: marker set right_arm does not fit, nothing is named: \d of 8 required "
+        r"markers found, without .*, among 6 trajectories; expected those of this person's markers",
     ):
         name_trajectories(stranger, marker_set, model, 0.8)
 
@@ -188,7 +191,9 @@ def test_a_required_marker_that_was_not_found(clean, teacher, marker_set):
     positions = np.delete(clean.recording.positions, place, axis=1)
     blind = replace(clean.recording, positions=positions, names=clean.recording.names[1:])
     with pytest.raises(
-        LabellingError, match=r"^unnamed.tsv: marker 'elbow' of right_arm was not found .*hand_top"
+        LabellingError,
+        match=r"^unnamed.tsv: marker set right_arm does not fit, nothing is named: 7 of 8 required "
+        r"markers found, without elbow, among 8 trajectories; expected those of this person's",
     ):
         LabelTrajectoriesConfig().run((blind,), marker_set, teacher)
 

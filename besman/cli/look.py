@@ -1,0 +1,96 @@
+"""Commands that say what is in a recording: look, markers new."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from besman.cli.options import Json, Recordings, target_file
+from besman.cli.terminal import complain, say
+from besman.exceptions import RecordingError
+
+
+def look(
+    recordings: Recordings,
+    plot: Annotated[
+        Path | None,
+        typer.Option(help="Draw one recording, .png or .svg.", callback=target_file),
+    ] = None,
+    json_file: Json = None,
+) -> None:
+    """Say what is in a recording, which marker set fits and how to go on; of several a table."""
+    from besman.io.atomic_files import write_json
+    from besman.io.recordings.format import reading_options
+    from besman.io.recordings.formats import find_recordings
+    from besman.standalone.look_files import Look, content_of, look_at, look_at_all
+    from besman.standalone.look_text import (
+        describe_look,
+        find_next,
+        find_next_of_all,
+        look_table,
+        row_of,
+    )
+
+    options = reading_options()
+    if len(recordings) == 1 and not recordings[0].is_dir():
+        one = look_at(recordings[0])
+        commands = find_next(one, options)
+        for line in describe_look(one, commands):
+            say(line)
+        if plot is not None:
+            from besman.report.recording_figure import draw_sticks_and_gaps
+
+            names = () if one.best is None else tuple(one.best.found.values())
+            draw_sticks_and_gaps(one.recording, names, plot)
+            say(f"wrote {plot}")
+        if json_file is not None:
+            write_json(json_file, content_of(one, commands))
+        return
+    if plot is not None:
+        raise RecordingError("--plot: several recordings; expected one")
+    found = look_at_all(find_recordings(recordings))
+    from besman.cli.terminal import open_terminal
+
+    open_terminal().print(look_table(found))
+    for command in find_next_of_all(recordings, found, options):
+        say(command)
+    if json_file is not None:
+        rows = [
+            content_of(one, find_next(one, options)) if isinstance(one, Look) else row_of(*one)
+            for one in found
+        ]
+        write_json(json_file, rows)
+    n_warned = sum(isinstance(one, Look) and bool(one.warnings) for one in found)
+    if n_warned:
+        complain("", f"{n_warned} of {len(found)} with warnings: besman look FILE shows them")
+    if not any(isinstance(one, Look) for one in found):
+        raise RecordingError(f"none of {len(found)} recordings can be read")
+
+
+markers_app = typer.Typer(no_args_is_help=True, help="Marker sets: propose one from a recording.")
+
+
+@markers_app.callback()
+def _markers() -> None:
+    """Marker sets: propose one from a recording."""
+
+
+@markers_app.command("new")
+def new_markers(
+    recording: Annotated[Path, typer.Argument(help="A recording, with names or without.")],
+    out: Annotated[Path, typer.Option(help="File to write, .yaml.")],
+) -> None:
+    """Propose a marker set from a recording, to be mended by hand."""
+    from besman.standalone.propose_set import write_marker_set
+
+    written = write_marker_set(recording, out)
+    n_clusters = len(written.clusters)
+    say(
+        f"{len(written.markers)} markers, {len(written.required)} required, "
+        f"{n_clusters} rigid cluster{'' if n_clusters == 1 else 's'}"
+    )
+    if not written.roles:
+        say("shoulder, elbow and hand are not told by names: say in the file which they are")
+    say(f"wrote {out}; it is used with --markers {out}")

@@ -1,0 +1,206 @@
+"""Frames and times of rows, and the rate: what a header says beside what the columns count."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from besman.exceptions import RecordingError, RecordingWarning
+from besman.records import FloatArray
+from besman.records.recordings import GREATEST_FRAME, RATES_HZ
+
+# Times are rounded in files; a clock that disagrees more than this runs at another rate.
+_TOLERANCE = 0.05
+# A step of time may deviate this much from the usual one.
+_UNEVEN = 0.5
+# A rate is meant to be whole if it is this near.
+_WHOLE = 5e-4
+
+
+@dataclass(frozen=True)
+class RowClock:
+    """When the rows of a table were.
+
+    Attributes
+    ----------
+    time : array, shape (T,)
+        Seconds, evenly spaced; of missing frames too.
+    rate_hz : float
+    first_frame : int
+    rows : int array or None
+        Where the rows of the table stand in `time`; None if no frame is missing.
+    """
+
+    time: FloatArray
+    rate_hz: float
+    first_frame: int
+    rows: npt.NDArray[np.int64] | None
+
+    def spread(self, values: FloatArray) -> FloatArray:
+        """Return values of rows (N, ...) for all frames (T, ...), NaN where one is missing."""
+        if self.rows is None:
+            return values
+        spread = np.full((len(self.time), *values.shape[1:]), np.nan)
+        spread[self.rows] = values
+        return spread
+
+
+def settle_clock(
+    frames: FloatArray | None,
+    times: FloatArray | None,
+    rate_hz: float | None,
+    path: Path,
+    first_line: int,
+    first_time: float | None = None,
+) -> RowClock:
+    """Settle frames, times and rate of rows.
+
+    Parameters
+    ----------
+    frames, times : array, shape (N,), or None
+        What the columns say; seconds.
+    rate_hz : float or None
+        What the header says.
+    path : Path
+        Named in messages.
+    first_line : int
+        Number of the first row in the file, for messages.
+    first_time : float, optional
+        Seconds of the first row where no column says it.
+
+    Returns
+    -------
+    RowClock
+
+    Raises
+    ------
+    RecordingError
+        If frames or times do not rise, or nothing tells the rate.
+
+    Warns
+    -----
+    RecordingWarning
+        If frames are missing, times uneven, or the times run at another rate than the header says,
+        which is then theirs.
+    """
+    frames = None if frames is None or np.isnan(frames).all() else frames
+    times = None if times is None or np.isnan(times).all() else times
+    n_rows = len(frames if frames is not None else times if times is not None else ())
+    if n_rows == 1:
+        raise RecordingError(f"{path}: a recording of one frame; expected at least two")
+    rows = np.arange(n_rows) if frames is None else _count(frames, path, first_line)
+    shown_hz = None if times is None else _show_rate(times, rows, path, first_line)
+    rate = _choose_rate(rate_hz, shown_hz, path)
+    first_frame = 1 if frames is None else int(frames[0])
+    if times is not None:
+        first_time = float(times[0])
+    elif first_time is None:
+        first_time = max(first_frame - 1, 0) / rate
+    n_frames = int(rows[-1]) + 1
+    return RowClock(
+        first_time + np.arange(n_frames) / rate,
+        rate,
+        first_frame,
+        None if n_frames == n_rows else rows,
+    )
+
+
+def _count(frames: FloatArray, path: Path, first_line: int) -> npt.NDArray[np.int64]:
+    """Return the places of rows by their frames, from 0."""
+    wrong = np.flatnonzero(
+        ~((frames == np.round(frames)) & (frames >= 0) & (frames <= GREATEST_FRAME))
+    )
+    if wrong.size:
+        row = int(wrong[0])
+        raise RecordingError(
+            f"{path}:{first_line + row}: frame is {frames[row]:g}; expected a whole number from 0 "
+            f"to {GREATEST_FRAME:.0e}"
+        )
+    steps = np.diff(frames)
+    falling = np.flatnonzero(steps <= 0)
+    if falling.size:
+        row = int(falling[0]) + 1
+        raise RecordingError(
+            f"{path}:{first_line + row}: frame {frames[row]:.0f} follows frame "
+            f"{frames[row - 1]:.0f}; expected frames that rise"
+        )
+    step = float(steps.min()) if steps.size else 1.0
+    places = (frames - frames[0]) / step
+    n_missing = int(places[-1]) + 1 - len(frames)
+    if n_missing == 0:
+        return np.arange(len(frames))
+    row = int(np.flatnonzero(steps != step)[0]) + 1
+    if not np.array_equal(places, np.round(places)) or n_missing > len(frames):
+        raise RecordingError(
+            f"{path}:{first_line + row}: frame {frames[row]:.0f} follows frame "
+            f"{frames[row - 1]:.0f}; expected frames that rise evenly"
+        )
+    _warn(
+        f"{path.name}: {n_missing} frames are missing and became gaps, first before frame "
+        f"{frames[row]:.0f} in line {first_line + row}"
+    )
+    counted: npt.NDArray[np.int64] = places.astype(np.int64)
+    return counted
+
+
+def _show_rate(
+    times: FloatArray, rows: npt.NDArray[np.int64], path: Path, first_line: int
+) -> float | None:
+    """Return frames per second of a column of times, None of a single one."""
+    steps = np.diff(times)
+    wrong = np.flatnonzero(~(steps > 0))
+    if wrong.size or not np.isfinite(times[0]):
+        row = int(wrong[0]) + 1 if wrong.size else 0
+        before = f" after {times[row - 1]:g} s" if row else ""
+        raise RecordingError(
+            f"{path}:{first_line + row}: time is {times[row]:g} s{before}; expected rising times"
+        )
+    if not steps.size:
+        return None
+    steps = steps / np.diff(rows)
+    usual = float(np.median(steps))
+    uneven = np.flatnonzero(np.abs(steps - usual) > _UNEVEN * usual)
+    if uneven.size:
+        row = int(uneven[0]) + 1
+        _warn(
+            f"{path.name}: {uneven.size} times do not rise evenly, first in line "
+            f"{first_line + row}: {times[row]:g} s after {times[row - 1]:g} s; frames are taken "
+            "for evenly spaced"
+        )
+        return whole_if_near(1.0 / usual)
+    return whole_if_near(float((rows[-1] - rows[0]) / (times[-1] - times[0])))
+
+
+def _choose_rate(said: float | None, shown: float | None, path: Path) -> float:
+    """Choose between the header's rate and that of the times."""
+    slowest, fastest = RATES_HZ
+    said = said if said is not None and slowest <= said <= fastest else None
+    shown = shown if shown is not None and slowest <= shown <= fastest else None
+    if said is None and shown is None:
+        raise RecordingError(
+            f"{path}: neither the header nor a column of times says how many frames there are in a "
+            f"second; expected {slowest:g} to {fastest:g}"
+        )
+    if said is None or shown is None:
+        return float(said if shown is None else shown)  # type: ignore[arg-type]
+    if abs(shown / said - 1.0) > _TOLERANCE:
+        _warn(
+            f"{path.name}: the header says {said:g} frames a second and the times {shown:.6g}, "
+            "which is taken"
+        )
+        return shown
+    return said
+
+
+def whole_if_near(rate_hz: float) -> float:
+    """Return a rate without what rounding of times left of it."""
+    near = round(rate_hz)
+    return float(near) if near and abs(rate_hz / near - 1.0) < _WHOLE else round(rate_hz, 6)
+
+
+def _warn(message: str) -> None:
+    warnings.warn(message, RecordingWarning, stacklevel=6)

@@ -1,0 +1,251 @@
+"""Rows of numbers below a header, whatever separates their cells: tabs, commas, semicolons, blanks.
+
+An hour of a recording is read by the same quick way as a Qualisys TSV (`number_cells`).
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from besman.exceptions import RecordingError
+from besman.foreign.numbers import parse_number
+from besman.io.recordings.number_cells import parse_cells
+from besman.io.recordings.text_lines import TextLines
+from besman.records import FloatArray
+
+# What programs write in the place of a number that they do not have.
+_MISSING = frozenset({"", "-", "nan", "-nan", "nan(ind)", "-nan(ind)", "na", "n/a", "#n/a", "null",
+                      "none", "1.#qnan", "-1.#ind", "1.#ind", "-1.#qnan"})  # fmt: skip
+_DECIMAL = re.compile(rb"[+-]?[0-9]*\.([0-9]+)")
+_ROWS_ABOVE = 100
+TAKE = "--partial takes what is there"
+
+
+@dataclass(frozen=True)
+class Cells:
+    """How the cells of a table are separated.
+
+    Attributes
+    ----------
+    separator : bytes
+        A tab, a comma, a semicolon, or a blank for any number of blanks and tabs.
+    has_decimal_commas : bool
+        Whether numbers have a comma for a point.
+    is_doubled : bool
+        Whether two separators stand between cells.
+    """
+
+    separator: bytes
+    has_decimal_commas: bool = False
+    is_doubled: bool = False
+
+    def tabbed(self, text: bytes) -> bytes:
+        """Return lines with tabs between cells and points in numbers."""
+        if b'"' in text:
+            text = text.replace(b'"', b"")
+        if self.has_decimal_commas:
+            text = text.replace(b",", b".")
+        if self.separator == b" ":
+            return b"\n".join(b"\t".join(line.split()) for line in text.split(b"\n"))
+        if self.is_doubled:
+            text = text.replace(2 * self.separator, self.separator)
+        return text if self.separator == b"\t" else text.replace(self.separator, b"\t")
+
+    def split(self, line: str) -> list[str]:
+        """Return the cells of a line of a header, without blanks around them."""
+        if self.separator == b" ":
+            return line.split() or [""]
+        return [cell.strip().strip('"').strip() for cell in line.split(self.separator.decode())]
+
+
+def find_cells(line: str) -> Cells:
+    """Tell what separates the cells of a line with at least two of them."""
+    if "\t" in line:
+        return Cells(b"\t")
+    if ";" in line:
+        return Cells(b";", has_decimal_commas="," in line)
+    return Cells(b"," if "," in line else b" ")
+
+
+def is_blank(line: str) -> bool:
+    """Tell whether a line has nothing but separators."""
+    return not line.strip(" \t,;\"'")
+
+
+def read_rows(
+    lines: TextLines,
+    first: int,
+    width: int,
+    cells: Cells,
+    path: Path,
+    *,
+    partial: bool = False,
+    texts: tuple[int, ...] = (),
+) -> FloatArray:
+    """Read rows of numbers up to the first blank line, or to the end.
+
+    Parameters
+    ----------
+    lines : TextLines
+        Of the whole file.
+    first : int
+        Index of the first row.
+    width : int
+        How many columns there are. Further cells must be empty; cells that are missing at the end
+        of a line are, too.
+    cells : Cells
+    path : Path
+        Named in errors.
+    partial : bool
+        Leave out a last line that was cut.
+    texts : tuple of int
+        Columns that are no numbers, and come back as NaN.
+
+    Returns
+    -------
+    array, shape (T, width)
+        NaN for empty cells and what else stands for a number that is not there.
+
+    Raises
+    ------
+    RecordingError
+        If there is no row, one has too many cells, a cell is no number, or the last line was cut.
+    """
+    found, row = [np.empty((0, width))], first
+    for block in lines.blocks(first):
+        text = cells.tabbed(block)
+        n_lines = text.count(b"\n") + 1
+        is_last = row + n_lines >= len(lines)
+        values = None
+        if not texts and (lines.is_ended or not is_last) and _is_even(text, width):
+            values = parse_cells(text, n_lines * width)
+        end = n_lines
+        if values is None:
+            body = text.split(b"\n")
+            end = next((at for at, line in enumerate(body) if not line.strip(b"\t ")), n_lines)
+            body = body[:end]
+            if is_last and end == n_lines:
+                above = lines.last(min(_ROWS_ABOVE, len(lines) - first))[:-1]
+                body = _look_for_cut(body, cells, above, width, lines.is_ended, path, row, partial)
+            values = _parse(body, width, texts, path, row, lines) if body else None
+        if values is not None:
+            found.append(values.reshape(-1, width))
+        if end < n_lines or is_last:
+            break
+        row += n_lines
+    values = np.concatenate(found) if len(found) != 2 else found[1]
+    if len(values) == 0:
+        raise RecordingError(f"{path}:{first + 1}: no frames after the header; is the file cut?")
+    return values
+
+
+def _is_even(text: bytes, width: int) -> bool:
+    """Tell whether every line has as many cells as there are columns, and not all of them empty."""
+    codes = np.frombuffer(text, np.uint8)
+    ends = np.append(np.flatnonzero(codes == ord("\n")), len(codes))
+    tabs = np.flatnonzero(codes == ord("\t"))
+    lengths = np.diff(ends, prepend=-1) - 1
+    counts = np.diff(np.searchsorted(tabs, ends), prepend=0)
+    return width > 1 and bool((counts == width - 1).all() and (lengths > width - 1).all())
+
+
+def _parse(
+    body: list[bytes],
+    width: int,
+    texts: tuple[int, ...],
+    path: Path,
+    first: int,
+    lines: TextLines,
+) -> FloatArray:
+    """Parse lines of cells between tabs."""
+    n_tabs = np.fromiter((line.count(b"\t") for line in body), np.int64, len(body))
+    for at in np.flatnonzero(n_tabs != width - 1):
+        body[at] = _fit(body[at], width, path, first + int(at))
+    if texts:
+        body = [_blank_out(line, texts) for line in body]
+    values = parse_cells(b"\n".join(body), len(body) * width) if width > 1 else None
+    if values is None:
+        values = _parse_odd(body, width, path, first, lines)
+    return values.reshape(-1, width)
+
+
+def _fit(line: bytes, width: int, path: Path, index: int) -> bytes:
+    """Give a line as many cells as there are columns; only empty ones may come or go."""
+    parts = line.split(b"\t")
+    if len(parts) < width:
+        return line + b"\t" * (width - len(parts))
+    if any(part.strip() for part in parts[width:]):
+        raise RecordingError(
+            f"{path}:{index + 1}: got {len(parts)} columns, expected {width}; is the file damaged?"
+        )
+    return b"\t".join(parts[:width])
+
+
+def _blank_out(line: bytes, columns: tuple[int, ...]) -> bytes:
+    parts = line.split(b"\t")
+    for column in columns:
+        parts[column] = b""
+    return b"\t".join(parts)
+
+
+def _parse_odd(
+    body: list[bytes], width: int, path: Path, first: int, lines: TextLines
+) -> FloatArray:
+    """Parse cells one by one; refuse what is no number."""
+    values = np.empty((len(body), width))
+    for row, line in enumerate(body):
+        for column, cell in enumerate(lines.decode(line).split("\t")):
+            text = cell.strip()
+            if text.lower() in _MISSING:
+                values[row, column] = np.nan
+                continue
+            try:
+                values[row, column] = parse_number(text)
+            except ValueError:
+                values[row, column] = np.inf
+            if np.isinf(values[row, column]):
+                raise RecordingError(
+                    f"{path}:{first + row + 1}: column {column + 1}: got {text!r:.60}, expected a "
+                    "number or nothing"
+                )
+    return values
+
+
+def _look_for_cut(
+    body: list[bytes],
+    cells: Cells,
+    above: list[str],
+    width: int,
+    is_ended: bool,
+    path: Path,
+    first: int,
+    partial: bool,
+) -> list[bytes]:
+    """Refuse a last line that was cut, or take it away."""
+    rows = [cells.tabbed(line.encode("utf-8", "replace")) for line in above]
+    if is_ended or not rows:
+        return body
+    n_tabs = body[-1].count(b"\t")
+    if n_tabs < min(row.count(b"\t") for row in rows):
+        reason = f"got {n_tabs + 1} columns, expected {width}"
+    elif n_tabs < width and _has_fewer_digits(body[-1], rows, n_tabs):
+        reason = "the line ends before those above it do"
+    else:
+        return body
+    if not partial:
+        raise RecordingError(f"{path}:{first + len(body)}: {reason}; is the file cut? {TAKE}")
+    return body[:-1]
+
+
+def _has_fewer_digits(line: bytes, above: list[bytes], n_tabs: int) -> bool:
+    """Tell whether the last cell of a line lacks digits that all those above it have."""
+    column = [row.split(b"\t")[n_tabs].strip() for row in above if row.count(b"\t") >= n_tabs]
+    last = line.split(b"\t")[-1].strip()
+    if not last:
+        return all(column)
+    digits = [len(found[1]) for found in map(_DECIMAL.fullmatch, column) if found]
+    return len(digits) == len(column) and len(last.partition(b".")[2]) < min(digits)

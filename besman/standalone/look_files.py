@@ -1,0 +1,239 @@
+"""What is in a recording, for a person who sees it for the first time."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from besman.exceptions import BesmanError, LabellingError, RecordingError, RecordingWarning
+from besman.geometry.gaps import find_runs
+from besman.io.recordings.formats import KNOWN_FORMATS, read_recording, recognise
+from besman.person.marker_set import MarkerSet, without_subject
+from besman.person.marker_set_fit import SetFit, fit_marker_sets
+from besman.records import FloatArray, LabelledRecording, Origin, Recording
+from besman.stages.label.stage import LabelConfig
+from besman.standalone.unknown_file import describe_unknown
+
+_HEAD_BYTES = 16_384
+_STEP_S = 0.1  # over which speeds are measured: noise of single frames is no movement
+STILL_M = 0.02
+"""What keeps within a cube of this edge stands still, metres."""
+
+
+@dataclass(frozen=True)
+class Look:
+    """What one recording holds.
+
+    Attributes
+    ----------
+    path : Path
+    recording : Recording
+    trajectories : list of dict
+        Of each: ``name``, ``seen_share``, ``gaps``, ``longest_gap_s``, ``path_m`` (way travelled),
+        ``span_m`` (longest edge of the box it keeps in) and ``greatest_speed_m_s``.
+    fits : tuple of SetFit
+        Marker sets, the best first.
+    fault : str
+        Why the best set's markers cannot be used as they are; empty if they can, or none fits.
+    needed_gap_s : float
+        Longest gap of a required marker that has to be filled beyond what usually is; 0 if none.
+    warnings : tuple of str
+        What reading warned of.
+    """
+
+    path: Path
+    recording: Recording
+    trajectories: list[dict[str, Any]]
+    fits: tuple[SetFit, ...]
+    fault: str
+    needed_gap_s: float
+    warnings: tuple[str, ...]
+
+    @property
+    def best(self) -> SetFit | None:
+        """The marker set that fits best; None if the names are of none."""
+        return self.fits[0] if self.fits else None
+
+    @property
+    def n_named(self) -> int:
+        """How many trajectories have a name."""
+        return sum(name is not None for name in self.recording.names)
+
+    @property
+    def origin(self) -> Origin:
+        """How the file was understood."""
+        return self.recording.origin or Origin()
+
+    @property
+    def duration_s(self) -> float:
+        """From the first frame to the end of the last one."""
+        return len(self.recording.time) / self.recording.rate_hz
+
+    @property
+    def subjects(self) -> tuple[str, ...]:
+        """What stands before names, such as the person they belong to."""
+        names = [name for name in self.recording.names if name]
+        owners = (name[: len(name) - len(without_subject(name))] for name in names)
+        return tuple(dict.fromkeys(owner.rstrip(": _") for owner in owners if owner))
+
+
+def look_at(path: Path) -> Look:
+    """Read a recording and find out what is in it.
+
+    Parameters
+    ----------
+    path : Path
+        A file of any format.
+
+    Returns
+    -------
+    Look
+
+    Raises
+    ------
+    RecordingError
+        If it cannot be read; of a file of no known format it says what that looks like.
+    """
+    with warnings.catch_warnings(record=True) as caught:
+        recording = _read(path)
+        is_turned = recording.orientations is not None
+        fits = fit_marker_sets(recording.names, recording.source, is_turned)
+        fault, needed = _try_set(recording, fits[0]) if fits else ("", 0.0)
+    said = [str(one.message) for one in caught if issubclass(one.category, RecordingWarning)]
+    return Look(
+        path,
+        recording,
+        [_measure(recording, column) for column in range(len(recording.names))],
+        fits,
+        fault,
+        needed,
+        tuple(said),
+    )
+
+
+def look_at_all(paths: list[Path]) -> list[Look | tuple[Path, str]]:
+    """Look at several recordings; one that cannot be read is its path and the reason."""
+    found: list[Look | tuple[Path, str]] = []
+    for path in paths:
+        try:
+            found.append(look_at(path))
+        except BesmanError as error:
+            reason = str(error).removeprefix(f"{path}: ").removeprefix(f"{path.name}: ")
+            found.append((path, reason))
+    return found
+
+
+def content_of(look: Look, commands: list[str]) -> dict[str, Any]:
+    """Return what was found for JSON; `commands` are how to go on."""
+    recording, origin = look.recording, look.origin
+    return {
+        "recording": str(look.path),
+        "format": origin.format,
+        "writer": origin.writer,
+        "rate_hz": recording.rate_hz,
+        "frames": len(recording.time),
+        "first_frame": recording.first_frame,
+        "duration_s": look.duration_s,
+        "units": {"value": origin.units, "by": origin.units_by},
+        "up": {"axis": origin.up, "by": origin.up_by},
+        "notes": list(origin.notes),
+        "warnings": list(look.warnings),
+        "named": look.n_named,
+        "unnamed": len(recording.names) - look.n_named,
+        "subjects": list(look.subjects),
+        "has_orientations": recording.orientations is not None,
+        "extent_m": measure_extent(recording.positions).tolist(),
+        "trajectories": look.trajectories,
+        "marker_sets": [
+            {
+                "name": fit.marker_set.name,
+                "markers": len(fit.found),
+                "of": len(fit.marker_set.markers),
+                "complete": fit.is_complete,
+                "missing": list(fit.missing),
+                "trajectories": fit.found,
+                "fault": fit.fault,
+            }
+            for fit in look.fits
+        ],
+        "fault": look.fault,
+        "next": commands,
+    }
+
+
+def measure_extent(positions: FloatArray) -> FloatArray:
+    """Return the edges of the box that nearly all samples (T, M, 3) lie in, metres; NaN if none."""
+    seen = positions[np.isfinite(positions).all(axis=2)]
+    if not len(seen):
+        return np.full(3, np.nan)
+    low, high = np.percentile(seen[:: max(1, len(seen) // 100_000)], [0.5, 99.5], axis=0)
+    return np.asarray(high - low)
+
+
+def _read(path: Path) -> Recording:
+    """Read a recording; of a format that is not known say what it looks like."""
+    if path.is_file():
+        with path.open("rb") as file:
+            head = file.read(_HEAD_BYTES)
+        if head.strip() and recognise(head) is None:
+            raise RecordingError(
+                f"{path}: a format that is not known: {describe_unknown(path)}; expected "
+                f"{KNOWN_FORMATS}"
+            )
+    return read_recording(path)
+
+
+def _measure(recording: Recording, column: int) -> dict[str, Any]:
+    """Measure one trajectory."""
+    path = recording.positions[:, column]
+    hidden = np.isnan(path[:, 0])
+    runs = find_runs(hidden)
+    longest = int((runs[:, 1] - runs[:, 0]).max()) if len(runs) else 0
+    step = max(1, round(_STEP_S * recording.rate_hz))
+    ways = np.linalg.norm(np.diff(path[::step], axis=0), axis=1)
+    ways = ways[np.isfinite(ways)]
+    seen = path[~hidden]
+    return {
+        "name": recording.names[column],
+        "seen_share": float(1.0 - hidden.mean()),
+        "gaps": len(runs),
+        "longest_gap_s": longest / recording.rate_hz,
+        "path_m": float(ways.sum()),
+        "span_m": float(np.ptp(seen, axis=0).max()) if len(seen) else 0.0,
+        "greatest_speed_m_s": float(ways.max() / (step / recording.rate_hz)) if len(ways) else 0.0,
+    }
+
+
+def _try_set(recording: Recording, fit: SetFit) -> tuple[str, float]:
+    """Take the names as a run does; return why that fails, and how long a gap is to be filled."""
+    if not fit.is_complete:
+        return fit.fault, 0.0
+    marker_set = fit.marker_set
+    try:
+        labelled = LabelConfig().take_given(recording, marker_set)
+    except LabellingError as error:
+        columns = marker_set.find(recording.names, recording.source)
+        taken = LabelConfig().take_names(recording, columns, marker_set)
+        return str(error).removeprefix(f"{recording.source}: "), _longest_gap(taken, marker_set)
+    return _find_fault(labelled), 0.0
+
+
+def _longest_gap(taken: LabelledRecording, marker_set: MarkerSet) -> float:
+    """Return the longest gap of a required marker that is left, seconds; 0 if there is none."""
+    runs = [find_runs(np.isnan(taken.marker(name)[:, 0])) for name in marker_set.required]
+    longest = max((int((one[:, 1] - one[:, 0]).max()) for one in runs if len(one)), default=0)
+    return longest / taken.rate_hz
+
+
+def _find_fault(labelled: LabelledRecording) -> str:
+    """Say what of a body is never there, though all required names are."""
+    never = [
+        name
+        for column, name in enumerate(labelled.markers)
+        if not np.isfinite(labelled.positions[:, column]).any()
+    ]
+    return f"never seen: {', '.join(never)}" if never else ""

@@ -1,0 +1,55 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from besman.exceptions import RecordingError, RecordingWarning
+from besman.io.recordings.clock import settle_clock, whole_if_near
+
+PATH = Path("a.x")
+
+
+def settle(frames=None, times=None, rate_hz=None):
+    columns = (None if one is None else np.array(one, float) for one in (frames, times))
+    return settle_clock(*columns, rate_hz, PATH, 5)
+
+
+def test_rounded_times_count_a_whole_rate():
+    times = np.round(np.arange(50) / 120, 4)
+    assert settle(times=times).rate_hz == 120.0
+    assert whole_if_near(1 / 0.0083333) == 120.0
+    assert whole_if_near(59.94) == 59.94
+
+
+def test_every_second_frame_and_those_that_are_missing():
+    even = settle([0, 2, 4, 6], rate_hz=50.0)
+    assert (len(even.time), even.first_frame, even.rows) == (4, 0, None)
+    with pytest.warns(RecordingWarning, match="1 frames are missing .* before frame 6 in line 7"):
+        gap = settle([0, 2, 6, 8], rate_hz=50.0)
+    np.testing.assert_array_equal(gap.rows, [0, 1, 3, 4])
+    spread = gap.spread(np.arange(8.0).reshape(4, 2))
+    assert np.isnan(spread[2]).all()
+    np.testing.assert_array_equal(spread[[0, 1, 3, 4]], np.arange(8.0).reshape(4, 2))
+
+
+def test_uneven_times_are_said():
+    with pytest.warns(
+        RecordingWarning, match=r"1 times do not rise evenly, first in line 8: 0.09 s"
+    ):
+        assert settle(times=[0, 0.02, 0.04, 0.09, 0.11, 0.13]).rate_hz == 50.0
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"frames": [1, 2]}, "neither the header nor a column of times"),
+        ({"frames": [1, 2], "rate_hz": 0.0}, "neither the header"),
+        ({"frames": [1, 9, 10], "rate_hz": 9.0}, "frame 9 follows frame 1; expected .* evenly"),
+        ({"frames": [1, np.nan], "rate_hz": 9.0}, "a.x:6: frame is nan; expected a whole number"),
+        ({"times": [0.1, np.nan]}, "a.x:6: time is nan s after 0.1 s; expected rising times"),
+        ({"times": [np.nan, 0.1]}, "time is"),
+    ],
+)
+def test_what_is_wrong_is_one_line(given, message):
+    with pytest.raises(RecordingError, match=message):
+        settle(**given)

@@ -1,0 +1,44 @@
+# ruff: noqa: E501
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from besman.io.recordings.bodies import from_matrices, hold_orientations
+from besman.io.recordings.c3d_names import find_names, keep_single_names
+from besman.io.recordings.lengths import UNIT_M, parse_unit, typical_extent
+
+
+@pytest.mark.parametrize(
+    ("word", "name"),
+    [("mm", "mm"), ("Millimeters", "mm"), ("mill", "mm"), ("mete", "m"), ("Metres", "m"), ("(m)", "m"),
+     ("CM", "cm"), ("centimeter", "cm"), ("inches", "in"), ("feet", "ft"), ("deg", None), ("N", None),
+     ("N.mm", None), ("", None), ("metric", None)],
+)  # fmt: skip
+def test_words_for_units(word, name):
+    assert parse_unit(word) == name
+    assert name is None or name in UNIT_M
+
+
+def test_the_extent_of_what_is_seen():
+    positions = np.array([[[0.0, 0, 0], [3, 4, 0], [np.nan, np.nan, np.nan]]])
+    assert typical_extent(positions) == 5.0
+    assert typical_extent(np.full((2, 2, 3), np.nan)) == 0.0
+
+
+def test_orientations_over_gaps_and_of_matrices():
+    turns = Rotation.random(5, rng=0)
+    found = from_matrices(np.concatenate([turns.as_matrix(), np.full((1, 3, 3), np.nan)]))
+    np.testing.assert_allclose(found[:5], turns.as_quat(canonical=True, scalar_first=True))
+    assert np.isnan(found[5]).all()
+    gaps = np.full((4, 2, 4), np.nan)
+    gaps[1:3, 0] = found[:2]
+    held = hold_orientations(gaps)
+    np.testing.assert_array_equal(held[:, 0], found[[0, 0, 1, 1]])
+    assert np.isnan(held[:, 1]).all()
+
+
+def test_names_of_prefixes_and_twins():
+    positions = np.ones((2, 3, 3))
+    assert find_names(["s:a", "s:b", "s:*1"], [""] * 3, positions, "x") == ("a", "b", None)
+    positions[:, 2] = np.nan
+    assert keep_single_names(["a", "b", "a"], positions, "x", "points") == ("a", "b", None)

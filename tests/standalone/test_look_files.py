@@ -1,0 +1,232 @@
+import json
+import shlex
+import warnings
+
+import numpy as np
+import pytest
+from command_line import besman
+from places import SAMPLE, TOP
+
+from besman.exceptions import RecordingError
+from besman.io.recordings.format import reading
+from besman.io.recordings.formats import FORMATS, read_recording, write_recording
+from besman.io.segments_json import segments_path
+from besman.records import Recording
+from besman.standalone.look_files import content_of, look_at, look_at_all, measure_extent
+from besman.standalone.look_text import describe_look, find_next, find_next_of_all
+
+NAMED = SAMPLE / "subject1.tsv"
+
+
+def write(path, names, positions, rate_hz=100.0):
+    time = np.arange(len(positions)) / rate_hz
+    write_recording(Recording(time, positions, tuple(names), rate_hz, path.name), path)
+    return path
+
+
+def walk(n, n_markers, seed=0):
+    """Markers that wander a little, a metre and more above the floor."""
+    rng = np.random.default_rng(seed)
+    steps = rng.normal(scale=0.002, size=(n, n_markers, 3))
+    return 1.2 + rng.normal(scale=0.3, size=(n_markers, 3)) + np.cumsum(steps, axis=0)
+
+
+def test_what_is_measured_of_a_trajectory(tmp_path):
+    t = np.arange(200) / 100.0
+    positions = walk(200, 2)
+    positions[:, 0] = np.stack([2.0 * t, 0 * t, 1 + 0 * t], axis=1)  # 2 m/s along x
+    positions[40:60, 1] = positions[80:85, 1] = np.nan
+    look = look_at(write(tmp_path / "a.tsv", ("runner", "other"), positions))
+    first, second = look.trajectories
+    assert first["name"] == "runner"
+    assert first["greatest_speed_m_s"] == pytest.approx(2.0)
+    assert first["span_m"] == pytest.approx(3.98)
+    assert first["path_m"] == pytest.approx(3.8)  # whole tenths of a second
+    assert (second["gaps"], second["longest_gap_s"]) == (2, pytest.approx(0.2))
+    assert second["seen_share"] == pytest.approx(175 / 200)
+
+
+def test_the_extent_leaves_single_samples_out():
+    positions = np.random.default_rng(0).random((500, 4, 3)) * [1.0, 2.0, 0.5]
+    positions[0, 0] = 90.0
+    np.testing.assert_allclose(measure_extent(positions), [1.0, 2.0, 0.5], atol=0.03)
+    assert np.isnan(measure_extent(np.full((3, 2, 3), np.nan))).all()
+
+
+def test_a_page_on_a_recording_of_the_sample():
+    look = look_at(NAMED)
+    commands = find_next(look, [])
+    text = "\n".join(describe_look(look, commands))
+    recording = read_recording(NAMED)
+    for said in (
+        "format      Qualisys TSV",
+        f"time        {recording.rate_hz:g} Hz, {len(recording.time)} frames",
+        "units       mm, by the format",
+        "up          z, by",
+        f"names       {len(recording.names)}: ",
+        "gaps        ",
+        "movement    most by ",
+        f"marker set  right_arm: {len(look.best.found)} of its 14 markers, all that it requires",
+    ):
+        assert said in text
+    assert commands[-1].startswith(f"besman run ur5_stick_throw --set recordings={NAMED}")
+
+
+def test_the_next_command_can_be_pasted(monkeypatch, tmp_path, capsys):
+    folder = tmp_path / "with blank"
+    folder.mkdir()
+    path = folder / "a b.tsv"
+    path.write_bytes(NAMED.read_bytes())
+    command = find_next(look_at(path), ["--up", "z"])[0]
+    assert besman(monkeypatch, *shlex.split(command)[1:]) == 0
+    assert "a b" in capsys.readouterr().out
+
+
+def test_gaps_that_are_too_long_are_said_and_filled_by_the_next_command(
+    monkeypatch, tmp_path, capsys
+):
+    recording = read_recording(NAMED)
+    positions = recording.positions.copy()
+    positions[100:200, recording.names.index("Elbow")] = np.nan
+    path = write(tmp_path / "a.tsv", recording.names, positions, recording.rate_hz)
+    look = look_at(path)
+    assert "marker 'elbow' is not seen in frames" in look.fault
+    assert look.needed_gap_s == pytest.approx(100 / recording.rate_hz)
+    assert f"but {look.fault}" in "\n".join(describe_look(look, []))
+    segment, annotate, check, run = find_next(look, [])
+    assert annotate == f"besman annotate {path}"
+    segments_path(path).write_bytes(segments_path(NAMED).read_bytes())
+    labelled = find_next(look, [])
+    # Its labels are those of throws of a stick.
+    assert labelled == [segment, *(one.replace("reach", "stick_throw") for one in (check, run))]
+    run = shlex.split(labelled[1])
+    assert besman(monkeypatch, *run[1:]) == 0
+    settings = [one for one in run if one.startswith("label.longest_gap_s=")]
+    assert float(settings[0].partition("=")[2]) > look.needed_gap_s
+
+
+def test_points_of_a_body_say_what_is_assumed(tmp_path):
+    names = ("LShoulder", "RShoulder", "RElbow", "RWrist")
+    look = look_at(write(tmp_path / "a.tsv", names, walk(80, 4)))
+    text = "\n".join(describe_look(look, find_next(look, [])))
+    assert "marker set  halpe: 4 of its 24 markers, all that it requires" in text
+    assert "shoulder = RShoulder" in text
+    assert "assumed: the trunk is upright" in text
+    assert "besman segment" in text
+    assert "--markers halpe" in text
+    assert "--set label.markers=halpe" in text
+
+
+def test_a_person_who_lies_is_looked_at_with_another_axis_up(tmp_path):
+    recording = read_recording(NAMED)
+    lying = recording.positions[:, :, [0, 2, 1]] * [1.0, 1.0, -1.0]
+    path = write(tmp_path / "a.tsv", recording.names, lying, recording.rate_hz)
+    with reading(up="z"):
+        look = look_at(path)
+    assert "upright" in look.fault
+    assert find_next(look, []) == [f"besman look {path} --up y"]
+    assert find_next(look, ["--up", "z"]) == [f"besman look {path} --plot a.png --up z"]
+
+
+def test_names_that_are_of_no_set_or_of_a_part_of_one(tmp_path):
+    some = look_at(write(tmp_path / "a.tsv", ("Elbow", "Shoulder", "x"), walk(50, 3)))
+    text = "\n".join(describe_look(some, find_next(some, [])))
+    assert "marker set  none fits; nearest" in text
+    assert "not there: " in text
+    none = look_at(write(tmp_path / "b.tsv", ("x", "y"), walk(50, 2)))
+    text = "\n".join(describe_look(none, find_next(none, [])))
+    assert "marker set  none: no name is known" in text
+    assert f"besman markers new {tmp_path / 'b.tsv'} --out b_markers.yaml" in text
+    unnamed = look_at(write(tmp_path / "c.tsv", (None, None), walk(50, 2)))
+    text = "\n".join(describe_look(unnamed, find_next(unnamed, [])))
+    assert "names       none: 2 trajectories without a name" in text
+    assert find_next(unnamed, []) == [f"besman annotate {tmp_path / 'c.tsv'}"]
+
+
+def test_what_stands_still_and_whose_names_they_are(tmp_path):
+    positions = np.tile(walk(1, 3), (60, 1, 1))
+    path = write(tmp_path / "a.tsv", ("Ann:a", "Bob:b", "Ann:c"), positions)
+    look = look_at(path)
+    text = "\n".join(describe_look(look, []))
+    assert "nothing moves by more than 2 cm" in text
+    assert look.subjects == ("Ann", "Bob")
+    assert "; of Ann, Bob" in text
+
+
+def test_warnings_of_the_reader_are_part_of_the_page(tmp_path):
+    positions = walk(60, 2)
+    positions[10, 0] = 0.0
+    path = write(tmp_path / "a.tsv", ("a", "b"), positions)
+    with warnings.catch_warnings():
+        warnings.simplefilter("default")
+        look = look_at(path)
+    assert len(look.warnings) == 1
+    text = "\n".join(describe_look(look, []))
+    assert "  warning     1 sample of 1 trajectory at exactly 0, 0, 0" in text
+    assert "  note        1 samples at exactly 0, 0, 0 are gaps" in text
+
+
+def test_an_unknown_file_says_what_it_looks_like(monkeypatch, tmp_path, capsys):
+    path = tmp_path / "a.xlsx"
+    path.write_bytes(b"PK\x03\x04")
+    with pytest.raises(RecordingError, match="format that is not known: it looks like an archive"):
+        look_at(path)
+    assert besman(monkeypatch, "segment", path) == 2
+    line = capsys.readouterr().err.strip()
+    assert line.endswith(f"; see: besman look {path}")
+    assert besman(monkeypatch, "look", path) == 2
+    line = capsys.readouterr().err.strip()
+    assert "see: besman look" not in line
+    assert all(one.name in line for one in FORMATS)
+
+
+def test_a_folder_is_a_table_with_a_row_for_what_cannot_be_read(monkeypatch, tmp_path, capsys):
+    (tmp_path / "good.tsv").write_bytes(NAMED.read_bytes())
+    (tmp_path / "bad.c3d").write_bytes(b"\x02P nothing")
+    found = look_at_all([tmp_path / "bad.c3d", tmp_path / "good.tsv"])
+    assert found[0][0].name == "bad.c3d"
+    assert not found[0][1].startswith(str(tmp_path))
+    out = tmp_path / "out.json"
+    assert besman(monkeypatch, "look", tmp_path, "--json", out) == 0
+    text = capsys.readouterr().out
+    assert all(one in text for one in ("bad.c3d", "not read", "right_arm"))
+    rows = json.loads(out.read_text())
+    assert [sorted(row)[:1] for row in rows] == [["error"], ["duration_s"]]
+    (tmp_path / "good.tsv").unlink()
+    assert besman(monkeypatch, "look", tmp_path) == 2
+    assert "none of 1 recordings can be read" in capsys.readouterr().err
+
+
+def test_a_folder_of_one_set_says_how_to_go_on(tmp_path):
+    found = [look_at(NAMED), look_at(SAMPLE / "subject2.tsv")]
+    last = find_next_of_all([SAMPLE], found, [])[-1]
+    assert last == f"besman run ur5_stick_throw --set recordings={SAMPLE}"
+    assert find_next_of_all([SAMPLE], [*found, (NAMED, "broken")], []) == []
+    assert find_next_of_all([NAMED, SAMPLE], found, []) == []
+
+
+def test_a_page_as_json(monkeypatch, tmp_path, capsys):
+    out = tmp_path / "out.json"
+    assert besman(monkeypatch, "look", NAMED, "--json", out, "--up", "z") == 0
+    capsys.readouterr()
+    content = json.loads(out.read_text())
+    look = look_at(NAMED)
+    assert content["frames"] == len(look.recording.time)
+    assert content["up"] == {"axis": "z", "by": "asked for"}
+    assert content["marker_sets"][0]["trajectories"]["hand_top"] == "Hand top"
+    assert content["next"][0].endswith("--up z")
+    assert content.keys() == content_of(look, []).keys()
+
+
+def test_a_plot_is_of_one_recording(monkeypatch, tmp_path, capsys):
+    picture = tmp_path / "a.png"
+    assert besman(monkeypatch, "look", SAMPLE, "--plot", picture) == 2
+    assert "--plot: several recordings; expected one" in capsys.readouterr().err
+    assert besman(monkeypatch, "look", NAMED, "--plot", picture) == 0
+    assert picture.read_bytes()[:4] == b"\x89PNG"
+
+
+def test_the_page_in_the_documentation_is_what_is_printed(monkeypatch, capsys):
+    monkeypatch.chdir(TOP)
+    assert besman(monkeypatch, "look", "data/stick_throw/subject1.tsv") == 0
+    assert f"```text\n{capsys.readouterr().out}```" in (TOP / "docs/howto/recording.md").read_text()

@@ -1,0 +1,27 @@
+import pytest
+
+from besman.standalone.unknown_file import describe_unknown
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [
+        ("a.xlsx", b"PK\x03\x04rest", "an archive (.xlsx, .zip): save its tables as CSV"),
+        ("a.gz", b"\x1f\x8b\x08", "compressed by gzip"),
+        ("a.mat", b"MATLAB 5.0 MAT-file", "a MATLAB file: export C3D or CSV"),
+        ("a.h5", b"\x89HDF\r\n", "HDF5"),
+        ("a.npy", b"\x93NUMPY\x01", "a NumPy array"),
+        ("a.fbx", b"Kaydara FBX Binary", "FBX: export BVH"),
+        ("a.mp4", b"\0\0\0 ftypisom", "a picture or a video"),
+        ("a.mcap", b"\x89MCAP0\r\n", "a bag of ROS messages"),
+        ("a.bin", b"\x01\x02\0\x04", "it is binary, begins with 01 02 00 04"),
+        ("a.c3d", b"\0\0\0\0", "binary, begins with 00 00 00 00, and is not C3D as its ending"),
+        ("a.txt", b"hello\n1,2,3\n4,5,6\n", "it is text, 3 columns between commas, begins with"),
+        ("a.trc", b"1\t2\n", "2 columns between tabs, begins with '1\\t2', and is not TRC as"),
+        ("a.txt", b"hello world", "it is text, begins with 'hello world'; a table is read whose"),
+    ],
+)
+def test_what_a_file_looks_like(tmp_path, name, content, said):
+    path = tmp_path / name
+    path.write_bytes(content)
+    assert said in describe_unknown(path)
