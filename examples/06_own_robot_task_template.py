@@ -42,12 +42,14 @@ content = yaml.safe_load(path.read_text())
 for joint, home_deg in zip(content["joints"], (0, 40, -80, 0, -50, 0), strict=True):
     joint["home_deg"] = home_deg
 content["mounting"] |= {"height_m": 0.75, "yaw_deg": 180, "pedestal_radius_m": 0.1}
-content["tools"]["scoop"] = {
-    "translation_m": [0, 0, 0.15],  # from the tip link to the centre of the ball
-    "rotation_wxyz": [0.707107, 0, -0.707107, 0],
-    "hand_to_tcp_wxyz": [0, 1, 0, 0],  # how the tool follows the person's hand
-    "hand_to_tcp_m": [0.05, 0, -0.04],
-    "mass_kg": 0.15,
+content["tools"] = {
+    "scoop": {
+        "translation_m": [0, 0, 0.15],  # from the tip link to the centre of the ball
+        "rotation_wxyz": [0.707107, 0, -0.707107, 0],
+        "hand_to_tcp_wxyz": [0, 1, 0, 0],  # how the tool follows the person's hand
+        "hand_to_tcp_m": [0.05, 0, -0.04],
+        "mass_kg": 0.15,
+    }
 }
 path.write_text(yaml.safe_dump(content))
 robot = load_robot(path, "scoop")
