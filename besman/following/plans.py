@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from besman.exceptions import ConfigError
+from besman.exceptions import RunError
 from besman.following.arms import FollowedArm
 from besman.following.follower import Follower
 from besman.person.body import find_body
@@ -23,6 +24,7 @@ from besman.stages.compose.borders import measure_brisk
 from besman.stages.label.derive_markers import derive_markers
 from besman.stages.label.methods import DefaultLabelConfig, LabelMethod
 from besman.stages.label.stage import LabelConfig
+from besman.stages.recognize.fastest import FastestConfig
 from besman.stages.recognize.model import RecognitionModel
 from besman.stages.recognize.model_files import load_model
 from besman.stages.segment.sampling import sample_paths
@@ -111,6 +113,11 @@ def make_plan(
 def _plan_of_run(run: Path) -> FollowPlan:
     """Load a run's models and recordings."""
     config, stored = read_recipe(run), open_run(run, needs_state=False)
+    if isinstance(config.recognize, FastestConfig):
+        raise RunError(
+            f"{run}: recognize.method fastest looks at whole recordings and learns nothing to "
+            "follow by; expected a run with a trained model"
+        )
     given = config.recognize.model
     model = trained_model(run) if given is None else load_model(Path(given))
     segment = VmciOnlineConfig()

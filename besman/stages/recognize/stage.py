@@ -16,6 +16,7 @@ from besman.records import LabelledRecording, LabelledSegments, Segments
 from besman.records.files import digest
 from besman.records.layers import Side, hand_side, side_of
 from besman.stages.recognize.examples import find_candidates
+from besman.stages.recognize.fastest import FastestConfig
 from besman.stages.recognize.features import BODY_MARKERS, FEATURE_NAMES
 from besman.stages.recognize.figures import recognize_results
 from besman.stages.recognize.model import (
@@ -98,6 +99,11 @@ class _TrainedStage(Stage):
     def settings(self) -> dict[str, Any]:
         """Parameters of the classifier."""
         return {}
+
+    @property
+    def learns(self) -> bool:
+        """Whether it learns from labelled examples."""
+        return self.model is None
 
     @property
     def training(self) -> Training[RecognitionModel]:
@@ -363,7 +369,14 @@ def _default_method(value: Any) -> Any:
     return value
 
 
-RecognizeStage = Annotated[
+TrainedStage = Annotated[
     RecognizeMethod, Field(discriminator="method"), BeforeValidator(_default_method)
+]
+"""All methods that learn."""
+
+RecognizeStage = Annotated[
+    RecognizeMethod | FastestConfig,
+    Field(discriminator="method"),
+    BeforeValidator(_default_method),
 ]
 """All methods under one key: ``recognize: {method: ...}``."""
