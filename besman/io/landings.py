@@ -1,9 +1,10 @@
 """Landing files: where throws came down, measured beside the recordings.
 
-YAML or JSON: ``units``, ``landings`` (a recording's name to ``[x, y]`` or ``[x, y, z]``, or to a list
-of these, a throw each), and for places that are measured on a hoop or another plane ``origin_m``,
-``x_axis`` and ``y_axis`` of it in the recordings' frame. CSV: ``recording``, ``x_m``, ``y_m`` and maybe
-``z_m`` and ``throw``; the ending of the columns says the unit (``x_in``, ``x_ft``, ``x_mm``, ``x_cm``).
+YAML or JSON: ``units``, ``landings`` (a recording's name to ``[x, y]`` or ``[x, y, z]``, or to a
+list of these, a throw each), and for places that are measured on a hoop or another plane
+``origin_m``, ``x_axis`` and ``y_axis`` of it in the recordings' frame. CSV: ``recording``, ``x_m``,
+``y_m`` and maybe ``z_m`` and ``throw``; the ending of the columns says the unit (``x_in``,
+``x_ft``, ``x_mm``, ``x_cm``).
 """
 
 from __future__ import annotations

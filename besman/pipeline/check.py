@@ -21,8 +21,8 @@ from besman.stages.compose.stage import leave_out_actions
 from besman.stages.label.methods import LabelMethod
 from besman.stages.label.stage import NamingBase
 from besman.stages.read.read_inputs import Inputs, read_inputs
-from besman.stages.recognize.fastest import FastestConfig
 from besman.stages.recognize.model_files import load_model
+from besman.stages.recognize.one_throw import OneThrowConfig
 from besman.stages.refine.stage import check_tool, place_plan
 from besman.stages.select.flight import check_thrown
 
@@ -77,9 +77,9 @@ def _check_recordings(config: PipelineConfig) -> list[str]:
     if select.object is not None:
         lines += _check_object(select.object, expected)
     lines += _check_target(config, inputs)
-    if isinstance(config.recognize, FastestConfig):
+    if isinstance(config.recognize, OneThrowConfig):
         label = config.recognize.label
-        return [*lines, f"recognition: the fastest movement of each recording is a {label}"]
+        return [*lines, f"recognition: one {label} in each recording"]
     if needs_no_examples(config):
         lines.append(_check_model(config))
         return lines
@@ -180,7 +180,7 @@ def _check_model(config: PipelineConfig) -> str:
 
 def _check_examples(config: PipelineConfig, inputs: Inputs) -> str:
     """Count the labelled examples."""
-    assert not isinstance(config.recognize, FastestConfig)
+    assert not isinstance(config.recognize, OneThrowConfig)
     counts: dict[str, int] = {}
     truth, idle_s = inputs.truth, config.recognize.idle_s
     if config.select.label is not None:

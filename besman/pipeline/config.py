@@ -20,7 +20,7 @@ from besman.stages.label.methods import DefaultLabelConfig, LabelStage
 from besman.stages.label.stage import NamingBase
 from besman.stages.map.stage import MapConfig
 from besman.stages.read.config import ReadConfig
-from besman.stages.recognize.fastest import FastestConfig
+from besman.stages.recognize.one_throw import OneThrowConfig
 from besman.stages.recognize.stage import RecognizeConfig, RecognizeStage
 from besman.stages.refine.methods import RefineStage
 from besman.stages.refine.stage import CmaEsConfig
@@ -120,13 +120,13 @@ class PipelineConfig(Config):
         return self
 
     @model_validator(mode="after")
-    def _check_fastest(self) -> PipelineConfig:
+    def _check_one_throw(self) -> PipelineConfig:
         """Refuse what the method without examples cannot give."""
-        if not isinstance(self.recognize, FastestConfig):
+        if not isinstance(self.recognize, OneThrowConfig):
             return self
         if self.compose is not None:
             raise ValueError(
-                "recognize.method: fastest names single movements; compose needs a method that "
+                "recognize.method: one_throw names single movements; compose needs a method that "
                 "learns from labelled examples"
             )
         label, known = self.select.label, self.recognize.labels
@@ -182,7 +182,7 @@ def pipeline_yaml(config: PipelineConfig) -> str:
 
 
 def needs_no_examples(config: PipelineConfig) -> bool:
-    """Tell whether nothing is learnt: a trained model is given, or the fastest movement taken."""
+    """Tell whether nothing is learnt: a trained model is given, or none is needed."""
     return not config.recognize.learns and config.compose is None
 
 

@@ -26,9 +26,9 @@ from besman.stages.compose.actions import LevelModel
 from besman.stages.compose.stage import leave_out_actions, pick_level
 from besman.stages.map.stage import MapBothArms
 from besman.stages.read.read_inputs import Inputs, read_inputs
-from besman.stages.recognize.fastest import FastestConfig
 from besman.stages.recognize.model import RecognitionModel
 from besman.stages.recognize.model_files import load_model
+from besman.stages.recognize.one_throw import OneThrowConfig
 from besman.stages.recognize.stage import RecognizeMethod
 from besman.work.display import Display
 from besman.work.outcome import describe_error
@@ -134,7 +134,7 @@ def _run_stages(config: PipelineConfig, run: Run, inputs: Inputs, trained_in: Pa
     labelled = run.step("label", config.label, inputs.recordings, markers, inputs.teacher)
     segments = run.step("segment", config.segment, labelled)
     examples = _find_examples(config, run, inputs, labelled, trained_in)
-    if isinstance(config.recognize, FastestConfig):
+    if isinstance(config.recognize, OneThrowConfig):
         found = run.step("recognize", config.recognize, labelled, segments)
     else:
         model = _learn_blocks(config, config.recognize, run, examples, trained_in)

@@ -1,8 +1,8 @@
 """A simulated person's free throws with a basketball, as keypoints of a markerless system.
 
 The files have the layout of the SPL open data (basketball/freethrow): a JSON file for each throw,
-27 keypoints and the ball for each frame, feet, milliseconds, ``NaN`` where the ball is not seen. The
-person bounces the ball, takes it up and throws it; the cameras lose it shortly after.
+27 keypoints and the ball for each frame, feet, milliseconds, ``NaN`` where the ball is not seen.
+The person bounces the ball, takes it up and throws it; the cameras lose it shortly after.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ _NOISE_M = 0.004
 _HOLD, _DIP, _SET = np.array([[0.36, 0.0, -0.38], [0.38, 0.0, -0.45], [0.24, -0.06, 0.22]])
 _RELEASE = np.array([0.34, -0.08, 0.56])
 # Beginning of: bouncing, holding, dip, rise; and the release, seconds.
-_TIMES_S = (0.5, 1.5, 2.2, 2.6, 3.2)
+_TIMES_S = (0.5, 1.5, 2.2, 2.55, 3.2)
 _DURATION_S = 4.6
-_SEEN_S = 0.27  # the ball is in the cameras' view after it was let go
+_SEEN_S = 0.33  # the ball is in the cameras' view after it was let go
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +59,9 @@ class FreeThrow:
         drop = self.release_m[2] - height_m
         flight = (rise + np.sqrt(rise**2 + 2 * GRAVITY * drop)) / GRAVITY
         down = [0.0, 0.0, GRAVITY / 2]
-        landed: FloatArray = self.release_m + flight * self.velocity_m_s - flight**2 * np.array(down)
+        landed: FloatArray = (
+            self.release_m + flight * self.velocity_m_s - flight**2 * np.array(down)
+        )
         return landed
 
 
@@ -127,7 +129,9 @@ def _velocity_to(place: FloatArray, start: FloatArray, angle_rad: float) -> Floa
     return np.array([*(across * way[:2] / far), across * np.tan(angle_rad)])
 
 
-def _path(times: npt.ArrayLike, places: FloatArray, speeds: FloatArray, at: FloatArray) -> FloatArray:
+def _path(
+    times: npt.ArrayLike, places: FloatArray, speeds: FloatArray, at: FloatArray
+) -> FloatArray:
     """Move smoothly through places with given velocities, at rest before and after."""
     from scipy.interpolate import BPoly
 
@@ -152,8 +156,8 @@ def _held(time: FloatArray, times: FloatArray, velocity: FloatArray) -> FloatArr
     speeds = np.zeros_like(places)
     speeds[3] = [0.1, 0.0, 1.2]
     # The fingers give the ball the rest of its speed.
-    speeds[4] = 0.5 * velocity - [0.0, 0.0, 0.3]
-    at = [times[1], times[2], times[3], ready, times[4], times[4] + 0.25, times[4] + 1.1]
+    speeds[4] = 0.35 * velocity - [0.0, 0.0, 0.2]
+    at = [times[1], times[2], times[3], ready, times[4], times[4] + 0.35, times[4] + 0.95]
     return _path(at, places, speeds, time)
 
 
@@ -161,7 +165,7 @@ def _ball(
     time: FloatArray, times: FloatArray, held: FloatArray, start: FloatArray, velocity: FloatArray
 ) -> FloatArray:
     """Return the ball's centre, (T, 3): bounced twice, held, thrown."""
-    ball = held + [0.03, 0.0, 0.06]
+    ball = held + np.array([0.03, 0.0, 0.06])
     bouncing = (time > times[0]) & (time < times[1])
     phase = 2 * (time[bouncing] - times[0]) / (times[1] - times[0]) % 1.0
     top = ball[bouncing, 2] - 0.1
@@ -183,8 +187,9 @@ def _body(
     for name, place in (("EYE", [0.09, 0.03, 0.22]), ("EAR", [0.0, 0.07, 0.21])):
         points[f"L_{name}"] = body + place
         points[f"R_{name}"] = body + np.array(place) * [1, -1, 1]
-    points["NOSE"] = body + [0.12, 0.0, 0.18]
-    dribble = 0.13 * np.sin(2 * np.pi * np.clip((time - times[0]) / (times[1] - times[0]), 0, 1)) ** 2
+    points["NOSE"] = body + np.array([0.12, 0.0, 0.18])
+    bounced = np.clip((time - times[0]) / (times[1] - times[0]), 0, 1)
+    dribble = 0.25 * np.sin(2 * np.pi * bounced) ** 2
     leaves = 1 / (1 + np.exp(-(time - times[4] + 0.02) / 0.03))
     for side, sign in (("L", 1.0), ("R", -1.0)):
         shoulder = body + np.array([0.0, 0.19, 0.0]) * [1, sign, 1]

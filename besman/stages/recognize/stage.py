@@ -16,7 +16,6 @@ from besman.records import LabelledRecording, LabelledSegments, Segments
 from besman.records.files import digest
 from besman.records.layers import Side, hand_side, side_of
 from besman.stages.recognize.examples import find_candidates
-from besman.stages.recognize.fastest import FastestConfig
 from besman.stages.recognize.features import BODY_MARKERS, FEATURE_NAMES
 from besman.stages.recognize.figures import recognize_results
 from besman.stages.recognize.model import (
@@ -26,6 +25,7 @@ from besman.stages.recognize.model import (
     fit_model,
 )
 from besman.stages.recognize.naming import name_recordings
+from besman.stages.recognize.one_throw import OneThrowConfig
 
 
 class _TrainedStage(Stage):
@@ -375,7 +375,7 @@ TrainedStage = Annotated[
 """All methods that learn."""
 
 RecognizeStage = Annotated[
-    RecognizeMethod | FastestConfig,
+    RecognizeMethod | OneThrowConfig,
     Field(discriminator="method"),
     BeforeValidator(_default_method),
 ]

@@ -1,8 +1,8 @@
 """How the hand pushed what it throws, in place of how it was turned.
 
-Two keypoints on a hand tell badly how it is turned, and fingers hold a ball where a scoop would drop
-it. What lies in a scoop stays there while the scoop opens along the push: the hand's acceleration,
-and gravity borne.
+Two keypoints on a hand tell badly how it is turned, and fingers hold a ball where a scoop would
+drop it. What lies in a scoop stays there while the scoop opens along the push: the hand's
+acceleration, and gravity borne.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def turn_palm_to_push(hand: HandPath, forward: FloatArray, time: FloatArray) -> 
         Hand to laboratory: x towards the fingers, z out of the back of the hand.
     """
     velocities = hand.velocities
-    push = np.gradient(velocities, hand.time, axis=0) + [0.0, 0.0, GRAVITY]
+    push = np.gradient(velocities, hand.time, axis=0) + np.array([0.0, 0.0, GRAVITY])
     push[hand.release :] = push[hand.release]
     push = np.stack([np.interp(time, hand.time, one) for one in push.T], axis=1)
     ahead = velocities[hand.release] * [1.0, 1.0, 0.0]

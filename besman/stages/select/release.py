@@ -11,16 +11,18 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from besman.person.release import find_release, hand_energy
 from besman.records import LabelledRecording
 from besman.stages.select.flight import GRAVITY
 
 FloatArray = npt.NDArray[np.float64]
 
 _NO_PLACE = np.full(3, np.nan)
-# The object leaves the hand about when the hand is fastest, and is then farther from it.
+# The object leaves the hand about then, and is farther from it afterwards.
 _AROUND_RELEASE_S = 0.2
 _AWAY_M = 0.10
-_LEAST_SIGHTINGS = 3
+_LEAST_SIGHTINGS = 4
+_MOST_EDGES = 30
 _LEAST_WAY_M = 0.3
 _LONGEST_GAP_S = 0.11
 _LONGEST_FLIGHT_S = 1.0
@@ -54,9 +56,10 @@ class HandPath:
 
     @property
     def release(self) -> int:
-        """Sample of the throw at which the hand is fastest."""
-        speeds = np.linalg.norm(self.velocities[self.throw], axis=1)
-        return (self.throw.start or 0) + int(np.argmax(speeds))
+        """Sample of the throw at which the hand lets go."""
+        speeds = np.linalg.norm(self.velocities, axis=1)
+        energy = hand_energy(self.positions[:, 2], speeds)[self.throw]
+        return int(self.throw.start) + (find_release(energy) or 0)
 
 
 def fall_to(place: FloatArray, velocity: FloatArray, height_m: float) -> FloatArray:
@@ -88,7 +91,7 @@ def fall_to(place: FloatArray, velocity: FloatArray, height_m: float) -> FloatAr
 
 
 def landing_of_release(hand: HandPath, height_m: float = 0.0) -> FloatArray:
-    """Return where something comes down that leaves the hand when, and as fast as, it is fastest.
+    """Return where something comes down that flies on as the hand moves at the release.
 
     Parameters
     ----------
@@ -122,19 +125,54 @@ def landing_of_flight(
     Returns
     -------
     array, shape (3,)
-        Metres in the laboratory frame; NaN if fewer than three sightings on 0.3 m lie on a
+        Metres in the laboratory frame; NaN if no four sightings on 0.3 m lie on a
         parabola, or it does not reach the height.
     """
     time, path = _sightings(recording, marker, hand)
-    while len(time) >= _LEAST_SIGHTINGS:
-        if np.linalg.norm(path[-1] - path[0]) < _LEAST_WAY_M:
+    # The longest stretch on a parabola, the latest of equals: beside the hand the object is still
+    # pushed, and at last it may have bounced or been caught.
+    edges = np.unique(np.linspace(0, len(time), min(len(time), _MOST_EDGES) + 1).astype(int))
+    stretches = sorted(
+        ((stop - start, start, stop) for start in edges for stop in edges), reverse=True
+    )
+    for length, start, stop in stretches:
+        if length < _LEAST_SIGHTINGS:
             break
-        start, velocity, residual = _fit_parabola(time, path)
+        seen = path[start:stop]
+        if np.linalg.norm(seen[-1] - seen[0]) < _LEAST_WAY_M:
+            continue
+        place, velocity, residual = _fit_parabola(time[start:stop], seen)
         if residual <= _GREATEST_RESIDUAL_M:
-            return fall_to(start, velocity, height_m)
-        # What comes later may have bounced or been caught.
-        time, path = time[:-1], path[:-1]
+            return fall_to(place, velocity, height_m)
     return _NO_PLACE.copy()
+
+
+def left_hand(recording: LabelledRecording, marker: str, hand: HandPath) -> npt.NDArray[np.bool_]:
+    """Tell in which rows the thrown object has left the hand.
+
+    Parameters
+    ----------
+    recording : LabelledRecording
+    marker : str
+        The object's marker.
+    hand : HandPath
+
+    Returns
+    -------
+    bool array, shape (T,)
+        True from when it is 10 cm farther away than it is at its nearest about the release.
+    """
+    time, path = recording.time, recording.marker(marker)
+    at = np.stack([np.interp(time, hand.time, one) for one in hand.positions.T], axis=1)
+    away = np.linalg.norm(path - at, axis=1)
+    near = np.abs(time - hand.time[hand.release]) <= _AROUND_RELEASE_S
+    near &= np.isfinite(away)
+    if not near.any():
+        return np.zeros(len(time), dtype=np.bool_)
+    held = int(np.argmin(np.where(near, away, np.inf)))
+    # NaN, where it is not seen, compares false.
+    gone: npt.NDArray[np.bool_] = (away > away[held] + _AWAY_M) & (np.arange(len(away)) > held)
+    return gone
 
 
 def _sightings(
@@ -149,13 +187,7 @@ def _sightings(
     time, path = recording.time[low:high], recording.positions[low:high, column]
     seen = np.isfinite(path).all(axis=1) & ~recording.filled[low:high, column]
     time, path = time[seen], path[seen]
-    at = np.stack([np.interp(time, hand.time, one) for one in hand.positions.T], axis=1)
-    away = np.linalg.norm(path - at, axis=1)
-    near = time <= released + _AROUND_RELEASE_S
-    if not near.any():
-        return time[:0], path[:0]
-    held = int(np.argmin(np.where(near, away, np.inf)))
-    gone = np.flatnonzero((away > away[held] + _AWAY_M) & (np.arange(len(away)) > held))
+    gone = np.flatnonzero(left_hand(recording, marker, hand)[low:high][seen])
     if not len(gone):
         return time[:0], path[:0]
     time, path = time[gone[0] :], path[gone[0] :]

@@ -10,7 +10,12 @@ import numpy.typing as npt
 
 from besman.records import LabelledRecording
 from besman.stages.select.flight import check_thrown, object_touchdown
-from besman.stages.select.release import HandPath, landing_of_flight, landing_of_release
+from besman.stages.select.release import (
+    HandPath,
+    landing_of_flight,
+    landing_of_release,
+    left_hand,
+)
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -95,5 +100,7 @@ def _look(
         return landing_of_release(hand, aim.height_m)
     assert aim.object is not None
     if source == "object":
-        return object_touchdown(recording, bounds, aim.object)
+        return object_touchdown(
+            recording, bounds, aim.object, left_hand(recording, aim.object, hand)
+        )
     return landing_of_flight(recording, aim.object, hand, aim.height_m)

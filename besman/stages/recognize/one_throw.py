@@ -1,4 +1,4 @@
-"""Recognition without examples: the fastest movement of each recording has a name, no other has."""
+"""Recognition without examples: the throw of each recording has a name, no other movement has."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy.typing as npt
 from besman.config.stage import Items, Stage, Truth, Work
 from besman.exceptions import RecognitionError
 from besman.person.body import find_body
+from besman.person.release import find_release, hand_energy
 from besman.records import LabelledRecording, LabelledSegments, Segments
 from besman.records.layers import Side
 
@@ -20,10 +21,11 @@ OTHER = "other"
 _WINDOW_S = 0.1
 
 
-class FastestConfig(Stage):
-    """Name the movement in which the hand is fastest, once in each recording.
+class OneThrowConfig(Stage):
+    """Name the movement in which the hand throws, once in each recording.
 
-    For recordings of one throw, which needs no examples then.
+    For recordings of one throw each, which need no examples then: what the hand holds would fly
+    highest in it, by the height and the speed of the hand; see `besman.person.release`.
 
     Attributes
     ----------
@@ -36,7 +38,7 @@ class FastestConfig(Stage):
     model: ClassVar[None] = None
     learns: ClassVar[bool] = False
 
-    method: Literal["fastest"] = "fastest"
+    method: Literal["one_throw"] = "one_throw"
     label: str = "throw"
     arm: Side = "right"
 
@@ -101,21 +103,22 @@ class FastestConfig(Stage):
                 f"{recording.source}: the {self.arm} arm is not complete; got "
                 f"{', '.join(recording.markers)}"
             )
-        speeds = hand_speed(recording.marker(arm.hand), recording.rate_hz)
-        peaks = [float(speeds[start:stop].max(initial=-1.0)) for start, stop in found.bounds]
-        if not peaks or max(peaks) < 0.0:
+        path = recording.marker(arm.hand)
+        speeds = _hand_speeds(path, recording.rate_hz)
+        row = find_release(hand_energy(path[:, 2], speeds))
+        inside = [row is not None and start <= row < stop for start, stop in found.bounds]
+        if not any(inside):
             raise RecognitionError(
-                f"{recording.source}: {arm.hand} is seen moving in none of {len(peaks)} segments; "
-                "expected a throw"
+                f"{recording.source}: {arm.hand} is seen to throw in none of "
+                f"{len(inside)} segments; expected one"
             )
-        labels = [OTHER] * len(peaks)
-        labels[int(np.argmax(peaks))] = self.label
+        labels = [self.label if thrown else OTHER for thrown in inside]
         none = np.zeros(len(labels))
         place = (found.rate_hz, found.source, found.first_frame)
         return LabelledSegments(found.bounds, tuple(labels), none, *place)
 
 
-def hand_speed(path: FloatArray, rate_hz: float) -> FloatArray:
+def _hand_speeds(path: FloatArray, rate_hz: float) -> FloatArray:
     """Return how fast a hand moves, told over a tenth of a second.
 
     Parameters
@@ -127,12 +130,12 @@ def hand_speed(path: FloatArray, rate_hz: float) -> FloatArray:
     Returns
     -------
     array, shape (T,)
-        Metres per second; -1 where it cannot be told.
+        Metres per second; NaN where it cannot be told.
     """
     from scipy.ndimage import median_filter
 
     half = max(1, round(_WINDOW_S / 2 * rate_hz))
-    speeds = np.full(len(path), -1.0)
+    speeds = np.full(len(path), np.nan)
     if len(path) <= 2 * half:
         return speeds
     seen = np.isfinite(path).all(axis=1)
@@ -143,5 +146,5 @@ def hand_speed(path: FloatArray, rate_hz: float) -> FloatArray:
     steady = median_filter(whole, size=(2 * (half // 2) + 3, 1), mode="nearest")
     steady[~seen] = np.nan
     way = np.linalg.norm(steady[2 * half :] - steady[: -2 * half], axis=1)
-    speeds[half:-half] = np.where(np.isfinite(way), way * rate_hz / (2 * half), -1.0)
+    speeds[half:-half] = way * rate_hz / (2 * half)
     return speeds
