@@ -14,6 +14,7 @@ from besman.records import Axis
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
+IntArray = npt.NDArray[np.int64]
 
 CLEAR = 0.9
 """Confidence from which what was found counts more than what is usual."""
@@ -31,7 +32,7 @@ _PARTS = (
 )
 # Parts that a direction is taken between, the farthest apart first; elbows hang below shoulders.
 _PAIRS = ((0, 4), (1, 4), (0, 3), (1, 3), (3, 4), (0, 1), (1, 2))
-_FRAMES = 2000
+_FRAMES = 300
 _STEADY = 0.75  # mean of the direction from low to high parts, of 1
 _STEADY_ARM = 0.65
 _ASIDE = 0.5  # its greatest part across
@@ -206,21 +207,48 @@ def _find_by_gravity(positions: FloatArray, rate_hz: float) -> Axis | None:
     design = np.stack([np.ones(len(steps)), steps, steps.astype(float) ** 2], axis=1)
     hat = design @ np.linalg.pinv(design)
     weights = 2.0 * np.linalg.pinv(design)[2] * rate_hz**2
-    found = []
-    for column in range(positions.shape[1]):
-        path = positions[:, column]
-        pulls = np.stack([np.convolve(one, weights[::-1], "valid") for one in path.T], axis=1)
+
+    def fall(middles: IntArray, columns: IntArray) -> tuple[BoolArray, FloatArray]:
+        windows = positions[middles[:, None] + steps, columns[:, None]]
+        pulls = np.einsum("kwd,w->kd", windows, weights)
         size = np.linalg.norm(pulls, axis=1)
         falls = (size > _GRAVITY_M_S2[0]) & (size < _GRAVITY_M_S2[1])
-        rows = np.flatnonzero(falls)
-        windows = path[rows[:, None] + np.arange(len(steps))]
-        errors = windows - hat @ windows
-        falls[rows] = np.abs(errors).max(axis=(1, 2), initial=0.0) < _STRAIGHT_M
-        for start, end in find_runs(falls):
-            if end - start >= max(2, round(_FLIGHT_S * rate_hz)):
+        errors = windows[falls] - hat @ windows[falls]
+        falls[falls] = np.abs(errors).max(axis=(1, 2), initial=0.0) < _STRAIGHT_M
+        return falls, pulls
+
+    found = []
+    shortest = max(2, round(_FLIGHT_S * rate_hz))
+    middles, columns = _may_fall(positions, half, shortest, rate_hz)
+    hits, _ = fall(middles, columns)
+    around = np.arange(-shortest, shortest + 1)
+    for column in np.unique(columns[hits]):
+        rows = np.unique(middles[hits & (columns == column)][:, None] + around)
+        rows = rows[(rows >= half) & (rows < len(positions) - half)]
+        falling, pulls = np.zeros(len(positions), dtype=np.bool_), np.empty((len(positions), 3))
+        falling[rows], pulls[rows] = fall(rows, np.full(len(rows), column))
+        for start, end in find_runs(falling):
+            if end - start >= shortest:
                 found.append(pulls[start:end].mean(axis=0))
     if not found:
         return None
     # Several things may fly; all of them fall the same way.
     directions = np.array(found) / np.linalg.norm(found, axis=1)[:, None]
     return _name_axis(-directions.mean(axis=0), _PLUMB, 1.0)
+
+
+def _may_fall(
+    positions: FloatArray, half: int, shortest: int, rate_hz: float
+) -> tuple[IntArray, IntArray]:
+    """Return samples and trajectories (K,) where one may fall, at least one of every flight.
+
+    Three samples, `half` apart, are as far off a line as in a flight: in each coordinate each is
+    within `_STRAIGHT_M` of the parabola.
+    """
+    middles = np.arange(half, len(positions) - half, shortest)
+    around = positions[middles - half] + positions[middles + half]
+    pulls = np.linalg.norm(around - 2.0 * positions[middles], axis=2) * (rate_hz / half) ** 2
+    slack = 4.0 * np.sqrt(3.0) * _STRAIGHT_M * (rate_hz / half) ** 2
+    may = (pulls > _GRAVITY_M_S2[0] - slack) & (pulls < _GRAVITY_M_S2[1] + slack)
+    rows, columns = np.nonzero(may)
+    return middles[rows], columns

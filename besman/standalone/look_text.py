@@ -72,32 +72,13 @@ def find_next(look: Look, options: list[str]) -> list[str]:
     how = "".join(f" {shlex.quote(one)}" for one in options)
     stem = look.path.stem
     fit = look.best
-    if look.fault and not look.needed_gap_s and fit is not None and fit.is_complete:
+    if fit is not None and fit.is_complete:
+        if not look.fault or look.needed_gap_s:
+            return _use_set(look, fit, file, how)
         # It would stop a run: first look what is wrong.
         if "upright" in look.fault and "--up" not in options:
             return [f"besman look {file} --up {'y' if look.origin.up == 'z' else 'z'}{how}"]
         return [f"besman look {file} --plot {shlex.quote(f'{stem}.png')}{how}"]
-    if fit is not None and fit.is_complete:
-        name = fit.marker_set.name
-        settings = f" --set label.markers={name}" if name != "right_arm" else ""
-        if look.needed_gap_s:
-            longest = f"{look.needed_gap_s + 0.05:.1f}"
-            settings += f" --set label.longest_gap_s={longest}"
-        markers = f" --markers {name}" if name != "right_arm" else ""
-        label, recipe = _choose_label(look), "ur5_reach"
-        if label == _THROW_LABEL and "stick" in fit.found:
-            recipe = "ur5_stick_throw"
-        elif label != _REACH_LABEL:
-            settings += f" --set select.label={shlex.quote(label)}"
-        run = f"{recipe} --set recordings={file}{settings}{how}"
-        # A run learns to name blocks from some that a person has named.
-        annotate = [] if _has_segments(look.path) else [f"besman annotate {file}{markers}{how}"]
-        return [
-            f"besman segment {file}{markers}{how}",
-            *annotate,
-            f"besman check {run}",
-            f"besman run {run}",
-        ]
     unnamed = len(look.recording.names) - look.n_named
     commands = []
     if unnamed:
@@ -106,6 +87,30 @@ def find_next(look: Look, options: list[str]) -> list[str]:
         target = shlex.quote(f"{stem}_markers.yaml")
         commands.append(f"besman markers new {file} --out {target}{how}")
     return commands
+
+
+def _use_set(look: Look, fit: SetFit, file: str, how: str) -> list[str]:
+    """Return commands that take the markers of a set that is complete."""
+    name = fit.marker_set.name
+    settings = f" --set label.markers={name}" if name != "right_arm" else ""
+    if look.needed_gap_s:
+        longest = f"{look.needed_gap_s + 0.05:.1f}"
+        settings += f" --set label.longest_gap_s={longest}"
+    markers = f" --markers {name}" if name != "right_arm" else ""
+    label, recipe = _choose_label(look), "ur5_reach"
+    if label == _THROW_LABEL and "stick" in fit.found:
+        recipe = "ur5_stick_throw"
+    elif label != _REACH_LABEL:
+        settings += f" --set select.label={shlex.quote(label)}"
+    run = f"{recipe} --set recordings={file}{settings}{how}"
+    # A run learns to name blocks from some that a person has named.
+    annotate = [] if _has_segments(look.path) else [f"besman annotate {file}{markers}{how}"]
+    return [
+        f"besman segment {file}{markers}{how}",
+        *annotate,
+        f"besman check {run}",
+        f"besman run {run}",
+    ]
 
 
 def _choose_label(look: Look) -> str:
