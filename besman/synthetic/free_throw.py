@@ -165,7 +165,7 @@ def _ball(
     time: FloatArray, times: FloatArray, held: FloatArray, start: FloatArray, velocity: FloatArray
 ) -> FloatArray:
     """Return the ball's centre, (T, 3): bounced twice, held, thrown."""
-    ball = held + np.array([0.03, 0.0, 0.06])
+    ball: FloatArray = held + np.array([0.03, 0.0, 0.06])
     bouncing = (time > times[0]) & (time < times[1])
     phase = 2 * (time[bouncing] - times[0]) / (times[1] - times[0]) % 1.0
     top = ball[bouncing, 2] - 0.1

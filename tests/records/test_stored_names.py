@@ -12,7 +12,7 @@ from besman.records import files as record_files
 from besman.records.files import load_record, save_record
 
 # Kinds of record that there were not then.
-SINCE = {"besman.records:Origin"}
+SINCE = {"besman.records:Landing", "besman.records:Origin"}
 WRITTEN = sorted((Path(__file__).parent / "written_by_58ea6d7").glob("*.npz"))
 
 

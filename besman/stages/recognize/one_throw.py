@@ -103,9 +103,7 @@ class OneThrowConfig(Stage):
                 f"{recording.source}: the {self.arm} arm is not complete; got "
                 f"{', '.join(recording.markers)}"
             )
-        path = recording.marker(arm.hand)
-        speeds = _hand_speeds(path, recording.rate_hz)
-        row = find_release(hand_energy(path[:, 2], speeds))
+        row = find_release(_throwing_energy(recording.marker(arm.hand), recording.rate_hz))
         inside = [row is not None and start <= row < stop for start, stop in found.bounds]
         if not any(inside):
             raise RecognitionError(
@@ -118,33 +116,19 @@ class OneThrowConfig(Stage):
         return LabelledSegments(found.bounds, tuple(labels), none, *place)
 
 
-def _hand_speeds(path: FloatArray, rate_hz: float) -> FloatArray:
-    """Return how fast a hand moves, told over a tenth of a second.
-
-    Parameters
-    ----------
-    path : array, shape (T, 3)
-        Metres; NaN where not seen.
-    rate_hz : float
-
-    Returns
-    -------
-    array, shape (T,)
-        Metres per second; NaN where it cannot be told.
-    """
+def _throwing_energy(path: FloatArray, rate_hz: float) -> FloatArray:
+    """Return a hand's energy as of `hand_energy`, (T,), of its path (T, 3); NaN where unknown."""
     from scipy.ndimage import median_filter
 
     half = max(1, round(_WINDOW_S / 2 * rate_hz))
-    speeds = np.full(len(path), np.nan)
-    if len(path) <= 2 * half:
-        return speeds
+    energy = np.full(len(path), np.nan)
     seen = np.isfinite(path).all(axis=1)
-    if not seen.any():
-        return speeds
+    if len(path) <= 2 * half or not seen.any():
+        return energy
     rows = np.arange(len(path))
     whole = np.stack([np.interp(rows, rows[seen], one[seen]) for one in path.T], axis=1)
     steady = median_filter(whole, size=(2 * (half // 2) + 3, 1), mode="nearest")
     steady[~seen] = np.nan
     way = np.linalg.norm(steady[2 * half :] - steady[: -2 * half], axis=1)
-    speeds[half:-half] = way * rate_hz / (2 * half)
-    return speeds
+    energy[half:-half] = hand_energy(steady[half:-half, 2], way * rate_hz / (2 * half))
+    return energy

@@ -16,6 +16,7 @@ from besman.stages.select.release import HandPath
 FloatArray = npt.NDArray[np.float64]
 
 _LEAST_SPEED_M_S = 0.1
+_LEAST_BORNE = 0.5
 
 
 def turn_palm_to_push(hand: HandPath, forward: FloatArray, time: FloatArray) -> FloatArray:
@@ -39,6 +40,8 @@ def turn_palm_to_push(hand: HandPath, forward: FloatArray, time: FloatArray) -> 
     """
     velocities = hand.velocities
     push = np.gradient(velocities, hand.time, axis=0) + np.array([0.0, 0.0, GRAVITY])
+    # What slows down faster than it falls would leave the hand: an arm, slower, bears it on.
+    push[:, 2] = np.maximum(push[:, 2], _LEAST_BORNE * GRAVITY)
     push[hand.release :] = push[hand.release]
     push = np.stack([np.interp(time, hand.time, one) for one in push.T], axis=1)
     ahead = velocities[hand.release] * [1.0, 1.0, 0.0]

@@ -23,6 +23,8 @@ _AROUND_RELEASE_S = 0.2
 _AWAY_M = 0.10
 _LEAST_SIGHTINGS = 4
 _MOST_EDGES = 30
+# A ball that was caught is carried along what may pass for a parabola too.
+_LATEST_START_S = 0.15
 _LEAST_WAY_M = 0.3
 _LONGEST_GAP_S = 0.11
 _LONGEST_FLIGHT_S = 1.0
@@ -132,8 +134,9 @@ def landing_of_flight(
     # The longest stretch on a parabola, the latest of equals: beside the hand the object is still
     # pushed, and at last it may have bounced or been caught.
     edges = np.unique(np.linspace(0, len(time), min(len(time), _MOST_EDGES) + 1).astype(int))
+    early = [start for start in edges[:-1] if time[start] - time[0] <= _LATEST_START_S]
     stretches = sorted(
-        ((stop - start, start, stop) for start in edges for stop in edges), reverse=True
+        ((stop - start, start, stop) for start in early for stop in edges), reverse=True
     )
     for length, start, stop in stretches:
         if length < _LEAST_SIGHTINGS:

@@ -50,7 +50,7 @@ class Aim:
 
 def find_target(
     recording: LabelledRecording, bounds: tuple[int, int], hand: HandPath, aim: Aim
-) -> tuple[FloatArray, str]:
+) -> tuple[FloatArray, TargetSource | None]:
     """Find the target of one throw.
 
     Parameters
@@ -66,8 +66,8 @@ def find_target(
     target : array, shape (3,)
         On the floor (z = 0) below where the object came down, metres in the laboratory frame; NaN
         if no source tells it.
-    source : str
-        Which one told it; empty if none did.
+    source : str or None
+        Which one told it; None if none did.
 
     Raises
     ------
@@ -83,7 +83,7 @@ def find_target(
             target = np.zeros(3)
             target[:2] = start[:2] + aim.scale * (place - start)[:2]
             return target, source
-    return np.full(3, np.nan), ""
+    return np.full(3, np.nan), None
 
 
 def _look(
