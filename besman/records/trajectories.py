@@ -14,6 +14,7 @@ class HandTrajectory(
     Record,
     stored_as="besman.records:HandTrajectory",
     finite=("time", "poses"),
+    later=("target_by",),
 ):
     """The hand of one selected demonstration.
 
