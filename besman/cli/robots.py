@@ -44,16 +44,39 @@ def _show_robot(name: Annotated[str, typer.Argument(help="A robot.")]) -> None:
 
 @robots.command("add")
 def _add_robot(
-    urdf: Annotated[Path, typer.Argument(help="URDF of your arm.")],
-    tip: Annotated[str, typer.Option(help="Link that tools are mounted on.")],
+    urdf: Annotated[Path, typer.Argument(help="URDF or MJCF of your arm.")],
+    tip: Annotated[
+        str | None, typer.Option(help="Link that tools are mounted on; default the last one.")
+    ] = None,
     name: Annotated[str | None, typer.Option(help="Name; default the URDF's.")] = None,
     out: Annotated[Path | None, typer.Option(help="Folder; default beside the URDF.")] = None,
+    package: Annotated[
+        list[str] | None, typer.Option(help="NAME=FOLDER of package://NAME; repeatable.")
+    ] = None,
+    velocity: Annotated[
+        str | None, typer.Option(help="Degrees/s where none is given: one, or one a joint, by ','.")
+    ] = None,
+    torque: Annotated[
+        str | None, typer.Option(help="Nm where none is given: one, or one a joint, by ','.")
+    ] = None,
 ) -> None:
-    """Write a robot.yaml for your own arm, and say what to look at in it."""
+    """Write NAME.yaml for your own arm, and say what to look at in it."""
+    from besman.cli.progress_bars import stage_display
     from besman.cli.terminal import open_terminal
+    from besman.robot.files.mesh_folders import parse_packages
     from besman.robot.new_robot import add_robot
 
-    path = add_robot(urdf, tip, name, out)
+    with stage_display() as show:
+        path = add_robot(
+            urdf,
+            tip,
+            name,
+            out,
+            packages=parse_packages(package or []),
+            velocity=velocity,
+            torque=torque,
+            show=show,
+        )
     open_terminal().print(f"wrote {path}", soft_wrap=True)
     _print_doubts(str(path))
 

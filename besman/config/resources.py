@@ -14,7 +14,7 @@ def resource_folder(kind: str) -> Path:
     Parameters
     ----------
     kind : str
-        ``robots``, ``pipelines``, ``configs`` or ``data``.
+        ``robots``, ``tools``, ``pipelines``, ``configs`` or ``data``.
 
     Returns
     -------
@@ -59,3 +59,17 @@ def find_resource(kind: str, name: str, suffix: str = ".yaml") -> Path:
     raise ConfigError(
         f"{kind}: no file and no resource named {name!r:.200}; {nearest(name, names)}"
     )
+
+
+def robot_title(name_or_path: str) -> str:
+    """Return what a robot is called in tables and folders, without reading it.
+
+    Parameters
+    ----------
+    name_or_path : str
+        A robot's name, or the path of its file: ``NAME.yaml``, or ``robot.yaml`` in its own folder.
+    """
+    path = Path(name_or_path)
+    if path.suffix not in (".yaml", ".yml"):
+        return name_or_path
+    return path.parent.name if path.stem == "robot" and path.parent.name else path.stem

@@ -28,6 +28,7 @@ from besman.robot.config import RobotConfig
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.limits import check_limits, resample_trajectory
 from besman.robot.model import Robot, find_robot, load_robot
+from besman.robot.tool_shelf import tools_of
 from besman.stages.map.mapping import Mapping
 from besman.stages.map.stage import MapConfig
 from besman.work.outcome import Notes
@@ -149,7 +150,7 @@ def evaluate_mapping(
 
 def _load(name: str, tool: str) -> Robot:
     """Load a robot with a tool, or with its own where it has no such tool."""
-    tools = load_config(find_robot(name), RobotConfig).tools
+    tools = tools_of(load_config(find_robot(name), RobotConfig))
     return load_robot(name, tool if tool in tools else None)
 
 

@@ -72,6 +72,12 @@ _BY_ELEMENT: dict[str, list[UrdfRange]] = {}
 for _one in RANGES:
     _BY_ELEMENT.setdefault(_one.element, []).append(_one)
 
+# Of elements, and of attributes in front of their values.
+_PREFIXED = re.compile(r"""<([A-Za-z_][\w.-]*):|\s([A-Za-z_][\w.-]*):[\w.-]+\s*=\s*["']""")
+_DECLARED = re.compile(r"""\sxmlns:([A-Za-z_][\w.-]*)\s*=""")
+_ROOT = re.compile(r"<robot(?=[\s>])")
+_MOST_PREFIXES = 20
+
 # Nothing is declared: no recording or arm needs it.
 _DECLARATION = re.compile(r"<!\s*(DOCTYPE|ENTITY)", re.IGNORECASE)
 
@@ -122,6 +128,7 @@ def parse_urdf(text: str) -> ElementTree.Element:
         raise UrdfTextError(f"expected a URDF of at most {MOST_CHARACTERS // 10**6} MB")
     if _DECLARATION.search(text):
         raise UrdfTextError("document types and entities are not allowed in a URDF")
+    text = _declare_prefixes(text)
     try:
         # Entities are refused above.
         parser = ElementTree.XMLParser(target=_Builder())  # noqa: S314
@@ -139,6 +146,17 @@ def parse_urdf(text: str) -> ElementTree.Element:
     _check_tree(tree)
     _check_numbers(tree, "")
     return tree
+
+
+def _declare_prefixes(text: str) -> str:
+    """Declare the prefixes that nothing declares, as files that xacro wrote leave behind."""
+    used = {name for pair in _PREFIXED.findall(text) for name in pair if name}
+    missing = sorted(used - {"xmlns", "xml"} - set(_DECLARED.findall(text)))
+    root = _ROOT.search(text)
+    if not missing or root is None or len(missing) > _MOST_PREFIXES:
+        return text
+    named = "".join(f' xmlns:{name}="urn:undeclared:{name}"' for name in missing)
+    return f"{text[: root.end()]}{named}{text[root.end() :]}"
 
 
 def link_names(tree: ElementTree.Element) -> list[str]:

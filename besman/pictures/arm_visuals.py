@@ -12,9 +12,8 @@ from besman.config.yaml_file import load_config
 from besman.pictures.camera import CameraView
 from besman.robot.config import RobotConfig
 from besman.robot.link_shapes import link_meshes
-from besman.robot.model import Robot, find_robot, find_urdf
+from besman.robot.model import Robot, find_robot, read_robot_urdf
 from besman.robot.mujoco_model import arm_spec
-from besman.robot.urdf_file import read_urdf
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -93,8 +92,8 @@ def _capsule_links(robot: Robot, spec: mujoco.MjSpec) -> list[str]:
 def robot_meshes(robot: Robot) -> list[tuple[str, int, Any, Any]]:
     """Read the meshes of an arm's links; see `besman.robot.link_shapes.link_meshes`."""
     path = find_robot(robot.source)
-    urdf, folder = find_urdf(load_config(path, RobotConfig).urdf, path)
-    return link_meshes(robot.model, read_urdf(urdf, folder), urdf)
+    tree, urdf = read_robot_urdf(load_config(path, RobotConfig), path)
+    return link_meshes(robot.model, tree, urdf)
 
 
 def mount_rod(robot: Robot) -> tuple[FloatArray, float] | None:

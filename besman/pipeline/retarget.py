@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from besman.config.resources import robot_title
 from besman.config.settings import own_file
 from besman.exceptions import ConfigError, RunError
 from besman.pipeline.config import PipelineConfig
@@ -74,8 +75,7 @@ def plan_retargeting(
     plans = []
     for robot in robots or (None,):
         config = retarget_pipeline(run, recordings, robot)
-        path = Path(config.robot)
-        name = path.parent.name if path.suffix == ".yaml" else config.robot
+        name = robot_title(config.robot)
         folder = out or run.with_name(f"{run.name}_{name}_{recordings[0].stem}")
         if out is not None and len(robots) > 1:
             folder = out / name

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from besman.config.resources import robot_title
 from besman.pipeline.stage_store import RECORD
 from besman.pipeline.stored_run import open_run
 from besman.records import RefinedMotion
@@ -82,8 +83,7 @@ def arm_records(records: dict[str, Any], config: dict[str, Any]) -> tuple[ArmRec
     sides: tuple[Side, Side] = (first, "left" if first == "right" else "right")
     arms = []
     for mapping, part, side, suffix in zip(mappings, configs, sides, ("", "_second"), strict=False):
-        robot = Path(part["robot"])
-        name = robot.parent.name if robot.suffix == ".yaml" else str(robot)
+        name = robot_title(part["robot"])
         arms.append(
             ArmRecords(
                 suffix=suffix,

@@ -12,6 +12,11 @@ _GREATEST_NUMBER = 3
 # A further capsule costs time in every distance query, so it must save this share of the volume.
 _WORTH = 0.85
 _ROUNDS = 12
+# Of fewer points the hull costs more than it saves.
+_HULL_FROM = 40
+# A finer mesh is fitted by a coarser one, and what then sticks out is enclosed in the end.
+_MOST_TRIANGLES = 3000
+_CELLS = 40
 
 
 def fit_capsules(vertices: FloatArray, triangles: IntArray) -> list[tuple[FloatArray, float]]:
@@ -33,12 +38,62 @@ def fit_capsules(vertices: FloatArray, triangles: IntArray) -> list[tuple[FloatA
     """
     best: list[tuple[FloatArray, float]] = []
     least = np.inf
+    is_fine = len(triangles) > _MOST_TRIANGLES
+    coarse = _decimate(vertices, triangles) if is_fine else (vertices, triangles)
     for number in range(1, _GREATEST_NUMBER + 1):
-        capsules = _fit_clusters(vertices, triangles, number)
+        capsules = _fit_clusters(*coarse, number)
+        if is_fine:
+            capsules = _contain(capsules, vertices, triangles)
         volume = sum(_volume(ends, radius) for ends, radius in capsules)
         if volume < _WORTH * least:
             best, least = capsules, volume
     return best
+
+
+def _decimate(vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray, IntArray]:
+    """Return a mesh with one vertex in every cell of a grid, none of the old ones' triangles lost.
+
+    References
+    ----------
+    J. Rossignac and P. Borrel: Multi-resolution 3D approximations for rendering complex scenes,
+    1993, doi:10.1007/978-3-642-78114-8_29
+    """
+    used = np.unique(triangles)
+    low = vertices[used].min(axis=0)
+    cell = max(float(np.ptp(vertices[used], axis=0).max()) / _CELLS, 1e-9)
+    grid = np.floor((vertices[used] - low) / cell).astype(np.int64)
+    _, first, place = np.unique(grid, axis=0, return_index=True, return_inverse=True)
+    where = np.zeros(len(vertices), dtype=np.int64)
+    where[used] = place.ravel()
+    return vertices[used][first], np.unique(np.sort(where[triangles], axis=1), axis=0)
+
+
+def _contain(
+    capsules: list[tuple[FloatArray, float]], vertices: FloatArray, triangles: IntArray
+) -> list[tuple[FloatArray, float]]:
+    """Widen capsules until every triangle lies wholly in the one it sticks out of least."""
+    excess = np.stack([_distances(vertices, ends) - radius for ends, radius in capsules])
+    outside = excess[:, triangles].max(axis=2)
+    owner = np.argmin(outside, axis=0)
+    return [
+        (ends, radius + max(float(outside[own, owner == own].max(initial=0.0)), 0.0))
+        for own, (ends, radius) in enumerate(capsules)
+    ]
+
+
+def _hull(points: FloatArray) -> FloatArray:
+    """Return the points that no others enclose: a capsule around them encloses all."""
+    if len(points) < _HULL_FROM:
+        return points
+    # Only arms without stored capsules need it.
+    from scipy.spatial import ConvexHull, QhullError
+
+    try:
+        corners: FloatArray = points[ConvexHull(points).vertices]
+    except (QhullError, ValueError):
+        # Flat.
+        return points
+    return corners
 
 
 def fit_capsule(points: FloatArray) -> tuple[FloatArray, float]:
@@ -59,6 +114,7 @@ def fit_capsule(points: FloatArray) -> tuple[FloatArray, float]:
     radius : float
         Metres.
     """
+    points = _hull(points)
     centred = points - points.mean(axis=0)
     principal = np.linalg.svd(centred, full_matrices=False)[2]
     best_ends, best_radius, least = points[:2], 0.0, np.inf

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import AfterValidator, Field, field_validator
+from pydantic import AfterValidator, Field
 
 from besman.config.stage import Config, NotNegative
 from besman.foreign.names import fault_of_part_name
@@ -22,7 +22,18 @@ PartName = Annotated[str, AfterValidator(_check_part_name)]
 """Name of a robot, joint, link or tool: it names columns of tables and bodies in other programs."""
 
 Triple = tuple[float, float, float]
-Quaternion = tuple[float, float, float, float]
+
+
+def _normalise(value: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
+    """Return a quaternion of length one."""
+    norm = sum(part * part for part in value) ** 0.5
+    if norm < 1e-6:
+        raise ValueError("expected a quaternion (w, x, y, z) that is not zero")
+    w, x, y, z = (part / norm for part in value)
+    return (w, x, y, z)
+
+
+Quaternion = Annotated[tuple[float, float, float, float], AfterValidator(_normalise)]
 
 
 class JointConfig(Config):
@@ -99,15 +110,6 @@ class ToolConfig(Config):
     capsule_ends_m: tuple[Triple, Triple] = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     capsule_radius_m: NotNegative = 0.0
 
-    @field_validator("rotation_wxyz", "hand_to_tcp_wxyz")
-    @classmethod
-    def _normalise(cls, value: Quaternion) -> Quaternion:
-        norm = sum(part * part for part in value) ** 0.5
-        if norm < 1e-6:
-            raise ValueError("expected a quaternion (w, x, y, z) that is not zero")
-        w, x, y, z = (part / norm for part in value)
-        return (w, x, y, z)
-
 
 class MountingConfig(Config):
     """How the arm stands.
@@ -157,8 +159,17 @@ class RobotConfig(Config):
         ``robots`` of that installed package.
     tip : str
         Link of the URDF that tools are mounted on, z pointing away from the arm.
+    flange_wxyz : quadruple of float
+        Orientation of the flange in the tip link, if that link's z does not point away from the
+        arm (ISO 9787).
+    mesh_folder : str
+        Folder, relative to the robot.yaml, that relative addresses of meshes lie below.
+    packages : dict of str
+        Folders of ``package://NAME``, relative to the robot.yaml, by name.
     joints : tuple of JointConfig
-        The joints that move, from base to tip. All others are fixed at zero.
+        The joints that move, from base to tip. All others are fixed, at zero or as ``held`` says.
+    held : dict of float
+        Where joints that are not among ``joints`` are fixed, by name, rad or metres.
     mounting : MountingConfig
         How the arm stands.
     inertia : dict of InertiaConfig
@@ -166,9 +177,10 @@ class RobotConfig(Config):
     capsules : tuple of CapsuleConfig
         What encloses the links; if empty, capsules are fitted to the URDF's collision meshes.
     ignored_pairs : tuple of pairs of str
-        Links that cannot collide with each other, besides neighbours.
+        Links that cannot collide with each other, besides neighbours; ``LINK#2`` is the second of
+        a link's capsules alone.
     tools : dict of ToolConfig
-        By name.
+        By name; a robot that names none has all of ``tools/NAME.yaml``.
     default_tool : str
         Used where none is named.
     assumed : tuple of str
@@ -178,11 +190,15 @@ class RobotConfig(Config):
     name: PartName
     urdf: str
     tip: PartName
+    flange_wxyz: Quaternion = (1.0, 0.0, 0.0, 0.0)
+    mesh_folder: str | None = None
+    packages: dict[str, str] = Field(default_factory=dict)
     joints: Annotated[tuple[JointConfig, ...], Field(min_length=1)]
+    held: dict[PartName, float] = Field(default_factory=dict)
     mounting: MountingConfig = MountingConfig()
     inertia: dict[PartName, InertiaConfig] = Field(default_factory=dict)
     capsules: tuple[CapsuleConfig, ...] = ()
     ignored_pairs: tuple[tuple[PartName, PartName], ...] = ()
-    tools: Annotated[dict[PartName, ToolConfig], Field(min_length=1)]
-    default_tool: str
+    tools: dict[PartName, ToolConfig] = Field(default_factory=dict)
+    default_tool: str = "none"
     assumed: tuple[str, ...] = ()

@@ -14,8 +14,7 @@ from besman.exceptions import BesmanError
 from besman.robot.collision import distances
 from besman.robot.config import RobotConfig
 from besman.robot.kinematics import manipulability
-from besman.robot.model import Robot, find_robot, find_urdf, load_robot
-from besman.robot.urdf_file import read_urdf
+from besman.robot.model import Robot, find_robot, load_robot, read_robot_urdf
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -95,20 +94,15 @@ def _zero_limits(config: RobotConfig) -> list[Doubt]:
 
 
 def _missing_meshes(config: RobotConfig, path: Path) -> list[Doubt]:
-    """Find meshes of collision shapes that are not there."""
+    """Find meshes that are not there."""
+    unusable: dict[str, str] = {}
     try:
-        urdf, folder = find_urdf(config.urdf, path)
-        tree = read_urdf(urdf, folder)
+        read_robot_urdf(config, path, unusable)
     except BesmanError as error:
         return [Doubt("missing", str(error))]
-    meshes = {str(mesh.get("filename")) for mesh in tree.iterfind("link/collision/geometry/mesh")}
     # Capsules in the robot.yaml stand for the meshes.
     kind: Kind = "doubtful" if config.capsules else "missing"
-    return [
-        Doubt(kind, f"mesh {mesh}: no such file")
-        for mesh in sorted(meshes)
-        if not Path(mesh).is_file()
-    ]
+    return [Doubt(kind, text) for _, text in sorted(unusable.items())]
 
 
 def _fast_limits(robot: Robot) -> list[Doubt]:

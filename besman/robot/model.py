@@ -8,6 +8,7 @@ from functools import lru_cache
 from importlib import metadata
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 
@@ -18,8 +19,9 @@ from besman.foreign.names import fault_of_characters
 from besman.foreign.paths import is_file
 from besman.geometry.frames import quaternion_to_rotation
 from besman.records.files import digest
-from besman.robot.config import JointConfig, RobotConfig, ToolConfig
+from besman.robot.config import JointConfig, Quaternion, RobotConfig, ToolConfig
 from besman.robot.parts import Chain, FloatArray, JointLimits, Tool, read_only
+from besman.robot.tool_shelf import tools_of
 from besman.robot.urdf_file import read_urdf
 
 _PACKAGE = "example-robot-data"
@@ -130,14 +132,15 @@ def load_robot(name_or_path: str | Path, tool: str | None = None) -> Robot:
     config = load_config(path, RobotConfig)
     _check_name(config.name, path)
     tool_name = config.default_tool if tool is None else tool
-    if tool_name not in config.tools:
-        raise RobotError(f"{path}: no tool {tool_name!r}; {nearest(tool_name, config.tools)}")
+    tools = tools_of(config)
+    if tool_name not in tools:
+        raise RobotError(f"{path}: no tool {tool_name!r}; {nearest(tool_name, tools)}")
     for joint in config.joints:
         _check_limits(joint, path)
-    urdf, mesh_folder = find_urdf(config.urdf, path)
     own = path.parent == resource_folder("robots") / config.name
     source = config.name if own else str(path.resolve())
-    return _build(config, tool_name, urdf, mesh_folder, path, source)
+    tree, urdf = read_robot_urdf(config, path)
+    return build_robot(config, tool_name, tree, urdf, path, source)
 
 
 @lru_cache(maxsize=8)
@@ -223,6 +226,39 @@ def find_urdf(source: str, path: Path) -> tuple[Path, Path]:
     return urdf, folder
 
 
+def read_robot_urdf(
+    config: RobotConfig, path: Path, unusable: dict[str, str] | None = None
+) -> tuple[ElementTree.Element, Path]:
+    """Read the URDF of a robot.yaml, its meshes where the robot.yaml says.
+
+    Parameters
+    ----------
+    config : RobotConfig
+    path : Path
+        The robot.yaml.
+    unusable : dict of str, optional
+        Addresses of meshes that cannot be used, and why, are added to it.
+
+    Returns
+    -------
+    tree : Element
+        Without the shapes whose meshes cannot be used, if the robot.yaml has capsules.
+    urdf : Path
+
+    Raises
+    ------
+    RobotError
+        If there is no such file, or it is none of which an arm is made.
+    """
+    urdf, folder = find_urdf(config.urdf, path)
+    if config.mesh_folder is not None:
+        folder = path.parent / config.mesh_folder
+    packages = {name: path.parent / one for name, one in config.packages.items()}
+    # Capsules in the robot.yaml stand for the meshes.
+    left_out = unusable if unusable is not None else {} if config.capsules else None
+    return read_urdf(urdf, folder, packages, left_out), urdf
+
+
 def _share_folder() -> Path:
     """Return the share folder that holds example-robot-data, which ships no Python module."""
     try:
@@ -232,10 +268,34 @@ def _share_folder() -> Path:
     return Path(str(distribution.locate_file("cmeel.prefix/share")))
 
 
-def _build(
-    config: RobotConfig, tool_name: str, urdf: Path, mesh_folder: Path, path: Path, source: str
+def build_robot(
+    config: RobotConfig,
+    tool_name: str,
+    tree: ElementTree.Element,
+    urdf: Path,
+    path: Path,
+    source: str,
 ) -> Robot:
-    """Assemble the robot from its checked config."""
+    """Assemble a robot from its config.
+
+    Parameters
+    ----------
+    config : RobotConfig
+        Checked.
+    tool_name : str
+        One of its tools.
+    tree, urdf
+        From `read_robot_urdf`.
+    path : Path
+        The robot.yaml, named in errors.
+    source : str
+        What the robot was loaded by.
+
+    Raises
+    ------
+    RobotError
+        If a joint or link is not in the URDF, or Pinocchio cannot be loaded.
+    """
     try:
         from besman.robot import pinocchio_model
     except ImportError as error:
@@ -244,9 +304,8 @@ def _build(
             "libgomp.so.1, which it needs, is in the system's package libgomp1 or libgomp"
         ) from None
 
-    limits = _limits(config.joints)
-    tool = _tool(tool_name, config.tools[tool_name])
-    tree = read_urdf(urdf, mesh_folder)
+    limits = joint_limits(config.joints)
+    tool = mount_tool(tool_name, tools_of(config)[tool_name], config.flange_wxyz)
     model, tip_frame = pinocchio_model.build_model(config, tool, limits, tree, urdf, path)
     chain = pinocchio_model.build_chain(model, tip_frame, config, tool, tree, urdf, path)
     content = {
@@ -271,7 +330,7 @@ def _build(
     )
 
 
-def _limits(joints: tuple[JointConfig, ...]) -> JointLimits:
+def joint_limits(joints: tuple[JointConfig, ...]) -> JointLimits:
     """Collect the joints' limits in SI units."""
     return JointLimits(
         position_min=read_only(np.radians([joint.position_deg[0] for joint in joints])),
@@ -282,8 +341,10 @@ def _limits(joints: tuple[JointConfig, ...]) -> JointLimits:
     )
 
 
-def _tool(name: str, config: ToolConfig) -> Tool:
-    """Turn a tool's config into matrices."""
+def mount_tool(name: str, config: ToolConfig, flange_wxyz: Quaternion) -> Tool:
+    """Turn a tool's config into matrices, in the frame of the link it is mounted on."""
+    flange = np.eye(4)
+    flange[:3, :3] = quaternion_to_rotation(flange_wxyz)
     tcp2flange = np.eye(4)
     tcp2flange[:3, :3] = quaternion_to_rotation(config.rotation_wxyz)
     tcp2flange[:3, 3] = config.translation_m
@@ -292,9 +353,9 @@ def _tool(name: str, config: ToolConfig) -> Tool:
     tcp2hand[:3, 3] = config.hand_to_tcp_m
     return Tool(
         name=name,
-        tcp2flange=read_only(tcp2flange),
+        tcp2flange=read_only(flange @ tcp2flange),
         tcp2hand=read_only(tcp2hand),
         mass=config.mass_kg,
-        capsule_ends=read_only(config.capsule_ends_m),
+        capsule_ends=read_only(np.array(config.capsule_ends_m) @ flange[:3, :3].T),
         capsule_radius=config.capsule_radius_m,
     )

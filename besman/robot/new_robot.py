@@ -1,12 +1,13 @@
-"""A robot.yaml for an arm of which there is a URDF."""
+"""A robot.yaml for an arm that somebody else has described."""
 
 from __future__ import annotations
 
-import io
-import logging
 import math
 import os
 import re
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -14,66 +15,177 @@ from xml.etree import ElementTree
 import numpy as np
 import yaml
 
-from besman.exceptions import BesmanError, RobotError, in_one_line, nearest
-from besman.foreign.numbers import parse_number
-from besman.foreign.urdf_text import joint_ends, link_names
-from besman.robot.model import list_robots, load_robot
-from besman.robot.urdf_file import read_urdf
+from besman.exceptions import RobotError
+from besman.robot.collision import distances
+from besman.robot.config import RobotConfig
+from besman.robot.files.arm_chain import find_chain, find_tip, held_joints
+from besman.robot.files.joint_limits import assume_torques, parse_limit_list, read_joints
+from besman.robot.files.mesh_folders import (
+    MeshFolders,
+    find_mesh_folders,
+    places_tried,
+    split_address,
+)
+from besman.robot.files.mjcf_file import CompiledArm, is_mjcf, read_mjcf
+from besman.robot.files.second_reader import refuse_faults
+from besman.robot.model import (
+    build_robot,
+    joint_limits,
+    list_robots,
+    load_robot,
+    mount_tool,
+    read_robot_urdf,
+)
+from besman.robot.tool_shelf import tools_of
+from besman.robot.urdf_file import place_meshes, read_urdf_text
+from besman.work.display import Display, no_display
 
-# URDF has no limits of acceleration; this is what planners take for arms of which nothing is known.
-_ACCELERATION_RAD_S2 = 10.0
-_RESERVED = ("add", "check")
+_RESERVED = ("add", "check", "show", "try")
 _HEADER = """\
 # Written by besman robots add from {urdf}. Look at every number, above all at those under assumed.
 """
+_MOST_LISTED = 3
+_HEAD_BYTES = 20_000
 
 
-def add_robot(urdf: Path, tip: str, name: str | None = None, folder: Path | None = None) -> Path:
-    """Write a robot.yaml for the chain from a URDF's root to a link.
+@dataclass(frozen=True)
+class Wishes:
+    """What a user may say about an arm that is brought in.
+
+    Attributes
+    ----------
+    tip : str, optional
+        Link that tools are mounted on; without it one is found.
+    name : str, optional
+        Name of the robot; without it the file's.
+    folder : Path, optional
+        Where the robot.yaml is written; without it beside the file.
+    packages : dict of Path
+        Folders of ``package://NAME``, by name.
+    velocity, torque : str, optional
+        Degrees/s and Nm, one number or one for each joint, where the file gives none.
+    """
+
+    tip: str | None = None
+    name: str | None = None
+    folder: Path | None = None
+    packages: Mapping[str, Path] | None = None
+    velocity: str | None = None
+    torque: str | None = None
+
+
+def add_robot(
+    urdf: Path,
+    tip: str | None = None,
+    name: str | None = None,
+    folder: Path | None = None,
+    *,
+    packages: Mapping[str, Path] | None = None,
+    velocity: str | None = None,
+    torque: str | None = None,
+    show: Display = no_display,
+) -> Path:
+    """Write a robot.yaml for the arm that a file describes.
 
     Parameters
     ----------
     urdf : Path
-        The URDF.
-    tip : str
-        Link that tools are mounted on, z pointing away from the arm.
-    name : str, optional
-        Name of the robot; without it the URDF's.
-    folder : Path, optional
-        Where robot.yaml is written; without it beside the URDF. Meshes may be below it only.
+        The URDF or MJCF; of a MJCF a URDF and its meshes are written, too.
+    tip, name, folder, packages, velocity, torque
+        See `Wishes`.
+    show : Display, optional
+        Shows how far it is.
 
     Returns
     -------
     Path
-        The robot.yaml, which can be loaded.
+        ``NAME.yaml``, which can be loaded.
 
     Raises
     ------
     RobotError
-        If the URDF cannot be used, the link is not there, a limit is missing, the name is taken,
-        or there is a robot.yaml already.
+        If the file cannot be used, the link is not there, more than one could be meant, the name is
+        taken, or there is such a file already. Nothing is left behind then.
     """
+    wishes = Wishes(tip, name, folder, packages, velocity, torque)
     if not urdf.is_file():
-        raise RobotError(f"{urdf}: no such file; expected a URDF")
-    path = (folder or urdf.parent) / "robot.yaml"
-    if path.exists():
-        raise RobotError(f"{path}: is there already; nothing is overwritten, give another --out")
-    inside = folder is not None and urdf.resolve().is_relative_to(folder.resolve())
-    tree = read_urdf(urdf, folder if inside and folder is not None else urdf.parent)
-    name = _check_name(name or str(tree.get("name", "")), urdf)
-    content, assumed = _describe(find_chain(tree, tip, urdf), urdf)
-    _validate(tree, urdf)
-    source = os.path.relpath(urdf.resolve(), path.parent.resolve())
-    content = {"name": name, "urdf": Path(source).as_posix(), "tip": tip} | content
-    content["assumed"] = assumed
-    text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True, default_flow_style=None)
-    _write_new(path, _HEADER.format(urdf=urdf.name) + text)
+        raise RobotError(f"{urdf}: no such file; expected a URDF or MJCF")
+    made: list[Path] = []
     try:
-        load_robot(path)
-    except BesmanError:
-        path.unlink()
+        return _bring(urdf, wishes, show, made)
+    except BaseException:
+        for one in reversed(made):
+            with suppress(OSError):
+                one.rmdir() if one.is_dir() else one.unlink()
         raise
+
+
+def _bring(file: Path, wishes: Wishes, show: Display, made: list[Path]) -> Path:
+    """Write all files of an arm; each that is made is added to a list."""
+    arm = read_mjcf(file) if is_mjcf(file.read_bytes()[:_HEAD_BYTES]) else None
+    tree = read_urdf_text(file) if arm is None else arm.tree
+    name = _check_name(wishes.name or _usable_name(str(tree.get("name", ""))), file)
+    folder = wishes.folder or file.parent
+    path = folder / f"{name}.yaml"
+    if path.exists():
+        raise RobotError(
+            f"{path}: is there already; nothing is overwritten, give another --name or --out"
+        )
+    urdf, home = file, None
+    if arm is not None:
+        urdf, home = _write_arm(arm, folder, name, made), arm.home
+        tree = read_urdf_text(urdf)
+    content = _describe(tree, urdf, path, name, wishes, show)
+    if arm is not None:
+        content["assumed"] += arm.notes
+    if home and _set_home(content, home, urdf, path):
+        content["assumed"] = [one for one in content["assumed"] if not one.startswith("home")]
+    text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True, default_flow_style=None)
+    _write_new(path, _HEADER.format(urdf=file.name) + text)
+    made.append(path)
+    load_robot(path)
     return path
+
+
+def _write_arm(arm: CompiledArm, folder: Path, name: str, made: list[Path]) -> Path:
+    """Write the URDF and the meshes of a compiled MJCF; return the URDF."""
+    urdf, meshes = folder / f"{name}.urdf", folder / f"{name}_meshes"
+    for there in (urdf, meshes):
+        if there.exists():
+            raise RobotError(
+                f"{there}: is there already; nothing is overwritten, give another --name"
+            )
+    try:
+        if arm.meshes:
+            meshes.mkdir(parents=True)
+            made.append(meshes)
+        for one, content in arm.meshes.items():
+            made.append(meshes / one)
+            (meshes / one).write_bytes(content)
+    except OSError as error:
+        raise RobotError(f"{meshes}: cannot be written: {error.strerror}") from None
+    for mesh in arm.tree.iter("mesh"):
+        mesh.set("filename", f"{meshes.name}/{mesh.get('filename')}")
+    ElementTree.indent(arm.tree)
+    _write_new(urdf, ElementTree.tostring(arm.tree, encoding="unicode") + "\n")
+    made.append(urdf)
+    return urdf
+
+
+def _set_home(content: dict[str, Any], home: Mapping[str, float], urdf: Path, path: Path) -> bool:
+    """Take a home that the file gives, if it is within limits and nothing touches there."""
+    given = [dict(joint) for joint in content["joints"]]
+    for joint in given:
+        joint["home_deg"] = round(math.degrees(home.get(joint["name"], math.nan)), 6)
+        low, high = joint["position_deg"]
+        if not low <= joint["home_deg"] <= high:
+            return False
+    config = _as_config(content | {"joints": given})
+    robot = build_robot(config, "none", *read_robot_urdf(config, path), path, str(path))
+    if distances(robot.chain, robot.home).min() <= 0:
+        return False
+    content["joints"] = given
+    return True
 
 
 def _write_new(path: Path, text: str) -> None:
@@ -86,8 +198,14 @@ def _write_new(path: Path, text: str) -> None:
             file.write(text)
     except OSError as error:
         if made:
-            path.unlink(missing_ok=True)
+            with suppress(OSError):
+                path.unlink()
         raise RobotError(f"{path}: cannot be written: {error.strerror}") from None
+
+
+def _usable_name(name: str) -> str:
+    """Return a name with what no file may be called replaced by "_"."""
+    return re.sub(r"[\s/\\:]+", "_", name.strip())
 
 
 def _check_name(name: str, urdf: Path) -> str:
@@ -102,114 +220,141 @@ def _check_name(name: str, urdf: Path) -> str:
     return name
 
 
-def _validate(tree: ElementTree.Element, urdf: Path) -> None:
-    """Refuse what a second reader of URDFs finds wrong."""
-    import yourdfpy
-
-    # The library logs what it then raises.
-    logging.getLogger("yourdfpy.urdf").setLevel(logging.CRITICAL)
-    text = ElementTree.tostring(tree, encoding="utf-8")
-    try:
-        robot = yourdfpy.URDF.load(io.BytesIO(text), build_scene_graph=False, load_meshes=False)
-        robot.validate()
-        faults = [in_one_line(error) for error in robot.errors]
-    except (ValueError, TypeError, KeyError, AttributeError, IndexError) as error:
-        faults = [in_one_line(error)]
-    if faults:
-        more = f"; and {len(faults) - 3} more" if len(faults) > 3 else ""
-        raise RobotError(f"{urdf}: cannot be used as URDF: {'; '.join(faults[:3])}{more}")
-
-
-def find_chain(tree: ElementTree.Element, tip: str, urdf: Path) -> list[ElementTree.Element]:
-    """Return the moving joints from the root to a link.
-
-    Raises
-    ------
-    RobotError
-        If the link is not there, or nothing moves it.
-    """
-    links = link_names(tree)
-    if tip not in links:
-        raise RobotError(f"{urdf}: tip: no link {tip!r}; {nearest(tip, links)}")
-    above = {joint_ends(joint)[1]: joint for joint in tree.findall("joint")}
-    chain: list[ElementTree.Element] = []
-    link = tip
-    while link in above:
-        chain.insert(0, above[link])
-        link = joint_ends(above[link])[0]
-    chain = [joint for joint in chain if joint.get("type") != "fixed"]
-    if not chain:
-        raise RobotError(f"{urdf}: tip: no joint moves the link {tip!r}")
-    return chain
-
-
-def _describe(chain: list[ElementTree.Element], urdf: Path) -> tuple[dict[str, Any], list[str]]:
-    """Return the joints, mounting and tools of a robot.yaml, and what is assumed in it."""
-    joints, assumed = [], []
-    for joint in chain:
-        name, kind = str(joint.get("name")), joint.get("type")
-        if kind not in ("revolute", "continuous"):
-            raise RobotError(f"{urdf}: joint {name}: only hinges can be used, got {kind!r}")
-        speed, torque = _limit(joint, "velocity", urdf), _limit(joint, "effort", urdf)
-        if kind == "continuous":
-            low, high = -360.0, 360.0
-            assumed.append(f"position of {name}, which is continuous")
-        else:
-            low, high = (math.degrees(_number(joint, key, urdf)) for key in ("lower", "upper"))
-        if not low < high:
-            raise RobotError(
-                f"{urdf}: joint {name}: expected <limit> with lower below upper, got "
-                f"{math.radians(low):g} and {math.radians(high):g}"
-            )
-        home = 0.0 if low < 0.0 < high else (low + high) / 2
-        joints.append(
-            {
-                "name": name,
-                "position_deg": [_rounded(low), _rounded(high)],
-                "velocity_deg_s": _rounded(math.degrees(speed)),
-                "acceleration_rad_s2": _ACCELERATION_RAD_S2,
-                "torque_nm": torque,
-                "home_deg": _rounded(home),
-            }
-        )
-    assumed += ["accelerations of all joints", "home", "mounting: base on the floor"]
-    # A person's fingers point where the tool points.
-    hand = {"hand_to_tcp_wxyz": [_rounded(v) for v in (np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0)]}
+def _describe(
+    tree: ElementTree.Element, urdf: Path, path: Path, name: str, wishes: Wishes, show: Display
+) -> dict[str, Any]:
+    """Return the content of a robot.yaml."""
+    tip = wishes.tip or find_tip(tree, urdf)
+    chain = find_chain(tree, tip, urdf)
+    held = _held_values(tree, tip, urdf)
+    names = [str(joint.get("name")) for joint in chain]
+    joints, assumed = read_joints(
+        chain,
+        urdf,
+        parse_limit_list(wishes.velocity, "--velocity", names),
+        parse_limit_list(wishes.torque, "--torque", names),
+    )
+    refuse_faults(tree, urdf)
+    notes = [] if wishes.tip else [f"tip: {tip}, the end of the longest chain"]
+    folders, faults = _place_meshes(tree, urdf, wishes)
+    base = path.parent.resolve()
     content = {
+        "name": name,
+        "urdf": _relative(urdf.resolve(), base),
+        "tip": tip,
+        "mesh_folder": _relative(folders.home, base),
+        "packages": {key: _relative(one, base) for key, one in folders.packages.items()},
         "joints": joints,
+        "held": held,
         "mounting": {"height_m": 0.0, "yaw_deg": 0.0, "pedestal_radius_m": 0.0},
-        "tools": {"none": hand},
-        "default_tool": "none",
     }
-    return content, assumed
+    notes += [f"joint {key} is held at {value:g}" for key, value in held.items()]
+    notes += [*folders.guessed, *faults]
+    return _complete(content, tree, urdf, path, [*notes, *assumed], show)
 
 
-def _limit(joint: ElementTree.Element, key: str, urdf: Path) -> float:
-    """Read a limit that must be above zero."""
-    value = _number(joint, key, urdf)
-    if not value > 0:
-        raise RobotError(
-            f"{urdf}: joint {joint.get('name')}: <limit> {key}: got {value:g}, expected more than 0"
-        )
-    return value
+def _relative(folder: Path, base: Path) -> str:
+    """Return a path as seen from the folder of the robot.yaml."""
+    return Path(os.path.relpath(folder, base)).as_posix()
 
 
-def _number(joint: ElementTree.Element, key: str, urdf: Path) -> float:
-    """Read a number of a joint's ``<limit>``."""
-    element = joint.find("limit")
-    text = None if element is None else element.get(key)
+def _held_values(tree: ElementTree.Element, tip: str, urdf: Path) -> dict[str, float]:
+    """Return where sliding joints before the tip are held: at zero, or as near as they can."""
+    held = {}
+    for joint in held_joints(tree, tip, urdf):
+        limit = joint.find("limit")
+        if joint.get("type") != "prismatic":
+            raise RobotError(
+                f"{urdf}: joint {joint.get('name')}: only hinges and sliding joints can be used, "
+                f"got {joint.get('type')!r:.60}"
+            )
+        ends = [0.0 if limit is None else float(limit.get(key, "0")) for key in ("lower", "upper")]
+        held[str(joint.get("name"))] = min(max(0.0, min(ends)), max(ends))
+    return held
+
+
+def _place_meshes(
+    tree: ElementTree.Element, urdf: Path, wishes: Wishes
+) -> tuple[MeshFolders, list[str]]:
+    """Find the meshes; return their folders, and what is said of those that cannot be used."""
+    inside = wishes.folder is not None and urdf.resolve().is_relative_to(wishes.folder.resolve())
+    home = wishes.folder if inside else None
+    folders = find_mesh_folders(tree, urdf, wishes.packages or {}, home)
+    unusable: dict[str, str] = {}
+    place_meshes(tree, urdf, folders.home, folders.packages, unusable)
+    said = []
+    for address, fault in sorted(unusable.items()):
+        inside_package = split_address(address)
+        known = inside_package is None or inside_package[0] in folders.packages
+        said.append(fault if known else f"{fault}: {places_tried(address, urdf, folders)}")
+    if len(said) > _MOST_LISTED:
+        said = [*said[:_MOST_LISTED], f"{len(said) - _MOST_LISTED} more meshes cannot be used"]
+    return folders, said
+
+
+def _complete(
+    content: dict[str, Any],
+    tree: ElementTree.Element,
+    urdf: Path,
+    path: Path,
+    notes: list[str],
+    show: Display,
+) -> dict[str, Any]:
+    """Add what is computed: capsules, masses, torques, mounting, home, ignored pairs."""
+    from besman.robot.files.fitted_shapes import assume_masses, fit_shapes, use_visual_shapes
+    from besman.robot.files.standing import arm_reach, assume_mounting, find_home, flange_rotation
+    from besman.robot.files.touching_links import find_ignored_pairs, mesh_contacts
+    from besman.robot.link_shapes import collision_shapes
+    from besman.robot.pinocchio_model import build_model
+
+    def model_now() -> Any:
+        config = _as_config(content)
+        tool = mount_tool("none", tools_of(config)["none"], config.flange_wxyz)
+        return config, build_model(config, tool, joint_limits(config.joints), tree, urdf, path)[0]
+
+    visual = use_visual_shapes(tree)
+    if visual:
+        notes.append(f"shapes of {len(visual)} links: visual ones, no collision shapes are given")
+    config, model = model_now()
+    progress, end = show("capsules")
+    content["capsules"], said = fit_shapes(model, config, tree, urdf, path, progress)
+    end(True)
+    config = _as_config(content)
+    content["inertia"], weights = assume_masses(model, config)
+    config, model = model_now()
+    accelerations = [joint["acceleration_rad_s2"] for joint in content["joints"]]
+    weights += assume_torques(content["joints"], model, accelerations)
+    reach, shoulder = arm_reach(model, content["tip"])
+    content["mounting"] = assume_mounting(reach, shoulder)
+    quaternion, flange = flange_rotation(model, content["tip"])
+    if flange:
+        content["flange_wxyz"] = [round(float(part), 9) for part in quaternion]
+    progress, end = show("poses")
+    config = _as_config(content)
+    robot = build_robot(config, "none", tree, urdf, path, str(path))
+    shapes = [one[:4] for one in collision_shapes(robot.model, tree, urdf)]
+    contacts = mesh_contacts(robot.model, shapes)
+    pairs, ignored = find_ignored_pairs(robot, contacts)
+    content["ignored_pairs"] = [list(pair) for pair in pairs]
+    progress(0.5)
+    robot = build_robot(_as_config(content), "none", tree, urdf, path, str(path))
+    home, is_clear = find_home(robot, reach)
+    for joint, angle in zip(content["joints"], np.degrees(home), strict=True):
+        joint["home_deg"] = round(float(angle), 6)
+    end(True)
+    notes += [*said, *weights, *([flange] if flange else []), *ignored]
+    notes.append("home: found by a search" + ("" if is_clear else ", nothing clear was found"))
+    height = content["mounting"]["height_m"]
+    notes.append(f"mounting: base {height:g} m above the floor, for a reach of {reach:.2f} m")
+    content["assumed"] = notes
+    return {key: value for key, value in content.items() if value or key == "mounting"}
+
+
+def _as_config(content: dict[str, Any]) -> RobotConfig:
+    """Return what is known so far as a config; torques that are yet unknown are one."""
+    joints = [joint | {"torque_nm": joint["torque_nm"] or 1.0} for joint in content["joints"]]
     try:
-        value = parse_number(str(text))
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise RobotError(
-            f"{urdf}: joint {joint.get('name')}: <limit> {key}: got {text!r:.60}, expected a "
-            "number; limits of position, velocity and effort are needed"
-        )
-    return value
-
-
-def _rounded(value: float) -> float:
-    """Round to what a person would write."""
-    return round(float(value), 6)
+        return RobotConfig.model_validate(content | {"joints": joints})
+    except ValueError as error:
+        detail = str(error).splitlines()
+        raise RobotError(f"{content['name']}: cannot be used: {'; '.join(detail[1:3])}") from error

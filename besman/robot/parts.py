@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -100,3 +101,16 @@ def read_only(array: npt.ArrayLike) -> FloatArray:
     copy = np.array(array, dtype=np.float64)
     copy.setflags(write=False)
     return copy
+
+
+def capsule_part(links: Sequence[str], index: int) -> str:
+    """Return how one capsule of a link is called in ``ignored_pairs``: ``LINK#NUMBER``.
+
+    Parameters
+    ----------
+    links : sequence of str
+        Link of every capsule.
+    index : int
+        Of the capsule; capsules of a link are counted from 1.
+    """
+    return f"{links[index]}#{list(links[: index + 1]).count(links[index])}"

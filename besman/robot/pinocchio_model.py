@@ -13,9 +13,11 @@ import pinocchio
 
 from besman.exceptions import RobotError, in_one_line, nearest
 from besman.foreign.error_stream import catch_error_stream
+from besman.foreign.urdf_text import link_names
 from besman.robot.config import RobotConfig
 from besman.robot.link_shapes import link_capsules
-from besman.robot.parts import Chain, JointLimits, Tool, read_only
+from besman.robot.parts import Chain, JointLimits, Tool, capsule_part, read_only
+from besman.robot.urdf_file import joint_in_model, text_for_model
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -62,9 +64,9 @@ def build_model(
     except (ValueError, RuntimeError) as error:
         why = in_one_line(said) or in_one_line(error)
         raise RobotError(f"{urdf}: cannot be used as URDF: {why}") from None
-    names = [joint.name for joint in config.joints]
-    model = _reduce(full, names, path)
-    if not model.existFrame(config.tip):
+    _refuse_mimics(config, tree, path)
+    model = _reduce(full, config, set(link_names(tree)), path)
+    if not model.existFrame(config.tip, pinocchio.FrameType.BODY):
         links = [frame.name for frame in model.frames if frame.type == pinocchio.FrameType.BODY]
         raise RobotError(f"{path}: tip: no link {config.tip!r}; {nearest(config.tip, links)}")
     _mount(model, config)
@@ -104,19 +106,52 @@ def _amend(config: RobotConfig, tree: ElementTree.Element, path: Path) -> str:
         for key, value in zip(("ixx", "iyy", "izz"), inertia.inertia_kgm2, strict=True):
             moments[key] = repr(value)
         ElementTree.SubElement(new, "inertia", moments)
-    return ElementTree.tostring(tree, encoding="unicode")
+    return text_for_model(tree)
 
 
-def _reduce(full: Any, names: list[str], path: Path) -> Any:
+def _refuse_mimics(config: RobotConfig, tree: ElementTree.Element, path: Path) -> None:
+    """Refuse joints that follow another one: moved by themselves, they are elsewhere."""
+    names = {joint.name for joint in config.joints}
+    for joint in tree.findall("joint"):
+        mimic = joint.find("mimic")
+        if mimic is not None and joint.get("name") in names:
+            raise RobotError(
+                f"{path}: joint {joint.get('name')}: <mimic>: follows joint "
+                f"{mimic.get('joint', '')!r:.60}; coupled joints within an arm cannot be used"
+            )
+
+
+def _fixed_pose(full: Any, config: RobotConfig, links: set[str], path: Path) -> FloatArray:
+    """Return the configuration at which the joints that are not the arm's are fixed."""
+    pose: FloatArray = pinocchio.neutral(full)
+    held = {joint_in_model(name, links): value for name, value in config.held.items()}
+    for name, value in held.items():
+        if name not in list(full.names)[1:]:
+            there = list(full.names)[1:]
+            raise RobotError(f"{path}: held: no joint {name!r} in the URDF; {nearest(name, there)}")
+        joint = full.joints[full.getJointId(name)]
+        if joint.nq == 1:
+            pose[joint.idx_q] = value
+        elif joint.nq == 2:
+            pose[joint.idx_q : joint.idx_q + 2] = np.cos(value), np.sin(value)
+        else:
+            raise RobotError(f"{path}: held: joint {name!r} has more than one degree of freedom")
+    return pose
+
+
+def _reduce(full: Any, config: RobotConfig, links: set[str], path: Path) -> Any:
     """Fix all joints but the named ones, and check that these form one chain of hinges."""
     there = list(full.names)[1:]
+    names = [joint_in_model(joint.name, links) for joint in config.joints]
     for name in names:
         if name not in there:
             raise RobotError(
                 f"{path}: joints: no joint {name!r} in the URDF; {nearest(name, there)}"
             )
     fixed = [full.getJointId(name) for name in there if name not in names]
-    model = pinocchio.buildReducedModel(full, fixed, pinocchio.neutral(full)) if fixed else full
+    model = full
+    if fixed:
+        model = pinocchio.buildReducedModel(full, fixed, _fixed_pose(full, config, links, path))
     if list(model.names)[1:] != names or list(model.parents)[1:] != list(range(len(names))):
         raise RobotError(
             f"{path}: joints: expected one chain from base to tip, in the URDF's order: "
@@ -155,7 +190,8 @@ def _mount(model: Any, config: RobotConfig) -> None:
 
 def _attach(model: Any, tip: str, tool: Tool, path: Path) -> int:
     """Add the tool's mass and the frame ``tcp``."""
-    flange = model.frames[model.getFrameId(tip)]
+    link = model.getFrameId(tip, pinocchio.FrameType.BODY)
+    flange = model.frames[link]
     if flange.parentJoint != model.njoints - 1:
         raise RobotError(f"{path}: tip: link {tip!r} does not hang on the last joint")
     tcp = flange.placement * pinocchio.SE3(tool.tcp2flange)
@@ -171,7 +207,7 @@ def _attach(model: Any, tip: str, tool: Tool, path: Path) -> int:
     frame = pinocchio.Frame(
         "tcp",
         flange.parentJoint,
-        model.getFrameId(tip),
+        link,
         tcp,
         pinocchio.FrameType.OP_FRAME,
     )
@@ -215,7 +251,8 @@ def build_chain(
         height = max(config.mounting.height_m - radius, 0.0)
         capsules.append(("pedestal", -1, np.array([[0.0, 0.0, 0.0], [0.0, 0.0, height]]), radius))
     if tool.capsule_radius > 0:
-        flange = model.frames[model.getFrameId(config.tip)].placement
+        link = model.getFrameId(config.tip, pinocchio.FrameType.BODY)
+        flange = model.frames[link].placement
         axis = tool.capsule_ends @ flange.rotation.T + flange.translation
         capsules.append(("tool", model.njoints - 2, axis, tool.capsule_radius))
     links = [link for link, *_ in capsules]
@@ -240,14 +277,17 @@ def build_chain(
 def _pairs(links: list[str], joints: list[int], config: RobotConfig) -> list[tuple[int, int]]:
     """List the pairs of capsules that can collide and must not."""
     ignored = {frozenset(pair) for pair in config.ignored_pairs}
+    parts = [capsule_part(links, index) for index in range(len(links))]
     last = max(joints, default=-1)
     pairs = []
     for first in range(len(links)):
         for second in range(first + 1, len(links)):
             names = frozenset((links[first], links[second]))
+            their_parts = frozenset((parts[first], parts[second]))
             near, far = sorted((joints[first], joints[second]))
             # The wrist's links carry the tool: they cannot reach it.
             wrist = "tool" in names and near >= last - 2
-            if far - near > 1 and names not in ignored and not wrist:
+            left_out = names in ignored or their_parts in ignored
+            if far - near > 1 and not left_out and not wrist:
                 pairs.append((first, second))
     return pairs

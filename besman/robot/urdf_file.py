@@ -2,19 +2,35 @@
 
 from __future__ import annotations
 
+import copy
+import re
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from xml.etree import ElementTree
 
 from besman.exceptions import RobotError
-from besman.foreign.names import fault_of_characters
-from besman.foreign.urdf_text import MOST_CHARACTERS, UrdfTextError, parse_urdf
+from besman.foreign.paths import is_file
+from besman.foreign.urdf_text import MOST_CHARACTERS, UrdfTextError, link_names, parse_urdf
+from besman.robot.files.mesh_folders import mesh_path
 
-_PACKAGE = "package://"
-# Characters: no path is longer.
-_LONGEST_ADDRESS = 1000
+_ENCODING = re.compile(rb"""^[^>]{0,80}?encoding\s*=\s*["']([A-Za-z0-9._-]{1,40})["']""")
+# Of one byte a character, as ROS-Industrial's files from Windows have it.
+_ENCODINGS = {"iso-8859-1", "iso8859-1", "latin-1", "latin1", "windows-1252", "cp1252", "us-ascii"}
+MESH_ENDINGS = (".stl", ".dae", ".obj", ".ply", ".off")
+"""Of files that may be meshes."""
+
+MOST_MESH_BYTES = 40_000_000
+"""Of one mesh: an arm's link needs a hundredth of it."""
+
+_SHAPES = ("collision", "visual")
 
 
-def read_urdf(urdf: Path, folder: Path) -> ElementTree.Element:
+def read_urdf(
+    urdf: Path,
+    folder: Path,
+    packages: Mapping[str, Path] | None = None,
+    unusable: dict[str, str] | None = None,
+) -> ElementTree.Element:
     """Read a URDF and make the addresses of its meshes absolute.
 
     Parameters
@@ -23,6 +39,11 @@ def read_urdf(urdf: Path, folder: Path) -> ElementTree.Element:
         The file.
     folder : Path
         What ``package://`` addresses start from; no mesh may be outside it.
+    packages : dict of Path, optional
+        Folders of packages that are elsewhere.
+    unusable : dict of str, optional
+        Addresses of meshes that are outside, not there or too large are added to it, and why; what
+        has such a shape is read without it. Without this dict, meshes outside are refused.
 
     Returns
     -------
@@ -35,50 +56,114 @@ def read_urdf(urdf: Path, folder: Path) -> ElementTree.Element:
         If the file is no URDF, has entities, a loop, names or numbers of which no arm is made, or a
         mesh outside the folder.
     """
-    if urdf.stat().st_size > MOST_CHARACTERS:
-        raise RobotError(f"{urdf}: expected a URDF of at most {MOST_CHARACTERS // 10**6} MB")
-    try:
-        tree = parse_urdf(urdf.read_text(encoding="utf-8"))
-    except UnicodeDecodeError:
-        raise RobotError(f"{urdf}: not valid XML: expected text in UTF-8") from None
-    except UrdfTextError as error:
-        raise RobotError(f"{urdf}: {error}") from None
-    for mesh in tree.iter("mesh"):
-        mesh.set("filename", str(mesh_path(mesh.get("filename", ""), urdf, folder)))
+    tree = read_urdf_text(urdf)
+    place_meshes(tree, urdf, folder, packages, unusable)
     return tree
 
 
-def mesh_path(address: str, urdf: Path, folder: Path) -> Path:
-    """Turn the address of a mesh into an absolute path, whether or not there is a file.
+def read_urdf_text(urdf: Path) -> ElementTree.Element:
+    """Read a URDF and leave the addresses of its meshes as they are.
 
     Parameters
     ----------
-    address : str
-        ``package://NAME/PATH``, ``file://PATH`` or a path relative to the URDF.
-    urdf, folder : Path
-        As in `read_urdf`.
+    urdf : Path
 
     Raises
     ------
     RobotError
-        If the path is outside the folder.
+        If the file is no URDF of which an arm is made.
     """
-    home = folder.resolve()
-    fault = fault_of_characters(address)
-    if fault is not None or len(address) > _LONGEST_ADDRESS:
-        raise RobotError(f"{urdf}: mesh {address!r:.60} {fault or 'is no path: too long'}")
-    if address.startswith(_PACKAGE):
-        inside = address.removeprefix(_PACKAGE)
-        package, _, rest = inside.partition("/")
-        # A folder that is itself the package, as in a checkout.
-        path = home / rest if package == home.name and not (home / package).is_dir() else None
-        path = path or home / inside
-    else:
-        path = urdf.resolve().parent / address.removeprefix("file://")
-    path = path.resolve()
-    if not path.is_relative_to(home):
+    try:
+        if urdf.stat().st_size > MOST_CHARACTERS:
+            raise RobotError(f"{urdf}: expected a URDF of at most {MOST_CHARACTERS // 10**6} MB")
+        content = urdf.read_bytes()
+    except OSError as error:
+        raise RobotError(f"{urdf}: cannot be read: {error.strerror}") from None
+    return parse_urdf_bytes(content, urdf)
+
+
+def parse_urdf_bytes(content: bytes, urdf: Path) -> ElementTree.Element:
+    """Parse the content of a URDF; see `read_urdf_text`."""
+    declared = _ENCODING.match(content)
+    encoding = declared.group(1).decode("ascii").lower() if declared else "utf-8"
+    try:
+        text = content.decode(encoding if encoding in _ENCODINGS else "utf-8-sig")
+    except UnicodeDecodeError:
         raise RobotError(
-            f"{urdf}: mesh {address!r} is outside {home}; expected it below that folder "
-            "(robots add --out: a folder that holds URDF and meshes)"
-        )
-    return path
+            f"{urdf}: not valid XML: expected text in UTF-8, or as its first line says"
+        ) from None
+    try:
+        return parse_urdf(text)
+    except UrdfTextError as error:
+        raise RobotError(f"{urdf}: {error}") from None
+
+
+def place_meshes(
+    tree: ElementTree.Element,
+    urdf: Path,
+    folder: Path,
+    packages: Mapping[str, Path] | None,
+    unusable: dict[str, str] | None,
+) -> None:
+    """Make the addresses of a URDF's meshes absolute; see `read_urdf`."""
+    for link in tree.findall("link"):
+        for shape in [one for tag in _SHAPES for one in link.findall(tag)]:
+            for mesh in shape.iter("mesh"):
+                address = mesh.get("filename", "")
+                try:
+                    path = mesh_path(address, urdf, folder, packages)
+                except RobotError as error:
+                    if unusable is None:
+                        raise
+                    unusable[address] = str(error).removeprefix(f"{urdf}: ")
+                    link.remove(shape)
+                    break
+                fault = _fault_of_mesh(path)
+                if unusable is not None and fault is not None:
+                    unusable[address] = f"mesh {path}: {fault}"
+                    link.remove(shape)
+                    break
+                mesh.set("filename", str(path))
+
+
+def _fault_of_mesh(path: Path) -> str | None:
+    """Say why a mesh cannot be used, None if it may be."""
+    if not is_file(path):
+        return "no such file"
+    if path.suffix.lower() not in MESH_ENDINGS:
+        return f"{path.suffix or 'no ending'}: expected one of {', '.join(MESH_ENDINGS)}"
+    size = path.stat().st_size
+    if size > MOST_MESH_BYTES:
+        return f"{size / 1e6:.0f} MB, more than {MOST_MESH_BYTES / 1e6:.0f}"
+    return None
+
+
+def joint_in_model(name: str, links: Collection[str]) -> str:
+    """Return the name that a joint has in Pinocchio's model, where links have other ones."""
+    return f"{name} (joint)" if name in links else name
+
+
+def text_for_model(tree: ElementTree.Element) -> str:
+    """Return a URDF's text for other libraries, which refuse what besman reads.
+
+    Pinocchio finds no frame if a joint and a link share a name; a hinge without limits is none.
+
+    Parameters
+    ----------
+    tree : Element
+        Is not changed.
+    """
+    links = set(link_names(tree))
+    apart = copy.deepcopy(tree)
+    for joint in apart.findall("joint"):
+        joint.set("name", joint_in_model(joint.get("name", ""), links))
+        if joint.get("type") in ("revolute", "prismatic"):
+            limit = joint.find("limit")
+            limit = ElementTree.SubElement(joint, "limit") if limit is None else limit
+            for key in ("lower", "upper", "effort", "velocity"):
+                # What is left out is zero, which means that it is not given.
+                limit.set(key, limit.get(key, "0"))
+        mimic = joint.find("mimic")
+        if mimic is not None:
+            mimic.set("joint", joint_in_model(mimic.get("joint", ""), links))
+    return ElementTree.tostring(apart, encoding="unicode")

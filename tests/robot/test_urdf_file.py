@@ -1,7 +1,8 @@
 import pytest
 
 from besman.exceptions import RobotError
-from besman.robot.urdf_file import mesh_path, read_urdf
+from besman.robot.files.mesh_folders import mesh_path
+from besman.robot.urdf_file import read_urdf
 
 LINKS = "".join(f"<link name='{name}'/>" for name in "abc")
 

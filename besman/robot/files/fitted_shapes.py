@@ -1,0 +1,203 @@
+"""Capsules and masses for a robot.yaml: fitted once, when an arm is brought in."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio
+
+from besman.exceptions import RobotError
+from besman.robot.config import RobotConfig
+from besman.robot.link_shapes import link_capsules
+
+FloatArray = npt.NDArray[np.float64]
+
+# Capsules along links of which there is no shape: a share of the arm's length.
+_SLENDERNESS = 0.06
+_LEAST_LENGTH_M = 0.03
+_SHORT = 0.1
+# Of the whole capsules: a UR5 has 18 kg in 20 litres of them.
+_DENSITY_KG_M3 = 900.0
+_LEAST_MASS_KG = 1e-3
+_DIGITS = 4
+
+
+def use_visual_shapes(tree: ElementTree.Element) -> list[str]:
+    """Give links without collision shapes their visual ones; return these links."""
+    found = []
+    for link in tree.findall("link"):
+        if link.find("collision") is None and link.find("visual") is not None:
+            found.append(str(link.get("name")))
+            for visual in link.findall("visual"):
+                shape = ElementTree.SubElement(link, "collision")
+                shape.extend([one for one in visual if one.tag in ("origin", "geometry")])
+    return found
+
+
+def fit_shapes(
+    model: Any,
+    config: RobotConfig,
+    tree: ElementTree.Element,
+    urdf: Path,
+    path: Path,
+    progress: Callable[[float], None],
+) -> tuple[list[dict[str, Any]], list[str]]:
+    """Fit the capsules of a robot.yaml.
+
+    Parameters
+    ----------
+    model : pinocchio.Model
+        The mounted arm.
+    config : RobotConfig
+        Without capsules.
+    tree, urdf, path
+        The URDF; it loses the shapes whose meshes cannot be read. Paths are named in errors.
+    progress : callable
+        Is told the share that is done.
+
+    Returns
+    -------
+    capsules : list of dict
+        Of a robot.yaml, in the frames of their links, rounded outwards.
+    notes : list of str
+        What could not be read, and what stands along links instead.
+    """
+    notes = []
+    while True:
+        try:
+            capsules = link_capsules(model, config, tree, urdf, path, progress)
+            break
+        except RobotError as error:
+            bad = _drop_named_mesh(tree, str(error))
+            if bad is None:
+                raise
+            notes.append(f"mesh {bad} cannot be read: the link has no shape of it")
+    bare = _along_links(model, config, {joint for _, joint, *_ in capsules})
+    if bare:
+        links = ", ".join(link for link, *_ in bare)
+        notes.append(f"capsules along {links}: no shape is given")
+    return [_in_link(model, *one) for one in [*capsules, *bare]], notes
+
+
+def _drop_named_mesh(tree: ElementTree.Element, message: str) -> str | None:
+    """Take away the shapes of the mesh that a message names; return its path."""
+    named = {str(mesh.get("filename")) for mesh in tree.iterfind("link/collision/geometry/mesh")}
+    bad = max((one for one in named if one in message), key=len, default=None)
+    for link in tree.findall("link"):
+        for shape in link.findall("collision"):
+            if bad is not None and shape.find(f"geometry/mesh[@filename='{bad}']") is not None:
+                link.remove(shape)
+    return bad
+
+
+def _along_links(
+    model: Any, config: RobotConfig, covered: set[int]
+) -> list[tuple[str, int, FloatArray, float]]:
+    """Return a capsule from each joint to the next where nothing encloses what it moves."""
+    ends = [place.translation for place in list(model.jointPlacements)[2:]]
+    tip = model.frames[model.getFrameId(config.tip, pinocchio.FrameType.BODY)]
+    ends.append(tip.placement.translation)
+    lengths = [float(np.linalg.norm(end)) for end in ends]
+    whole = max(sum(lengths), _LEAST_LENGTH_M)
+    radius = _SLENDERNESS * whole
+    # Joints that nearly cross have no link of their own between them.
+    shortest = max(_SHORT * whole, _LEAST_LENGTH_M)
+    found = []
+    for joint, (end, length) in enumerate(zip(ends, lengths, strict=True)):
+        link = _moved_link(model, joint)
+        if joint not in covered and length >= shortest and link is not None:
+            found.append((link, joint, np.stack([np.zeros(3), end]), min(radius, length / 2)))
+    return found
+
+
+def _moved_link(model: Any, joint: int) -> str | None:
+    """Return the first link that a joint moves."""
+    for frame in model.frames:
+        if frame.type == pinocchio.FrameType.BODY and frame.parentJoint == joint + 1:
+            return str(frame.name)
+    return None
+
+
+def _in_link(model: Any, link: str, joint: int, ends: FloatArray, radius: float) -> dict[str, Any]:
+    """Return a capsule in its link's frame, rounded outwards."""
+    frame = model.frames[model.getFrameId(link, pinocchio.FrameType.BODY)]
+    placed = (ends - frame.placement.translation) @ frame.placement.rotation
+    rounded = np.round(placed, _DIGITS) + 0.0
+    moved = float(np.max(np.linalg.norm(rounded - placed, axis=1)))
+    step = 10.0**-_DIGITS
+    return {
+        "link": link,
+        "ends_m": rounded.tolist(),
+        "radius_m": round(math.ceil((radius + moved) / step - 1e-6) * step, _DIGITS),
+    }
+
+
+def assume_masses(model: Any, config: RobotConfig) -> tuple[dict[str, dict[str, Any]], list[str]]:
+    """Return inertias for what has no mass, of the volume of its capsules.
+
+    Parameters
+    ----------
+    model : pinocchio.Model
+        The arm.
+    config : RobotConfig
+        With capsules.
+
+    Returns
+    -------
+    inertia : dict of dict
+        Of a robot.yaml, by link.
+    notes : list of str
+        What was assumed, in words.
+    """
+    inertia, notes = {}, []
+    for joint in range(model.nv):
+        link = _moved_link(model, joint)
+        if model.inertias[joint + 1].mass >= _LEAST_MASS_KG or link is None:
+            continue
+        frame = model.frames[model.getFrameId(link, pinocchio.FrameType.BODY)].placement
+        bodies = [
+            _solid(model, capsule, frame)
+            for capsule in config.capsules
+            if _parent(model, capsule.link) == joint
+        ]
+        if not bodies and joint + 1 < model.nv:
+            # Joints that cross in a point: what the next one moves has the mass.
+            continue
+        # What is nowhere wide still has to be moved.
+        whole = sum(bodies, pinocchio.Inertia.FromSphere(0.02, 0.03))
+        moments = np.maximum(np.diag(whole.inertia), 1e-6)
+        inertia[link] = {
+            "mass_kg": round(whole.mass, 3),
+            "com_m": [round(float(part), 4) for part in whole.lever],
+            "inertia_kgm2": [float(f"{part:.3g}") for part in moments],
+        }
+        notes.append(
+            f"mass of what joint {config.joints[joint].name} moves: {whole.mass:.2f} kg by the "
+            "volume of its capsules, none is given"
+        )
+    return inertia, notes
+
+
+def _parent(model: Any, link: str) -> int:
+    """Return the joint that moves a link, -1 for none."""
+    return int(model.frames[model.getFrameId(link, pinocchio.FrameType.BODY)].parentJoint) - 1
+
+
+def _solid(model: Any, capsule: Any, frame: Any) -> Any:
+    """Return the inertia of a capsule in a link's frame, kg m^2."""
+    own = model.frames[model.getFrameId(capsule.link, pinocchio.FrameType.BODY)].placement
+    ends = np.array(capsule.ends_m)
+    along = ends[1] - ends[0]
+    length = max(float(np.linalg.norm(along)), 1e-6)
+    radius = capsule.radius_m
+    mass = _DENSITY_KG_M3 * math.pi * radius**2 * (length + 4 / 3 * radius)
+    turn = pinocchio.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), along / length)
+    place = pinocchio.SE3(turn.matrix(), ends.mean(axis=0))
+    body = pinocchio.Inertia.FromCylinder(mass, radius, length + 4 / 3 * radius)
+    return body.se3Action(frame.actInv(own * place))

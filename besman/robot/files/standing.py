@@ -1,0 +1,208 @@
+"""How an arm of which nobody says it stands: height, pedestal, flange and home."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio
+
+from besman.robot.collision import distances
+from besman.robot.kinematics import forward_kinematics, jacobian
+from besman.robot.model import Robot
+
+FloatArray = npt.NDArray[np.float64]
+
+# Shoulders of people and of the arms that come with besman are about this high.
+_SHOULDER_M = 1.1
+_LEAST_PEDESTAL_M = 0.05
+_PEDESTAL_SHARE = 0.1
+_ALONG_AXIS = 0.99
+# The search for a home: how many at once, how often, and how fast it narrows.
+_CANDIDATES = 400
+_BEST = 40
+_ROUNDS = 24
+_FIRST_CANDIDATES = 6000
+_CLEAR_M = 0.02
+# Shares of the reach: how far ahead the hand is held, and how high above the shoulder at most.
+_AHEAD, _WIDEST_RAD = 0.6, np.pi
+_INSIDE = 0.08
+
+
+def arm_reach(model: Any, tip: str) -> tuple[float, float]:
+    """Return how far a flange is from the first joint's axis at most, and how high the shoulder is.
+
+    Parameters
+    ----------
+    model : pinocchio.Model
+        The arm, its base on the floor.
+    tip : str
+        Link of the flange.
+
+    Returns
+    -------
+    reach, shoulder : float
+        Sum of the ways from the second joint on, and its height above the base, metres.
+    """
+    placements = list(model.jointPlacements)[1:]
+    flange = model.frames[model.getFrameId(tip, pinocchio.FrameType.BODY)].placement
+    ways = [float(np.linalg.norm(place.translation)) for place in placements[2:]]
+    ways.append(float(np.linalg.norm(flange.translation)))
+    shoulder = placements[0] * placements[1] if len(placements) > 1 else placements[0]
+    return sum(ways), float(shoulder.translation[2])
+
+
+def assume_mounting(reach: float, shoulder: float) -> dict[str, float]:
+    """Return the mounting of a robot.yaml: the shoulder as high as the arm is long.
+
+    Parameters
+    ----------
+    reach, shoulder : float
+        See `arm_reach`.
+    """
+    height = round(max(min(reach, _SHOULDER_M) - shoulder, 0.0), 2)
+    if height < _LEAST_PEDESTAL_M:
+        return {"height_m": 0.0, "yaw_deg": 0.0, "pedestal_radius_m": 0.0}
+    radius = round(min(_PEDESTAL_SHARE * min(reach, 1.0), height / 2), 3)
+    return {"height_m": height, "yaw_deg": 0.0, "pedestal_radius_m": radius}
+
+
+def flange_rotation(model: Any, tip: str) -> tuple[FloatArray, str]:
+    """Turn a link's frame so that z points away from the arm along the last axis (ISO 9787).
+
+    Parameters
+    ----------
+    model : pinocchio.Model
+    tip : str
+        Link of the flange.
+
+    Returns
+    -------
+    quaternion : array, shape (4,)
+        Orientation of the flange in the link's frame, w first.
+    note : str
+        "" where z does so already.
+    """
+    flange = model.frames[model.getFrameId(tip, pinocchio.FrameType.BODY)].placement
+    axis = _last_axis(model)
+    out = float(axis @ flange.translation)
+    if abs(out) < 1e-3:
+        # The flange is at the joint: the way that led there points out.
+        before = list(model.jointPlacements)[-1]
+        out = float(axis @ (before.rotation.T @ before.translation))
+    outwards = flange.rotation.T @ (axis if out >= 0 else -axis)
+    z = np.array([0.0, 0.0, 1.0])
+    if abs(out) < 1e-3 or outwards[2] > _ALONG_AXIS or np.abs(outwards).max() < _ALONG_AXIS:
+        return np.array([1.0, 0.0, 0.0, 0.0]), ""
+    quaternion = pinocchio.Quaternion.FromTwoVectors(z, outwards)
+    found = np.array([quaternion.w, quaternion.x, quaternion.y, quaternion.z])
+    letter = "xyz"[int(np.argmax(np.abs(outwards)))]
+    sign = "-" if outwards[np.argmax(np.abs(outwards))] < 0 else ""
+    return found, f"flange: {sign}{letter} of link {tip} points away from the arm, taken as its z"
+
+
+def _last_axis(model: Any) -> FloatArray:
+    """Return the axis of the last joint in its frame."""
+    joint = model.joints[model.njoints - 1]
+    data = joint.createData()
+    joint.calc(data, np.zeros(joint.nq), np.zeros(joint.nv))
+    axis: FloatArray = np.asarray(data.S, dtype=np.float64).reshape(6)[3:]
+    return axis
+
+
+def find_home(robot: Robot, reach: float) -> tuple[FloatArray, bool]:
+    """Search a home: clear, within limits, far from singular, hand ahead, elbow up.
+
+    A random search that narrows around its best (cross-entropy), always with the same numbers.
+
+    Parameters
+    ----------
+    robot : Robot
+    reach : float
+        Of the arm, metres.
+
+    Returns
+    -------
+    home : array, shape (n,)
+        rad, whole degrees.
+    is_clear : bool
+        Whether nothing touches.
+    """
+    random = np.random.default_rng(0)
+    low = np.maximum(robot.limits.position_min, -_WIDEST_RAD)
+    high = np.minimum(robot.limits.position_max, _WIDEST_RAD)
+    low, high = np.minimum(low, high - 1e-3), np.maximum(high, low + 1e-3)
+    span = high - low
+    poses = low + span * random.random((_FIRST_CANDIDATES, robot.n))
+    poses[0] = np.clip(0.0, low, high)
+    best: FloatArray = np.empty((0, robot.n))
+    for _ in range(_ROUNDS):
+        everyone = np.vstack([best, poses])
+        order = np.argsort(_cost(robot, everyone, low, span, reach), kind="stable")
+        best = everyone[order[:_BEST]]
+        spread = best.std(axis=0) + 1e-3
+        parents = best[random.integers(0, len(best) // 2, _CANDIDATES)]
+        poses = np.clip(parents + spread * random.normal(size=parents.shape), low, high)
+    degrees = np.clip(np.round(np.degrees(best[0])), np.degrees(low), np.degrees(high))
+    home = np.radians(degrees)
+    return home, bool(distances(robot.chain, home).min() > 0)
+
+
+def _cost(
+    robot: Robot, poses: FloatArray, low: FloatArray, span: FloatArray, reach: float
+) -> FloatArray:
+    """Rate poses (B, n), the lower the better, shape (B,)."""
+    tips = forward_kinematics(robot.chain, poses)
+    shoulder = robot.chain.placements[0] @ (robot.chain.placements[1] if robot.n > 1 else np.eye(4))
+    way = (tips[:, :3, 3] - shoulder[:3, 3]) / max(reach, 1e-6)
+    ahead = np.abs(way - [_AHEAD, 0.0, 0.0]) @ [1.0, 2.0, 1.0]
+    # The tool looks ahead, as a hand does.
+    looks = 1.0 - tips[:, 0, 2]
+    share = (poses - low) / span
+    margin = np.minimum(share, 1.0 - share).min(axis=1)
+    near = np.maximum(_CLEAR_M - distances(robot.chain, poses).min(axis=1), 0.0) / _CLEAR_M
+    cost: FloatArray = (
+        ahead
+        + looks
+        + 2.0 * _nearness_to_singular(robot, poses, reach)
+        + 5.0 * np.maximum(_INSIDE - margin, 0.0) / _INSIDE
+        + 0.1 * np.abs(poses).mean(axis=1)
+        - 0.5 * _elbow_height(robot, poses, tips) / max(reach, 1e-6)
+        + np.where(near > 0, 5.0 + np.minimum(near, 10.0), 0.0)
+    )
+    return cost
+
+
+def _nearness_to_singular(robot: Robot, poses: FloatArray, reach: float) -> FloatArray:
+    """Return 0 where an arm turns and moves in every direction, 1 where in one it does not."""
+    matrices = jacobian(robot.chain, poses)
+    matrices[:, :3] /= max(reach, 1e-6)
+    if robot.n < 6:
+        matrices = matrices[:, :3]
+    least = np.linalg.svd(matrices, compute_uv=False)[:, -1]
+    nearness: FloatArray = np.maximum(1.0 - least / 0.15, 0.0)
+    return nearness
+
+
+def _elbow_height(robot: Robot, poses: FloatArray, tips: FloatArray) -> FloatArray:
+    """Return how far the highest joint is above shoulder and tip, shape (B,), metres."""
+    frames = np.broadcast_to(np.eye(4), (len(poses), 4, 4))
+    heights = []
+    for joint in range(robot.n):
+        frames = frames @ robot.chain.placements[joint]
+        heights.append(frames[:, 2, 3])
+        turns = np.broadcast_to(np.eye(4), (len(poses), 4, 4)).copy()
+        turns[:, :3, :3] = _rotations(robot.chain.axes[joint], poses[:, joint])
+        frames = frames @ turns
+    placed = np.stack(heights[1:] or heights, axis=1)
+    height: FloatArray = placed.max(axis=1) - np.maximum(placed[:, 0], tips[:, 2, 3])
+    return height
+
+
+def _rotations(axis: FloatArray, angles: FloatArray) -> FloatArray:
+    """Return rotations about an axis (3,), shape (B, 3, 3): Rodrigues' formula."""
+    cross = np.cross(np.eye(3), axis)
+    sine, rest = np.sin(angles)[:, None, None], (1.0 - np.cos(angles))[:, None, None]
+    turned: FloatArray = np.eye(3) - sine * cross + rest * (cross @ cross)
+    return turned
