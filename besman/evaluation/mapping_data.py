@@ -70,7 +70,7 @@ class _Collected:
         """Add the segments of a class of one recording."""
         n_before = len(self.notes.failures)
         try:
-            found = stage.run((recording,), (segments,), Work(notes=self.notes))
+            found = stage.run((recording,), (segments,), work=Work(notes=self.notes))
         except MappingError:
             # Every segment of the recording failed: there may be others.
             if len(self.notes.failures) == n_before:

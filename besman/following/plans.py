@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from besman.exceptions import ConfigError
+from besman.exceptions import ConfigError, RunError
 from besman.following.arms import FollowedArm
 from besman.following.follower import Follower
 from besman.person.body import find_body
@@ -25,6 +25,7 @@ from besman.stages.label.methods import DefaultLabelConfig, LabelMethod
 from besman.stages.label.stage import LabelConfig
 from besman.stages.recognize.model import RecognitionModel
 from besman.stages.recognize.model_files import load_model
+from besman.stages.recognize.one_throw import OneThrowConfig
 from besman.stages.segment.sampling import sample_paths
 from besman.stages.segment.signals import Scaling, measure_scaling, pool_scalings
 from besman.stages.segment.stage import SegmentConfig, VmciOnlineConfig
@@ -111,6 +112,11 @@ def make_plan(
 def _plan_of_run(run: Path) -> FollowPlan:
     """Load a run's models and recordings."""
     config, stored = read_recipe(run), open_run(run, needs_state=False)
+    if isinstance(config.recognize, OneThrowConfig):
+        raise RunError(
+            f"{run}: recognize.method one_throw looks at whole recordings and learns nothing to "
+            "follow by; expected a run with a trained model"
+        )
     given = config.recognize.model
     model = trained_model(run) if given is None else load_model(Path(given))
     segment = VmciOnlineConfig()

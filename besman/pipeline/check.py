@@ -22,6 +22,7 @@ from besman.stages.label.methods import LabelMethod
 from besman.stages.label.stage import NamingBase
 from besman.stages.read.read_inputs import Inputs, read_inputs
 from besman.stages.recognize.model_files import load_model
+from besman.stages.recognize.one_throw import OneThrowConfig
 from besman.stages.refine.stage import check_tool, place_plan
 from besman.stages.select.flight import check_thrown
 
@@ -52,11 +53,11 @@ def check_pipeline(name: str, settings: tuple[str, ...] = ()) -> list[str]:
     lines += _check_recordings(config)
     robot = load_robot(config.robot, config.tool)
     task = load_task(config.task)
-    _check_task(robot, task, thrown=config.select.object is not None)
+    _check_task(robot, task, thrown=bool(config.select.sources))
     lines.append(f"robot: {robot.name} with {robot.tool.name}, {robot.n} joints")
     if config.second_arm is not None:
         second = load_robot(config.second_arm.robot, config.second_arm.tool)
-        _check_task(second, task, thrown=config.select.other_arm.object is not None)
+        _check_task(second, task, thrown=bool(config.select.other_arm.sources))
         lines.append(f"second arm: {second.name} with {second.tool.name}, {second.n} joints")
     method, usual = config.imitate.method, task.motion_plan
     other = "" if method == usual else f"; made for {usual}, imitated by {method}"
@@ -66,14 +67,19 @@ def check_pipeline(name: str, settings: tuple[str, ...] = ()) -> list[str]:
 
 def _check_recordings(config: PipelineConfig) -> list[str]:
     """Read the recordings, match their markers and look for examples of the class selected."""
-    inputs = read_inputs(config.recordings, learn_from(config), config.read)
+    select = config.select
+    inputs = read_inputs(config.recordings, learn_from(config), config.read, select.landing)
     markers = load_marker_set(config.label.markers)
     state, expected = _check_markers(config.label, inputs, markers)
     seconds = sum(len(recording.time) / recording.rate_hz for recording in inputs.recordings)
     n = len(inputs.recordings)
     lines = [f"recordings: {n}, {seconds:.0f} s, {state}"]
-    if config.select.object is not None:
-        lines += _check_object(config.select.object, expected)
+    if select.object is not None:
+        lines += _check_object(select.object, expected)
+    lines += _check_target(config, inputs)
+    if isinstance(config.recognize, OneThrowConfig):
+        label = config.recognize.label
+        return [*lines, f"recognition: one {label} in each recording"]
     if needs_no_examples(config):
         lines.append(_check_model(config))
         return lines
@@ -117,6 +123,30 @@ def _check_object(thrown: str, expected: Mapping[str, Sequence[str]]) -> list[st
     return [f"without marker {thrown} of a thrown object: {', '.join(without)}"] if without else []
 
 
+def _check_target(config: PipelineConfig, inputs: Inputs) -> list[str]:
+    """Say what tells the targets; refuse a landing file that knows no recording."""
+    select = config.select
+    if not select.sources:
+        return []
+    lines = [f"target: by {', else '.join(select.sources)}"]
+    if select.landing is None:
+        return lines
+    sources = [recording.source for recording in inputs.recordings]
+    without = [
+        source
+        for source in sources
+        if not any(one.is_of(source, one.throw) for one in inputs.landings)
+    ]
+    if len(without) == len(sources):
+        raise ConfigError(
+            f"select.landing: {select.landing} has a landing for none of the recordings; "
+            f"{nearest(sources[0], [one.recording for one in inputs.landings])}"
+        )
+    if without:
+        lines.append(f"without a landing: {', '.join(without)}")
+    return lines
+
+
 def _check_task(robot: Robot, task: Task, thrown: bool) -> None:
     """Refuse a tool that is not the task's, and a task that needs what no motion will have."""
     check_tool(robot, task)
@@ -150,14 +180,15 @@ def _check_model(config: PipelineConfig) -> str:
 
 def _check_examples(config: PipelineConfig, inputs: Inputs) -> str:
     """Count the labelled examples."""
+    assert not isinstance(config.recognize, OneThrowConfig)
     counts: dict[str, int] = {}
-    truth = inputs.truth
+    truth, idle_s = inputs.truth, config.recognize.idle_s
     if config.select.label is not None:
         truth = leave_out_actions(truth, config.compose, side_of(config.segment.markers))
     for recording, manual in zip(inputs.recordings, truth, strict=True):
         if manual is None:
             continue
-        for label in complete_truth(manual, len(recording.time), config.recognize.idle_s).labels:
+        for label in complete_truth(manual, len(recording.time), idle_s).labels:
             counts[label] = counts.get(label, 0) + 1
     if not counts:
         raise RecognitionError(

@@ -20,6 +20,7 @@ from besman.stages.label.methods import DefaultLabelConfig, LabelStage
 from besman.stages.label.stage import NamingBase
 from besman.stages.map.stage import MapConfig
 from besman.stages.read.config import ReadConfig
+from besman.stages.recognize.one_throw import OneThrowConfig
 from besman.stages.recognize.stage import RecognizeConfig, RecognizeStage
 from besman.stages.refine.methods import RefineStage
 from besman.stages.refine.stage import CmaEsConfig
@@ -33,6 +34,7 @@ PATHS: PathKeys = {
     "training": absolute,
     "label.learn_from": absolute,
     "recognize.model": absolute,
+    "select.landing": absolute,
     "robot": own_file,
     "second_arm.robot": own_file,
     "task": own_file,
@@ -117,6 +119,21 @@ class PipelineConfig(Config):
             )
         return self
 
+    @model_validator(mode="after")
+    def _check_one_throw(self) -> PipelineConfig:
+        """Refuse what the method without examples cannot give."""
+        if not isinstance(self.recognize, OneThrowConfig):
+            return self
+        if self.compose is not None:
+            raise ValueError(
+                "recognize.method: one_throw names single movements; compose needs a method that "
+                "learns from labelled examples"
+            )
+        label, known = self.select.label, self.recognize.labels
+        if label not in known:
+            raise ValueError(f"select.label: got {label!r}; {nearest(str(label), known)}")
+        return self
+
 
 def load_pipeline(path: Path, settings: tuple[str, ...] = ()) -> PipelineConfig:
     """Read a pipeline and make its paths absolute.
@@ -165,8 +182,8 @@ def pipeline_yaml(config: PipelineConfig) -> str:
 
 
 def needs_no_examples(config: PipelineConfig) -> bool:
-    """Tell whether a trained model stands in place of all labelled examples."""
-    return config.recognize.model is not None and config.compose is None
+    """Tell whether nothing is learnt: a trained model is given, or none is needed."""
+    return not config.recognize.learns and config.compose is None
 
 
 def learn_from(config: PipelineConfig) -> str | None:

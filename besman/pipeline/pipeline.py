@@ -28,6 +28,8 @@ from besman.stages.map.stage import MapBothArms
 from besman.stages.read.read_inputs import Inputs, read_inputs
 from besman.stages.recognize.model import RecognitionModel
 from besman.stages.recognize.model_files import load_model
+from besman.stages.recognize.one_throw import OneThrowConfig
+from besman.stages.recognize.stage import RecognizeMethod
 from besman.work.display import Display
 from besman.work.outcome import describe_error
 from besman.work.stopping import last_words
@@ -79,7 +81,9 @@ def run_pipeline(
         raise RunError(f"--fresh: no stage {fresh!r}; {nearest(fresh, STAGES)}")
     with Workers(jobs, cluster) as workers:
         clock = Clock()
-        inputs = read_inputs(config.recordings, learn_from(config), config.read)
+        inputs = read_inputs(
+            config.recordings, learn_from(config), config.read, config.select.landing
+        )
         run = Run(folder, config.name, jobs=jobs, fresh=fresh, display=display, workers=workers)
         with _ends_in_order(run):
             run.start(pipeline_yaml(config), inputs.checksums)
@@ -130,21 +134,24 @@ def _run_stages(config: PipelineConfig, run: Run, inputs: Inputs, trained_in: Pa
     labelled = run.step("label", config.label, inputs.recordings, markers, inputs.teacher)
     segments = run.step("segment", config.segment, labelled)
     examples = _find_examples(config, run, inputs, labelled, trained_in)
-    model = _learn_blocks(config, run, examples, trained_in)
-    found = run.step("recognize", config.recognize, labelled, segments, model)
+    if isinstance(config.recognize, OneThrowConfig):
+        found = run.step("recognize", config.recognize, labelled, segments)
+    else:
+        model = _learn_blocks(config, config.recognize, run, examples, trained_in)
+        found = run.step("recognize", config.recognize, labelled, segments, model)
     if config.compose is not None:
         levels = _learn_actions(config, run, examples, trained_in)
         actions = run.step("compose", config.compose, labelled, found, levels)
         if config.select.action is not None:
             found = pick_level(actions, config.compose, config.select.action)
-    hands = run.step("select", config.select, labelled, found)
+    hands = run.step("select", config.select, labelled, found, inputs.landings)
     robot = load_robot(config.robot, config.tool)
     if config.second_arm is None:
         mapping = run.step("map", config.map, hands, robot)
         _learn_motions(config, run, mapping.trajectories, robot)
         return
 
-    others = run.step("select_second", config.select.other_arm, labelled, found)
+    others = run.step("select_second", config.select.other_arm, labelled, found, ())
     second = load_robot(config.second_arm.robot, config.second_arm.tool)
     both = run.step("map", MapBothArms(config.map), hands, others, robot, second)
     for mapping, arm, name in zip(both, (robot, second), ("", "_second"), strict=True):
@@ -205,18 +212,22 @@ def _find_examples(
 
 
 def _learn_blocks(
-    config: PipelineConfig, run: Run, examples: Examples, trained_in: Path | None
+    config: PipelineConfig,
+    recognize: RecognizeMethod,
+    run: Run,
+    examples: Examples,
+    trained_in: Path | None,
 ) -> RecognitionModel:
     """Return the trained model: a file's, another run's, or one of the labelled examples."""
-    if config.recognize.model is not None:
-        return load_model(Path(config.recognize.model))
+    if recognize.model is not None:
+        return load_model(Path(recognize.model))
     if trained_in is not None:
         model: RecognitionModel = trained_model(trained_in)
         return model
     labelled, manual = examples
     blocks = leave_out_actions(manual, config.compose, side_of(config.segment.markers))
     known = tuple(one for one in blocks if one is not None)
-    return run.prepare("train", config.recognize.training, labelled, known)
+    return run.prepare("train", recognize.training, labelled, known)
 
 
 def _learn_actions(

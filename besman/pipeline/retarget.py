@@ -106,7 +106,7 @@ def retarget_pipeline(
         If the folder is not a run or the robot is not there.
     """
     config = read_recipe(folder)
-    if config.recognize.model is None:
+    if config.recognize.learns:
         trained_model(folder)
     changes: dict[str, Any] = {
         "recordings": tuple(str(path.resolve()) for path in recordings),

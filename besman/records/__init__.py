@@ -5,6 +5,7 @@ Arrays are copied, made read-only and checked once, at construction.
 
 from besman.records.failure import Failure
 from besman.records.frozen import FloatArray, Record, ShapeError, freeze
+from besman.records.landing import Landing
 from besman.records.plans import AnyPlan, CartesianPlan, MotionPlan
 from besman.records.recordings import Axis, LabelledRecording, Origin, Recording
 from besman.records.refined_motion import RefinedMotion
@@ -22,6 +23,7 @@ __all__ = [
     "JointTrajectory",
     "LabelledRecording",
     "LabelledSegments",
+    "Landing",
     "MotionPlan",
     "Origin",
     "Record",

@@ -25,6 +25,7 @@ _TREE = "__tree__"
 # The module in which the record of each name in files (`Record.stored_as`) stands today.
 _RECORDS = {
     "besman.records:Failure": "besman.records.failure",
+    "besman.records:Landing": "besman.records.landing",
     "besman.records:CartesianPlan": "besman.records.plans",
     "besman.records:MotionPlan": "besman.records.plans",
     "besman.records:LabelledRecording": "besman.records.recordings",

@@ -14,6 +14,7 @@ class HandTrajectory(
     Record,
     stored_as="besman.records:HandTrajectory",
     finite=("time", "poses"),
+    later=("target_by",),
 ):
     """The hand of one selected demonstration.
 
@@ -29,6 +30,8 @@ class HandTrajectory(
         Class of the segment.
     target : array, shape (3,)
         Where the thrown object met the ground, metres in the back frame; NaN if nothing is thrown.
+    target_by : str, optional
+        What told the target, see `besman.stages.select.targets.Aim`; None if there is none.
     grasp : array, shape (7,)
         What the tool centre point is to follow, in the hand frame: position (m) and quaternion
         (w, x, y, z). NaN for either where the robot's tool says it, as ``hand_to_tcp`` does.
@@ -40,6 +43,7 @@ class HandTrajectory(
     label: str
     target: FloatArray = field(default_factory=lambda: np.full(3, np.nan))
     grasp: FloatArray = field(default_factory=lambda: np.full(7, np.nan))
+    target_by: str | None = None
 
     def __post_init__(self) -> None:
         freeze(self, {"time": ("T",), "poses": ("T", 7), "target": (3,), "grasp": (7,)})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -117,6 +118,9 @@ def outcome_lines(results: dict[str, Any]) -> list[str]:
             f"{recognize['accuracy_manual']:.1%} of the manual segments"
             + left_out(recognize.get("n_left_out", 0))
         )
+    told = Counter(results.get("select", {}).get("target", {}).values())
+    if told and set(told) != {"object"}:
+        lines.append("targets: " + ", ".join(f"{n} by {source}" for source, n in told.items()))
     for suffix, arm in (("", ""), ("_second", "second arm, ")):
         lines += [arm + line for line in _arm_lines(results, suffix)]
     return lines

@@ -14,13 +14,13 @@ from besman.person.marker_set import load_marker_set
 from besman.stages.label.methods import DefaultLabelConfig
 from besman.stages.read.read_inputs import read_inputs
 from besman.stages.recognize.model_files import check_model_place, save_model
-from besman.stages.recognize.stage import RecognizeStage
+from besman.stages.recognize.stage import TrainedStage
 
 _LONGEST_GAP_S = 0.5
 
 
 class _Training(Config):
-    recognize: RecognizeStage
+    recognize: TrainedStage
 
 
 def train_files(

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from besman.records import Origin, Record, Recording
+from besman.records import Landing, Origin, Record, Recording
 from besman.records import files as record_files
 from besman.records.files import load_record, save_record
 
 # Kinds of record that there were not then.
-SINCE = {"besman.records:Origin"}
+SINCE = {"besman.records:Landing", "besman.records:Origin"}
 WRITTEN = sorted((Path(__file__).parent / "written_by_58ea6d7").glob("*.npz"))
 
 
@@ -62,5 +62,11 @@ def test_what_has_come_since_is_stored_where_it_is_there(tmp_path):
     recording = Recording([0.0, 0.1], np.ones((2, 1, 3)), ("a",), 10.0, "a.c3d", origin=origin)
     save_record(recording, tmp_path / "a.npz")
     assert load_record(tmp_path / "a.npz").origin == origin
-    assert {kind.stored_as for kind in _records_in(recording)} >= SINCE
+    landing = Landing("a.c3d", 2, np.array([3.0, 1.0, 0.0]))
+    save_record((landing,), tmp_path / "b.npz")
+    (again,) = load_record(tmp_path / "b.npz")
+    assert (again.recording, again.throw) == ("a.c3d", 2)
+    np.testing.assert_array_equal(again.place, landing.place)
+    found = {kind.stored_as for kind in _records_in((recording, landing))}
+    assert found >= SINCE
     assert record_files.digest(recording) != record_files.digest(replace(recording, origin=None))

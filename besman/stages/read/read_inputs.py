@@ -11,10 +11,11 @@ from pathlib import Path
 import numpy as np
 
 from besman.exceptions import RecordingError, RecordingWarning
+from besman.io.landings import read_landings
 from besman.io.recordings.formats import find_companions, find_recordings, read_recording
 from besman.io.recordings.true_names import find_true_names, read_true_names
 from besman.io.segments_json import find_segments, read_segments
-from besman.records import LabelledSegments, Recording
+from besman.records import LabelledSegments, Landing, Recording
 from besman.stages.read.config import ReadConfig
 
 # Enough to tell takes apart; what is written as text or in single precision is rounded.
@@ -39,6 +40,8 @@ class Inputs:
     checksums : dict of str
         SHA-256 of every file by its name; of the URDF of a joint log too, by both names where logs
         of two folders have different ones of one name.
+    landings : tuple of Landing
+        Where throws came down, as a landing file says.
     """
 
     recordings: tuple[Recording, ...]
@@ -46,10 +49,14 @@ class Inputs:
     names: tuple[tuple[str, ...] | None, ...]
     teacher: Recording | None
     checksums: dict[str, str]
+    landings: tuple[Landing, ...] = ()
 
 
 def read_inputs(
-    paths: Sequence[str], teacher: str | None = None, config: ReadConfig = _AS_FILES_SAY
+    paths: Sequence[str],
+    teacher: str | None = None,
+    config: ReadConfig = _AS_FILES_SAY,
+    landing: str | None = None,
 ) -> Inputs:
     """Read recordings, and the segments and truth files beside them.
 
@@ -61,6 +68,8 @@ def read_inputs(
         Recording that markers are learnt from.
     config : ReadConfig
         How files are read.
+    landing : str, optional
+        A landing file, see `besman.io.landings`; it is no recording, though it lie among them.
 
     Returns
     -------
@@ -70,8 +79,14 @@ def read_inputs(
     ------
     RecordingError
         If a file is missing or damaged, or two recordings have one name.
+    ConfigError
+        If the landing file cannot be read.
     """
     files = find_recordings([Path(path) for path in paths])
+    landings: tuple[Landing, ...] = ()
+    if landing is not None:
+        landings = read_landings(Path(landing))
+        files = [file for file in files if file.resolve() != Path(landing).resolve()]
     _refuse_twins(files)
     recordings, truth, names = [], [], []
     checksums: dict[str, str] = {}
@@ -88,8 +103,10 @@ def read_inputs(
     if teacher is not None:
         learnt = read_recording(Path(teacher), config.units, up=config.up)
         _note_checksums(checksums, Path(teacher), *find_companions(Path(teacher)))
+    if landing is not None:
+        _note_checksums(checksums, Path(landing))
     _warn_of_copies(recordings)
-    return Inputs(tuple(recordings), tuple(truth), tuple(names), learnt, checksums)
+    return Inputs(tuple(recordings), tuple(truth), tuple(names), learnt, checksums, landings)
 
 
 def _refuse_twins(files: Sequence[Path]) -> None:

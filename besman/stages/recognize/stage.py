@@ -25,6 +25,7 @@ from besman.stages.recognize.model import (
     fit_model,
 )
 from besman.stages.recognize.naming import name_recordings
+from besman.stages.recognize.one_throw import OneThrowConfig
 
 
 class _TrainedStage(Stage):
@@ -98,6 +99,11 @@ class _TrainedStage(Stage):
     def settings(self) -> dict[str, Any]:
         """Parameters of the classifier."""
         return {}
+
+    @property
+    def learns(self) -> bool:
+        """Whether it learns from labelled examples."""
+        return self.model is None
 
     @property
     def training(self) -> Training[RecognitionModel]:
@@ -363,7 +369,14 @@ def _default_method(value: Any) -> Any:
     return value
 
 
-RecognizeStage = Annotated[
+TrainedStage = Annotated[
     RecognizeMethod, Field(discriminator="method"), BeforeValidator(_default_method)
+]
+"""All methods that learn."""
+
+RecognizeStage = Annotated[
+    RecognizeMethod | OneThrowConfig,
+    Field(discriminator="method"),
+    BeforeValidator(_default_method),
 ]
 """All methods under one key: ``recognize: {method: ...}``."""

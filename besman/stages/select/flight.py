@@ -26,7 +26,10 @@ _LONGEST_FLIGHT_S = 2.0
 
 
 def object_touchdown(
-    recording: LabelledRecording, bounds: tuple[int, int], marker: str
+    recording: LabelledRecording,
+    bounds: tuple[int, int],
+    marker: str,
+    gone: npt.NDArray[np.bool_] | None = None,
 ) -> FloatArray:
     """Extrapolate the free flight of a thrown object to the floor.
 
@@ -41,6 +44,9 @@ def object_touchdown(
         Half-open rows of the throw; the object leaves the hand at the latest 0.3 s later.
     marker : str
         The object's marker.
+    gone : bool array, shape (T,), optional
+        Rows of the recording in which the object has left the hand: at the end of its flight it
+        has. A ball that a hand brings down falls freely too.
 
     Returns
     -------
@@ -56,7 +62,8 @@ def object_touchdown(
     last = min(len(recording.time), bounds[1] + int(_LONGEST_FLIGHT_S * recording.rate_hz))
     rows = np.arange(bounds[0], last)
     path = recording.marker(marker)[rows]
-    flight = _flight(path, recording.rate_hz, bounds[1] - bounds[0])
+    ends = np.ones(len(rows), dtype=np.bool_) if gone is None else gone[rows]
+    flight = _flight(path, recording.rate_hz, bounds[1] - bounds[0], ends)
     if flight is None:
         return np.full(3, np.nan)
     return _fall(recording.time[rows[flight]], path[flight])
@@ -71,7 +78,9 @@ def check_thrown(marker: str, markers: Sequence[str], source: str) -> None:
         )
 
 
-def _flight(path: FloatArray, rate_hz: float, n_throw: int) -> slice | None:
+def _flight(
+    path: FloatArray, rate_hz: float, n_throw: int, ends: npt.NDArray[np.bool_]
+) -> slice | None:
     """Find the longest run of samples in free fall that begins with the throw or shortly after."""
     window = max(round(_ACCELERATION_WINDOW_S * rate_hz) | 1, 5)
     if len(path) < window:
@@ -88,6 +97,7 @@ def _flight(path: FloatArray, rate_hz: float, n_throw: int) -> slice | None:
     starts, stops = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
     latest = n_throw + _LATEST_RELEASE_S * rate_hz
     usable = (stops - starts >= _LEAST_FLIGHT_S * rate_hz) & (starts <= latest)
+    usable &= ends[stops - 1]
     if not usable.any():
         return None
     longest = int(np.argmax(np.where(usable, stops - starts, 0)))

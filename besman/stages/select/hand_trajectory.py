@@ -8,6 +8,7 @@ L. Gutzeit: From human movement recordings to robot behavior, thesis, sections 7
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -17,13 +18,20 @@ from besman.geometry.frames import back_frame, hand_frame, rotation_to_quaternio
 from besman.records import HandTrajectory, LabelledRecording, LabelledSegments
 from besman.records.layers import Side
 from besman.stages.select.body_points import GapLimits, find_body_points
-from besman.stages.select.flight import object_touchdown
+from besman.stages.select.palm import turn_palm_to_push
+from besman.stages.select.release import HandPath
+from besman.stages.select.targets import Aim, find_target
 
 FloatArray = npt.NDArray[np.float64]
 
 # Beside the segment the filter sees this much of the recording, so that its ends do not bend.
 _FILTER_MARGIN_S = 1.0
 _USUAL_GAPS = GapLimits()
+_NO_AIM = Aim()
+# The push is told from the hand's acceleration, in which noise grows with the square of this.
+_PUSH_CUTOFF_HZ = 4.0
+
+Palm = Literal["measured", "push"]
 
 
 @dataclass(frozen=True)
@@ -117,7 +125,8 @@ def map_record(
     name: str,
     cutoff_hz: float = 10.0,
     rate_hz: float = 100.0,
-    thrown: str | None = None,
+    aim: Aim = _NO_AIM,
+    palm: Palm = "measured",
     side: Side = "right",
     gaps: GapLimits = _USUAL_GAPS,
     grasp: npt.ArrayLike = (np.nan,) * 7,
@@ -142,8 +151,11 @@ def map_record(
         Of the low-pass filter (Butterworth, fourth order, forwards and backwards).
     rate_hz : float
         Samples per second of the result, at least.
-    thrown : str, optional
-        Marker of an object that is thrown; its touchdown becomes the target.
+    aim : Aim
+        Where the target comes from.
+    palm : "measured" or "push"
+        How the hand is turned: as was measured, or with its palm along its push, see
+        `besman.stages.select.palm.turn_palm_to_push`.
     side : "right" or "left"
         The arm.
     gaps : GapLimits
@@ -182,12 +194,22 @@ def map_record(
     spline = CubicSpline(recording.time[rows] - recording.time[start], hand)
     local = (spline(time) - origin) @ rotation
     hand2back, position = hand_frame(local[:, 0], local[:, 1], local[:, 2])
-    target = np.full(3, np.nan)
-    if thrown is not None:
-        target = (object_touchdown(recording, bounds, thrown) - origin) @ rotation
-    poses = np.hstack([position, rotation_to_quaternion(hand2back)])
+    throw = slice(start - points.hand_first, stop - points.hand_first)
+    path = HandPath(recording.time[rows], hand.mean(axis=1), throw)
+    if palm == "push":
+        slow = _smooth(points.hand.mean(axis=1), recording.rate_hz, _PUSH_CUTOFF_HZ)
+        pushing = HandPath(path.time, slow, throw)
+        at = recording.time[start] + time
+        hand2back = rotation.T @ turn_palm_to_push(pushing, rotation[:, 0], at)
+    target, target_by = find_target(recording, bounds, path, aim)
     return HandTrajectory(
-        time=time, poses=poses, name=name, label=label, target=target, grasp=np.array(grasp)
+        time=time,
+        poses=np.hstack([position, rotation_to_quaternion(hand2back)]),
+        name=name,
+        label=label,
+        target=(target - origin) @ rotation,
+        grasp=np.array(grasp),
+        target_by=target_by,
     )
 
 

@@ -9,10 +9,11 @@ import numpy as np
 from pydantic import field_validator, model_validator
 
 from besman.config.stage import Items, NotNegative, Positive, Stage, Truth, Work
-from besman.records import HandTrajectory, LabelledRecording, LabelledSegments
+from besman.records import HandTrajectory, LabelledRecording, LabelledSegments, Landing
 from besman.records.layers import Side
 from besman.stages.select.body_points import GapLimits
-from besman.stages.select.hand_trajectory import Selected, map_record, select_segments
+from besman.stages.select.hand_trajectory import Palm, Selected, map_record, select_segments
+from besman.stages.select.targets import Aim, TargetSource
 
 
 class SelectConfig(Stage):
@@ -26,6 +27,22 @@ class SelectConfig(Stage):
         In place of `label`: an action that stage ``compose`` finds.
     object : str, optional
         Marker of an object that is thrown; where it comes down becomes the target.
+    target : "object", "landing", "flight" or "release", optional
+        What tells the target of a throw: where the tracked object falls to the floor, by its free
+        flight; a landing file; the object's first metres after the hand let go, of which a few
+        frames are enough; or place and speed of the hand when it is fastest, from where what it
+        throws flies on. Not given: the landing file where it names the throw, then, where an object
+        is named, its fall, its first metres, and the release, the first that tells a place. With
+        neither there is no target. The results say which it was for each throw.
+    landing : str, optional
+        A landing file: CSV with the columns ``recording``, ``x_m``, ``y_m`` (or ``x_ft`` ...), or
+        YAML or JSON, see `besman.io.landings`.
+    target_height_m : float
+        Flight and release are followed down to this height, as of a hoop; the target is the floor
+        below, metres.
+    target_scale : float
+        The target is brought nearer to the releasing hand by this factor, for an arm that throws
+        less far than the person.
     arm : "right" or "left"
         The arm whose hand is followed.
     least_duration_s, greatest_duration_s : float
@@ -50,12 +67,20 @@ class SelectConfig(Stage):
     object_in_hand_wxyz : four float, optional
         How it is turned in the hand's frame: the tool's axes follow its axes, in place of
         ``hand_to_tcp_wxyz``. The tool points along z.
+    palm : "measured" or "push"
+        How the hand is turned: as it was measured; or with its palm where the hand pushes, told by
+        its acceleration and gravity. Keypoints tell the first badly, and fingers hold a ball where
+        a scoop would drop it.
     """
 
     method: Literal["label"] = "label"
     label: str | None = None
     action: str | None = None
     object: str | None = None
+    target: TargetSource | None = None
+    landing: str | None = None
+    target_height_m: NotNegative = 0.0
+    target_scale: Positive = 1.0
     arm: Side = "right"
     least_duration_s: NotNegative = 0.0
     greatest_duration_s: Positive = 10.0
@@ -66,6 +91,7 @@ class SelectConfig(Stage):
     longest_rigid_gap_s: NotNegative = 1.0
     object_in_hand_m: tuple[float, float, float] | None = None
     object_in_hand_wxyz: tuple[float, float, float, float] | None = None
+    palm: Palm = "measured"
 
     leaves_out: ClassVar[bool] = True
 
@@ -85,6 +111,27 @@ class SelectConfig(Stage):
             )
         return self
 
+    @model_validator(mode="after")
+    def _check_target(self) -> SelectConfig:
+        needed = {"object": "object", "flight": "object", "landing": "landing"}
+        key = needed.get(self.target or "")
+        if key is not None and getattr(self, key) is None:
+            what = "the marker of what is thrown" if key == "object" else "a landing file"
+            raise ValueError(
+                f"target: {self.target} needs select.{key}, {what}; without one there is "
+                "target: release"
+            )
+        return self
+
+    @property
+    def sources(self) -> tuple[TargetSource, ...]:
+        """What is asked for the target, in this order."""
+        if self.target is not None:
+            return (self.target,)
+        landing: tuple[TargetSource, ...] = () if self.landing is None else ("landing",)
+        seen: tuple[TargetSource, ...] = ("object", "flight", "release")
+        return landing if self.object is None else (*landing, *seen)
+
     @property
     def wanted(self) -> str:
         """The class that is taken, be it a building block or an action."""
@@ -101,11 +148,19 @@ class SelectConfig(Stage):
     def other_arm(self) -> SelectConfig:
         """The same for the person's other hand; nothing is thrown with it."""
         return self.model_copy(
-            update={"arm": "left" if self.arm == "right" else "right", "object": None}
+            update={
+                "arm": "left" if self.arm == "right" else "right",
+                "object": None,
+                "target": None,
+                "landing": None,
+            }
         )
 
     def items(
-        self, recordings: tuple[LabelledRecording, ...], segments: tuple[LabelledSegments, ...]
+        self,
+        recordings: tuple[LabelledRecording, ...],
+        segments: tuple[LabelledSegments, ...],
+        landings: tuple[Landing, ...] = (),
     ) -> Items:
         """Count the segments of the class."""
         return Items(sum(found.labels.count(self.wanted) for found in segments), "segments")
@@ -113,13 +168,15 @@ class SelectConfig(Stage):
     def figures(
         self, demonstrations: tuple[HandTrajectory, ...], truth: Truth, *records: Any
     ) -> dict[str, Any]:
-        """Return how many demonstrations there are."""
-        return {"n_demonstrations": len(demonstrations)}
+        """Return how many demonstrations there are, and what told the target of each."""
+        targets = {one.name: one.target_by for one in demonstrations if one.target_by}
+        return {"n_demonstrations": len(demonstrations)} | ({"target": targets} if targets else {})
 
     def run(
         self,
         recordings: tuple[LabelledRecording, ...],
         segments: tuple[LabelledSegments, ...],
+        landings: tuple[Landing, ...] = (),
         work: Work = Work(),
     ) -> tuple[HandTrajectory, ...]:
         """Return the demonstrations, hand poses in the person's back frame."""
@@ -133,6 +190,9 @@ class SelectConfig(Stage):
 
         def take(one: Selected) -> HandTrajectory:
             recording = recordings[one.recording]
+            throw = 1 + sum(
+                other.recording == one.recording and other.start < one.start for other in chosen
+            )
             return map_record(
                 recording,
                 (one.start, one.stop),
@@ -140,7 +200,8 @@ class SelectConfig(Stage):
                 name=f"{recording.source}:{one.segment}",
                 cutoff_hz=self.cutoff_hz,
                 rate_hz=self.rate_hz,
-                thrown=self.object,
+                aim=self._aim(landings, recording.source, throw),
+                palm=self.palm,
                 side=self.arm,
                 gaps=GapLimits(self.longest_gap_s, self.longest_rigid_gap_s),
                 grasp=self.grasp,
@@ -152,4 +213,15 @@ class SelectConfig(Stage):
             here.map(
                 take, chosen, name=lambda one: f"{recordings[one.recording].source}:{one.segment}"
             )
+        )
+
+    def _aim(self, landings: tuple[Landing, ...], source: str, throw: int) -> Aim:
+        """Return where the target of one throw comes from."""
+        known = (one.place for one in landings if one.is_of(source, throw))
+        return Aim(
+            sources=self.sources,
+            object=self.object,
+            landing=next(known, np.full(3, np.nan)),
+            height_m=self.target_height_m,
+            scale=self.target_scale,
         )

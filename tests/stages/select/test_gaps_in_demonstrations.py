@@ -141,7 +141,7 @@ def test_a_demonstration_with_a_long_gap_is_a_row_with_its_reason():
     recording = record([(name, 230, 300) for name in HAND])
     notes = Notes()
     stage = SelectConfig(label="throw")
-    found = stage.run((recording,), (segments,), Work(notes=notes))
+    found = stage.run((recording,), (segments,), work=Work(notes=notes))
     assert [one.name for one in found] == ["a.tsv:0", "a.tsv:2"]
     assert [one.name for one in notes.failures] == ["a.tsv:1"]
     assert notes.failures[0].reason.startswith("'hand_top' is not seen in frames 241 to 310; gaps")

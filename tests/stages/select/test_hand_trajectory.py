@@ -7,6 +7,7 @@ from besman.geometry.frames import quaternion_to_rotation
 from besman.records import LabelledRecording, LabelledSegments
 from besman.stages.select.flight import object_touchdown
 from besman.stages.select.hand_trajectory import map_record, select_segments
+from besman.stages.select.targets import Aim
 
 RATE = 200.0
 HAND = {"hand_top": [0.04, 0, 0], "hand_left": [-0.02, 0.03, 0], "hand_right": [-0.02, -0.03, 0]}
@@ -92,7 +93,7 @@ def test_the_flight_is_extrapolated_to_the_floor(noise):
     recording = record(lab, noise=noise)
     touchdown = object_touchdown(recording, BOUNDS, "stick")
     np.testing.assert_allclose(touchdown, TOUCHDOWN, atol=1e-6 if noise == 0 else 5e-3)
-    hand = map_record(recording, BOUNDS, "throw", name="a", thrown="stick")
+    hand = map_record(recording, BOUNDS, "throw", name="a", aim=Aim(("object",), "stick"))
     back = lab @ hand.target + [0.3, -0.2, 1.3]
     # Noise turns the back frame a little: markers are 12 cm apart, the target is 2 m away.
     np.testing.assert_allclose(back, touchdown, atol=1e-2)

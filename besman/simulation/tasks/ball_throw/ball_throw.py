@@ -98,7 +98,7 @@ class BallThrowConfig(ThrowConfig):
         Tool of the robot that is the scoop: its TCP is the ball's centre, TCP z the opening.
     target_m : pair of float or None
         Target on the floor, metres ahead of the robot's base and to its left; null: the person's
-        own, where the recordings have a marker of what is thrown.
+        own, as ``select.target`` says.
     ball, scoop, simulation, reward, failure, success
         See the classes.
     """
@@ -112,8 +112,8 @@ class BallThrowConfig(ThrowConfig):
     success: BallThrowSuccessConfig = BallThrowSuccessConfig()
 
     needs: ClassVar[str] = (
-        "target on the floor (target_m of the task, or select.object names the thrown object's "
-        "marker)"
+        "target on the floor (target_m of the task, or one by select.target: select.object names "
+        "the thrown object's marker, select.landing a landing file)"
     )
 
     def aimed_by_plan(self) -> BallThrowConfig:

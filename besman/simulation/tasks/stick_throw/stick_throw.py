@@ -88,7 +88,10 @@ class StickThrowConfig(ThrowConfig):
     stick: StickConfig = StickConfig()
     holder: HolderConfig = HolderConfig()
 
-    needs: ClassVar[str] = "target on the floor (select.object names the thrown object's marker)"
+    needs: ClassVar[str] = (
+        "target on the floor (one by select.target: select.object names the thrown object's "
+        "marker, select.landing a landing file)"
+    )
 
     def simulate(
         self, robot: Robot, plans: Sequence[AnyPlan], movements: Movements, paths: bool

@@ -1,0 +1,81 @@
+import json
+
+import numpy as np
+import pytest
+
+from besman.exceptions import ConfigError
+from besman.io.landings import read_landings
+from besman.records import Landing
+
+
+def test_a_table_says_its_unit_in_its_columns(tmp_path):
+    path = tmp_path / "landings.csv"
+    path.write_text("recording,throw,x_ft,y_ft\nann.tsv,1,10,1\nann.tsv,2,12,-1\n")
+    found = read_landings(path)
+    assert [(one.recording, one.throw) for one in found] == [("ann.tsv", 1), ("ann.tsv", 2)]
+    np.testing.assert_allclose(found[1].place, [3.6576, -0.3048, 0.0])
+
+
+def test_a_height_is_read_where_it_is_given(tmp_path):
+    path = tmp_path / "landings.csv"
+    path.write_text("recording, x_mm, y_mm, z_mm\nann, 100, 200, 300\n")
+    np.testing.assert_allclose(read_landings(path)[0].place, [0.1, 0.2, 0.3])
+
+
+@pytest.mark.parametrize("ending", ["yaml", "json"])
+def test_places_on_a_hoop_are_brought_into_the_recordings_frame(tmp_path, ending):
+    """From the front of the hoop, x to the right of who throws, y away, inches."""
+    path = tmp_path / f"landings.{ending}"
+    content = {
+        "units": "in",
+        "origin_m": [12.5, 0.0, 3.048],
+        "x_axis": [0.0, -1.0, 0.0],
+        "y_axis": [1.0, 0.0, 0.0],
+        "landings": {"T1": [-2.0, 10.0], "T2": [[1.0, 9.0], [0.0, 8.0, 1.0]]},
+    }
+    path.write_text(json.dumps(content))
+    found = read_landings(path)
+    assert [(one.recording, one.throw) for one in found] == [("T1", 1), ("T2", 1), ("T2", 2)]
+    np.testing.assert_allclose(found[0].place, [12.5 + 0.254, 0.0508, 3.048])
+    np.testing.assert_allclose(found[2].place, [12.5 + 0.2032, 0.0, 3.048 + 0.0254])
+
+
+def test_a_landing_is_that_of_its_recording_with_or_without_ending():
+    landing = Landing("T1", 2, np.zeros(3))
+    assert landing.is_of("T1.json", 2)
+    assert landing.is_of("T1", 2)
+    assert not landing.is_of("T1.json", 1)
+    assert not landing.is_of("T11.json", 2)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("a.csv", "recording,x,y\nann,1,2\n", r"a\.csv: columns recording, x, y; expected record"),
+        ("a.csv", "", r"a\.csv: columns none; expected recording, x_m, y_m"),
+        ("a.csv", "recording,x_m,y_m\n", r"a\.csv: no landings below the header"),
+        ("a.csv", "recording,x_m,y_m\nann,1,far\n", r"a\.csv:2: could not convert .*; expected n"),
+        ("a.csv", "recording,x_m,y_m\nann,1,inf\n", r"a\.csv:2: got \[1\.0, inf, 0\.0\], expected"),
+        ("a.yaml", "landings: {ann: [1, 2]}\n", r"a\.yaml.*units"),
+        ("a.yaml", "units: m\nlandings: {}\n", r"a\.yaml.*expected a place \[x, y\]"),
+        ("a.yaml", "units: m\nx_axis: [2, 0, 0]\nlandings: {a: [1, 2]}\n", "direction of length 1"),
+        ("a.yaml", "units: miles\nlandings: {a: [1, 2]}\n", r"a\.yaml:1: units"),
+    ],
+)
+def test_what_is_no_landing_file_is_refused(tmp_path, name, text, message):
+    path = tmp_path / name
+    path.write_text(text)
+    with pytest.raises(ConfigError, match=message):
+        read_landings(path)
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(ConfigError, match=r"none\.csv: no such file"):
+        read_landings(tmp_path / "none.csv")
+
+
+def test_a_table_that_is_no_text_is_refused(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(ConfigError, match=r"a\.csv: cannot be read as text"):
+        read_landings(path)
