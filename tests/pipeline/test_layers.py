@@ -128,7 +128,7 @@ def test_what_is_no_building_block_is_left_out(rotations):
 
 def test_actions_alone_teach_no_blocks(steps, tmp_path):
     path = steps / "subject1.tsv"
-    rows = json.loads(segments_path(path).read_text())
+    rows = json.loads(segments_path(path).read_text())["segments"]
     (tmp_path / path.name).write_bytes(path.read_bytes())
     some = [row for row in rows if row["layer"] == "actions"]
     segments_path(tmp_path / path.name).write_text(json.dumps(some))

@@ -230,6 +230,7 @@ def test_what_fails_is_a_row_in_every_stage(finished, capture, tmp_path, monkeyp
         assert found["select"] == {
             "n_demonstrations": 2,
             "failed": [{"name": names[0], "reason": reason}],
+            "target": dict.fromkeys(names[1:], "object"),
         }
         assert found["map"]["n_demonstrations"] == 2
         lost = {"name": names[1], "reason": "ZeroDivisionError: nothing moves"}
