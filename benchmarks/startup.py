@@ -12,7 +12,6 @@ from __future__ import annotations
 import argparse
 import os
 import resource
-import shutil
 import statistics
 import subprocess
 import sys
@@ -40,6 +39,23 @@ class Checkout:
         self._command = [str(python) if python.is_file() else sys.executable, "-m", "besman"]
         self._root, self._run = root, run
 
+    def _call(self, *arguments: str) -> None:
+        """Run a command."""
+        subprocess.run(
+            [*self._command, *arguments],
+            check=True,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            cwd=self._root,
+            env={**os.environ, "PYTHONPATH": str(self._root)},
+        )
+
+    def make_run(self, capture: Path) -> None:
+        """Make the small run to report on, by this checkout: few episodes."""
+        settings = [word for one in SETTINGS for word in ("--set", one)]
+        recordings = ("--set", f"recordings={capture}")
+        self._call("run", "ur5_stick_throw", "--out", str(self._run), *recordings, *settings)
+
     def measure(self, name: str) -> Cost:
         """Run a command; return what it cost."""
         arguments = {
@@ -53,13 +69,7 @@ class Checkout:
         if name.endswith("anew"):
             (self._run / "figures.json").unlink(missing_ok=True)
         before, start = _children_s(), time.perf_counter()
-        subprocess.run(
-            [*self._command, *arguments],
-            check=True,
-            stdout=subprocess.DEVNULL,
-            cwd=self._root,
-            env={**os.environ, "PYTHONPATH": str(self._root)},
-        )
+        self._call(*arguments)
         return Cost(time.perf_counter() - start, _children_s() - before)
 
 
@@ -72,23 +82,20 @@ def _children_s() -> float:
     return usage.ru_utime + usage.ru_stime
 
 
-def make_run(folder: Path) -> Path:
-    """Make a small run to report on: three throws, few episodes."""
-    from besman.config.resources import find_resource
-    from besman.pipeline.config import load_pipeline
-    from besman.pipeline.pipeline import run_pipeline
+SETTINGS = (
+    "recognize.examples_per_class=2",
+    "map.evaluations=60",
+    "refine.episodes=25",
+    "refine.robustness=null",
+)
+
+
+def make_capture(folder: Path) -> Path:
+    """Make the recording of the run to report on: three throws."""
     from besman.synthetic.datasets import write_synthetic
 
     write_synthetic("stick_throw", folder / "capture", n_subjects=1, n_repetitions=3, seed=3)
-    settings = (
-        f"recordings={folder / 'capture'}",
-        "recognize.examples_per_class=2",
-        "map.evaluations=60",
-        "refine.episodes=25",
-        "refine.robustness=null",
-    )
-    config = load_pipeline(find_resource("pipelines", "ur5_stick_throw"), settings)
-    return run_pipeline(config, folder / "run")
+    return folder / "capture"
 
 
 def show(name: str, costs: list[tuple[Cost, ...]]) -> None:
@@ -110,11 +117,12 @@ def main() -> None:
     options = parser.parse_args()
     roots = [ROOT] if options.against is None else [ROOT, options.against.resolve()]
     with tempfile.TemporaryDirectory() as folder:
-        run = make_run(Path(folder))
-        checkouts = []
-        for number, root in enumerate(roots):
-            copy = shutil.copytree(run, Path(folder) / f"run{number}")
-            checkouts.append(Checkout(root, copy))
+        capture = make_capture(Path(folder))
+        checkouts = [
+            Checkout(root, Path(folder) / f"run{number}") for number, root in enumerate(roots)
+        ]
+        for one in checkouts:
+            one.make_run(capture)
         heads = ["this: wall", "CPU", "other: wall", "CPU"][: 2 * len(roots)]
         ratios = ["wall", "CPU"] if len(roots) == 2 else []
         heads = [f"{head:>{11 if 'wall' in head else 10}}" for head in heads]
