@@ -203,9 +203,13 @@ def _write_new(path: Path, text: str) -> None:
         raise RobotError(f"{path}: cannot be written: {error.strerror}") from None
 
 
+# A file system takes 255 bytes with the ending.
+_LONGEST_NAME = 100
+
+
 def _usable_name(name: str) -> str:
     """Return a name with what no file may be called replaced by "_"."""
-    return re.sub(r"[\s/\\:]+", "_", name.strip())
+    return re.sub(r"[\s/\\:]+", "_", name.strip())[:_LONGEST_NAME]
 
 
 def _check_name(name: str, urdf: Path) -> str:

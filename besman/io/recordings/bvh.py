@@ -89,6 +89,11 @@ def read_bvh(path: Path, units: Units | None = None, partial: bool = False) -> R
     values = read_rows(lines, first, n_channels, Cells(b" "), path, partial=partial)
     _check_values(values, path, first)
     values = _check_count(n_frames, values, path, partial)
+    channels = max(joint.first + len(joint.channels) for joint in joints)
+    if channels > values.shape[1]:
+        raise RecordingError(
+            f"{path}: got {values.shape[1]} numbers a frame; expected {channels}, one a channel"
+        )
     positions, orientations = _follow(joints, values)
     length = body_length(positions, units, str(path))
     positions = positions * length.metres

@@ -159,6 +159,17 @@ def test_what_is_wrong_is_one_line(tmp_path, change, message):
     assert "\n" not in str(caught.value)
 
 
+def test_channels_named_twice_for_a_joint_are_more_than_the_numbers(tmp_path):
+    path = tmp_path / "a.bvh"
+    write_tree(path, JOINTS)
+    lines = path.read_text().splitlines()
+    at = max(k for k, line in enumerate(lines) if "CHANNELS" in line)
+    words = lines[at].split()
+    path.write_text("\n".join([*lines[:at], lines[at], f"CHANNELS 1 {words[2]}", *lines[at + 1 :]]))
+    with pytest.raises(RecordingError, match=r"a\.bvh.*(got|expected)"):
+        read_bvh(path)
+
+
 def test_fewer_frames_than_the_file_says(tmp_path):
     write_tree(tmp_path / "a.bvh", JOINTS, said=9)
     with pytest.warns(RecordingWarning, match="Frames is 9 and 5 follow"):
