@@ -209,6 +209,7 @@ def _find_by_gravity(positions: FloatArray, rate_hz: float) -> Axis | None:
     weights = 2.0 * np.linalg.pinv(design)[2] * rate_hz**2
 
     def fall(middles: IntArray, columns: IntArray) -> tuple[BoolArray, FloatArray]:
+        """Tell whether things fall in windows, (K,), and how fast, (K, 3), m/s^2."""
         windows = positions[middles[:, None] + steps, columns[:, None]]
         pulls = np.einsum("kwd,w->kd", windows, weights)
         size = np.linalg.norm(pulls, axis=1)

@@ -46,6 +46,8 @@ _HEADER = """\
 """
 _MOST_LISTED = 3
 _HEAD_BYTES = 20_000
+# A file system takes 255 bytes with the ending.
+_LONGEST_NAME = 100
 
 
 @dataclass(frozen=True)
@@ -201,10 +203,6 @@ def _write_new(path: Path, text: str) -> None:
             with suppress(OSError):
                 path.unlink()
         raise RobotError(f"{path}: cannot be written: {error.strerror}") from None
-
-
-# A file system takes 255 bytes with the ending.
-_LONGEST_NAME = 100
 
 
 def _usable_name(name: str) -> str:

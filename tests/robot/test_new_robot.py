@@ -80,6 +80,13 @@ def test_an_arm_is_added_and_can_be_loaded(tmp_path):
     assert "accelerations of all joints" in yaml.safe_load(path.read_text())["assumed"]
 
 
+def test_a_name_longer_than_a_file_may_have_is_cut(tmp_path):
+    path = add_robot(
+        write_urdf(tmp_path, ARM.replace('name="mine"', f'name="{"x" * 300}"')), "hand"
+    )
+    assert path.stem == load_robot(path).name == "x" * 100
+
+
 def test_elsewhere_with_meshes_in_the_same_folder(tmp_path):
     (tmp_path / "urdf").mkdir()
     shape = '<mesh filename="package://meshes/no.stl"/>'
