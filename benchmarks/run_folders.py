@@ -267,6 +267,7 @@ def count_kills(n, arguments=()):
                 asked = time.monotonic()
                 code = child.wait()
                 note_end(found, folder, number, code, time.monotonic() - asked)
+                print(f"\r{found['ended']} of {n} ended ", end="", file=sys.stderr, flush=True)
             found["left running"] += Child([*command, "--out", folder]).wait() != 0
             found["other bytes in the end"] += content_of(folder) != expected
             found["run to the end"] += 1
