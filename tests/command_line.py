@@ -20,6 +20,9 @@ SMALL_RUN = (
     "label.method=trajectories",
     "recognize.examples_per_class=2",
     "map.evaluations=60",
+    "map.yaw=false",
+    "refine.episodes=100",
+    "refine.robustness={models: 5}",
 )
 
 

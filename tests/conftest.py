@@ -4,8 +4,9 @@ import os
 import shutil
 
 # Before numpy is loaded, as in the command line: threads inside BLAS cost several times the CPU
-# time here, because the matrices are small.
+# time here, because the matrices are small; so do OpenMP's in scikit-learn, which wait by turning.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
 import pytest

@@ -26,6 +26,8 @@ _COMPUTE = (
 )
 
 
+# A process runs the code that it has loaded, whatever becomes of the files.
+@lru_cache(maxsize=1)
 def code_version() -> str:
     """Return the SHA-256 of besman's own source, so that changed code re-runs its stages."""
     sha = hashlib.sha256()
@@ -62,6 +64,7 @@ def _version(library: str) -> str:
         return "not installed"
 
 
+@lru_cache(maxsize=1)
 def commit() -> str:
     """Return the checkout's commit, or ``installed`` outside of one."""
     folder = Path(besman.__file__).parent

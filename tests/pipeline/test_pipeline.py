@@ -152,19 +152,34 @@ def test_a_warm_run_does_no_work(finished, capture, monkeypatch):
 
 
 def test_threads_do_not_change_the_result(finished, capture, tmp_path, monkeypatch):
+    run = shutil.copytree(finished, tmp_path / "r", ignore=shutil.ignore_patterns(".lock"))
+    # What is before works on one recording, in one thread.
     code = besman(
-        monkeypatch, "run", STICK_THROW, "--out", tmp_path / "r", "--jobs", 1,
+        monkeypatch, "run", STICK_THROW, "--out", run, "--jobs", 1, "--fresh", "map",
         "--set", f"recordings={capture}", *FAST,
     )  # fmt: skip
     assert code == 0
+    timing = json.loads((run / "timing.json").read_text())["stages"]
+    computed = [row["name"] for row in timing if not row["cached"]]
+    assert computed == ["read", "map", "imitate", "refine", "robustness"]
     expected = finished / "08_refine"
     assert (tmp_path / "r" / expected.name / "record.npz").read_bytes() == (
         expected / "record.npz"
     ).read_bytes()
 
 
+def with_episodes(finished, folder, n):
+    """Copy a run; its recipe allows that many episodes."""
+    run = shutil.copytree(finished, folder, ignore=shutil.ignore_patterns(".lock"))
+    recipe = (run / "pipeline.yaml").read_text()
+    assert "episodes: 100\n" in recipe
+    (run / "pipeline.yaml").write_text(recipe.replace("episodes: 100\n", f"episodes: {n}\n"))
+    return run
+
+
 def test_retarget_uses_the_trained_model(finished, stranger, tmp_path, monkeypatch):
-    assert besman(monkeypatch, "retarget", finished, stranger, "--out", tmp_path / "out") == 0
+    run = with_episodes(finished, tmp_path / "run", 400)
+    assert besman(monkeypatch, "retarget", run, stranger, "--out", tmp_path / "out") == 0
     found = results(tmp_path / "out")
     assert found["recognize"]["counts"]["throw"] == 1
     assert "accuracy" not in found["recognize"]
@@ -178,10 +193,7 @@ def test_retarget_goes_on_if_one_of_several_robots_fails(
 ):
     options = [word for name in ("ur10", "ur11", "iiwa7") for word in ("--robot", name)]
     out = tmp_path / "all"
-    run = shutil.copytree(finished, tmp_path / "run", ignore=shutil.ignore_patterns(".lock"))
-    recipe = (run / "pipeline.yaml").read_text()
-    assert "episodes: 400\n" in recipe
-    (run / "pipeline.yaml").write_text(recipe.replace("episodes: 400\n", "episodes: 2\n"))
+    run = with_episodes(finished, tmp_path / "run", 2)
     assert besman(monkeypatch, "retarget", run, stranger, *options, "--out", out) == 2
     said = capsys.readouterr()
     assert re.search(r"ur10 +1 of 1 .*\n.*ur11 +failed.*\n.*iiwa7 +1 of 1 ", said.out)
@@ -332,7 +344,7 @@ def class_without_examples(folder, capture):
 def unreachable(folder, capture):
     settings = ("--set", f"recordings={capture}", "--set", "map.greatest_error_m=1e-9", *FAST)
     # Wherever the demonstrations are placed.
-    settings += ("--set", "map.yaw=false", "--set", "map.evaluations=5")
+    settings += ("--set", "map.correct=false", "--set", "map.evaluations=5")
     return STICK_THROW, settings, r"subject1\.tsv:\d+.*expected|m from|greatest_error_m"
 
 

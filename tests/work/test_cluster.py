@@ -7,7 +7,6 @@ import socket
 import subprocess
 import sys
 import time
-from contextlib import contextmanager
 from functools import partial
 
 import psutil
@@ -46,11 +45,6 @@ def start(part, folder, *options):
         )
 
 
-def stop(process):
-    process.kill()
-    process.wait()
-
-
 def wait_for(condition):
     until = time.monotonic() + 60
     while not condition():
@@ -58,48 +52,66 @@ def wait_for(condition):
         time.sleep(0.05)
 
 
-@contextmanager
-def one_scheduler(folder):
-    process = start("scheduler", folder, "--port", "0", "--scheduler-file", folder / "s.json")
-    wait_for((folder / "s.json").exists)
-    wait_for(lambda: (folder / "s.json").read_text().endswith("}"))
-    yield json.loads((folder / "s.json").read_text())["address"], folder, process
-    stop(process)
+class Cluster:
+    """A scheduler and its workers: what a test has killed, the next one that needs it starts."""
 
+    def __init__(self, folder):
+        self._folder, self.scheduler, self.address, self.workers = folder, None, "", []
+        self._n_started = 0
 
-@pytest.fixture(scope="module")
-def scheduler(tmp_path_factory):
-    with one_scheduler(tmp_path_factory.mktemp("cluster")) as found:
-        yield found
+    def with_workers(self, n, allowed_failures=3):
+        """Have n workers, no more; an item is given up when it has killed some more than so many.
 
-
-@pytest.fixture(scope="module")
-def calm(tmp_path_factory):
-    """A scheduler and two workers that nothing is done to: for all tests that leave them alone."""
-    with one_scheduler(tmp_path_factory.mktemp("calm")) as own, two_workers(own) as processes:
-        yield own, processes
-
-
-@contextmanager
-def two_workers(scheduler):
-    address, folder, _ = scheduler
-    options = ("--no-nanny", "--nthreads", "1", "--memory-limit", "0")
-    processes = [
-        start("worker", folder, address, *options, "--local-directory", folder / f"w{n}")
-        for n in range(2)
-    ]
-    try:
+        Three is what Dask's own settings say.
+        """
+        if self.scheduler is None or self.scheduler.poll() is not None:
+            self._start_scheduler()
+        self.workers = [one for one in self.workers if one.poll() is None]
+        while len(self.workers) > n:
+            self._stop(self.workers.pop())
+        options = ("--no-nanny", "--nthreads", "1", "--memory-limit", "0", "--local-directory")
+        while len(self.workers) < n:
+            self._n_started += 1
+            place = self._folder / f"w{self._n_started}"
+            self.workers.append(start("worker", self._folder, self.address, *options, place))
         from distributed import Client
 
-        with Client(address, set_as_default=False) as client:
-            client.wait_for_workers(2, timeout=60)
-        yield processes
-    finally:
-        for process in processes:
-            stop(process)
-        # The next test finds a scheduler that knows of none of them.
-        with Client(address, set_as_default=False) as client:
-            wait_for(lambda: not client.nthreads())
+        with Client(self.address, set_as_default=False) as client:
+            wait_for(lambda: len(client.nthreads()) == n)
+            client.run_on_scheduler(_allow, allowed_failures)
+        return self
+
+    def _start_scheduler(self):
+        file = self._folder / "s.json"
+        file.unlink(missing_ok=True)
+        self.scheduler = start("scheduler", self._folder, "--port", "0", "--scheduler-file", file)
+        wait_for(lambda: file.exists() and file.read_text().endswith("}"))
+        self.address = json.loads(file.read_text())["address"]
+
+    def kill_workers(self):
+        for process in self.workers:
+            process.kill()
+
+    def _stop(self, process):
+        process.kill()
+        process.wait()
+
+    def stop(self):
+        for process in (*self.workers, self.scheduler):
+            if process is not None:
+                self._stop(process)
+
+
+def _allow(n, dask_scheduler):
+    dask_scheduler.allowed_failures = n
+
+
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory):
+    """One for all tests, which ask it for as many workers as they need: a start costs seconds."""
+    one = Cluster(tmp_path_factory.mktemp("cluster"))
+    yield one
+    one.stop()
 
 
 def killer(victim, at):
@@ -119,7 +131,7 @@ def demonstrations(n):
 
 
 # Enough that every worker has had some when one is killed, and has some after it.
-N = 16
+N = 12
 
 
 @pytest.fixture(scope="module")
@@ -129,9 +141,51 @@ def mapped():
 
 
 @pytest.mark.slow
-def test_a_killed_worker_of_a_cluster_changes_nothing(scheduler, mapped):
+def test_refinement_is_the_same_in_threads_processes_and_a_cluster(cluster, make_plan, monkeypatch):
+    robot, task = load_robot("ur5", "stick_holder"), load_task("stick_throw")
+    plans = tuple(make_plan(0.54 + 0.01 * n, name=f"a:{n}") for n in range(3))
+    config = CmaEsConfig(episodes=18)
+    monkeypatch.setattr("besman.stages.refine.stage._EPISODES_FOR_PROCESSES", 0)
+    alone = digest(config.run(plans, robot, task))
+    assert digest(config.run(plans, robot, task, Work(2))) == alone
+    with Workers(2, cluster.with_workers(2).address) as workers, Workers(2) as local:
+        for used in (local, workers):
+            notes = Notes()
+            assert digest(config.run(plans, robot, task, Work(2, workers=used))) == alone
+            some = (plans[0], make_plan(0.5, name="a:9", target=[float("nan")] * 3))
+            motions = config.run(some, robot, task, Work(2, notes=notes, workers=used))
+            assert len(motions) == 1
+            reason = "task stick_throw needs a target on the floor"
+            assert [one.name for one in notes.failures] == ["a:9"]
+            assert notes.failures[0].reason.startswith(reason)
+
+
+@pytest.mark.slow
+def test_a_worker_with_other_code_is_refused(cluster, monkeypatch):
+    monkeypatch.setattr("besman.work.spread.environment", lambda: {"code": "0123"})
+    with (
+        Workers(1, cluster.with_workers(2).address) as workers,
+        pytest.raises(RunError, match=r"worker .* has code \w+; expected what .*: code 0123"),
+    ):
+        Work(1, notes=Notes(), workers=workers).map(worker_items.double, [1, 2], name=str)
+
+
+@pytest.mark.slow
+def test_nothing_listens_beyond_this_machine(cluster):
+    cluster.with_workers(2)
+    with Workers(1, cluster.address) as workers:
+        Work(1, workers=workers).map(worker_items.double, [1, 2], name=str)
+        for pid in (os.getpid(), *(one.pid for one in (cluster.scheduler, *cluster.workers))):
+            for connection in psutil.Process(pid).net_connections():
+                if connection.status == psutil.CONN_LISTEN:
+                    assert connection.laddr.ip == "127.0.0.1"
+
+
+@pytest.mark.slow
+def test_a_killed_worker_of_a_cluster_changes_nothing(cluster, mapped):
     notes = Notes()
-    with two_workers(scheduler) as processes, Workers(1, scheduler[0]) as workers:
+    processes = tuple(cluster.with_workers(2).workers)
+    with Workers(1, cluster.address) as workers:
         progress, shares = killer(lambda: processes[0], 0.75)
         mapping = QUICK.run(demonstrations(N), ROBOT, Work(1, progress, notes, workers))
         assert processes[0].wait(timeout=10) == -signal.SIGKILL
@@ -162,107 +216,45 @@ def test_a_killed_process_changes_nothing(mapped, monkeypatch):
 
 
 @pytest.mark.slow
-def test_refinement_is_the_same_in_threads_processes_and_a_cluster(calm, make_plan, monkeypatch):
-    robot, task = load_robot("ur5", "stick_holder"), load_task("stick_throw")
-    plans = tuple(make_plan(0.54 + 0.01 * n, name=f"a:{n}") for n in range(3))
-    config = CmaEsConfig(episodes=18)
-    monkeypatch.setattr("besman.stages.refine.stage._EPISODES_FOR_PROCESSES", 0)
-    alone = digest(config.run(plans, robot, task))
-    assert digest(config.run(plans, robot, task, Work(2))) == alone
-    with Workers(2, calm[0][0]) as workers, Workers(2) as local:
-        for used in (local, workers):
-            notes = Notes()
-            assert digest(config.run(plans, robot, task, Work(2, workers=used))) == alone
-            some = (plans[0], make_plan(0.5, name="a:9", target=[float("nan")] * 3))
-            motions = config.run(some, robot, task, Work(2, notes=notes, workers=used))
-            assert len(motions) == 1
-            reason = "task stick_throw needs a target on the floor"
-            assert [one.name for one in notes.failures] == ["a:9"]
-            assert notes.failures[0].reason.startswith(reason)
-
-
-@pytest.mark.slow
-def test_an_item_that_fails_or_kills_is_a_row(tmp_path, monkeypatch):
+def test_an_item_that_fails_or_kills_is_a_row(cluster):
     # A scheduler that gives up at once, so that three workers are enough.
-    monkeypatch.setenv("DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES", "0")
-    file = tmp_path / "s.json"
-    processes = [start("scheduler", tmp_path, "--port", "0", "--scheduler-file", file)]
-    wait_for(lambda: file.exists() and file.read_text().endswith("}"))
-    address = json.loads(file.read_text())["address"]
-    options = ("--no-nanny", "--nthreads", "1", "--memory-limit", "0", "--local-directory")
-    processes += [start("worker", tmp_path, address, *options, tmp_path / f"{n}") for n in range(3)]
-    try:
-        from distributed import Client
-
-        with Client(address, set_as_default=False) as client:
-            client.wait_for_workers(3, timeout=60)
-        with Workers(1, address) as workers:
-            notes = Notes()
-            work = Work(1, notes=notes, workers=workers)
-            assert work.map(worker_items.refuse_odd, range(4), name=str) == [0, 2]
-            assert notes.failures[0] == Failure("1", "ValueError: 1 is odd")
-            die = partial(worker_items.die_of, deadly=(5,))
-            rest = [n for n in range(12) if n != 5]
-            assert work.map(die, range(12), name=str) == rest
-            assert notes.failures[-1].name == "5"
-            reason = "the worker process died of it, alone with it once"
-            assert notes.failures[-1].reason.startswith(reason)
-    finally:
-        for process in processes:
-            stop(process)
+    cluster.with_workers(3, allowed_failures=0)
+    with Workers(1, cluster.address) as workers:
+        notes = Notes()
+        work = Work(1, notes=notes, workers=workers)
+        assert work.map(worker_items.refuse_odd, range(4), name=str) == [0, 2]
+        assert notes.failures[0] == Failure("1", "ValueError: 1 is odd")
+        die = partial(worker_items.die_of, deadly=(5,))
+        rest = [n for n in range(12) if n != 5]
+        assert work.map(die, range(12), name=str) == rest
+        assert notes.failures[-1].name == "5"
+        reason = "the worker process died of it, alone with it once"
+        assert notes.failures[-1].reason.startswith(reason)
 
 
 @pytest.mark.slow
-def test_a_cluster_that_is_lost_is_an_error(scheduler, monkeypatch):
+def test_a_cluster_that_is_lost_is_an_error(cluster, monkeypatch):
     monkeypatch.setattr("besman.work.cluster._NO_WORKERS_S", 1.0)
-    with two_workers(scheduler) as processes, Workers(1, scheduler[0]) as workers:
-
-        def end(done):
-            for process in processes:
-                process.kill()
-
-        work = Work(1, end, Notes(), workers)
+    with Workers(1, cluster.with_workers(1).address) as workers:
+        work = Work(1, lambda done: cluster.kill_workers(), Notes(), workers)
         with pytest.raises(RunError, match=r"no workers for 1 s; the same command goes on"):
             work.map(worker_items.linger, range(100), name=str)
 
 
 @pytest.mark.slow
-def test_a_worker_with_other_code_is_refused(calm, monkeypatch):
-    monkeypatch.setattr("besman.work.spread.environment", lambda: {"code": "0123"})
-    with (
-        Workers(1, calm[0][0]) as workers,
-        pytest.raises(RunError, match=r"worker .* has code \w+; expected what .*: code 0123"),
-    ):
-        Work(1, notes=Notes(), workers=workers).map(worker_items.double, [1, 2], name=str)
+def test_a_scheduler_without_workers(cluster, monkeypatch):
+    monkeypatch.setattr("besman.work.cluster._FIRST_WORKER_S", 0.5)
+    message = r"the scheduler has no workers; start some with: dask worker tcp://127\.0\.0\.1:"
+    with pytest.raises(RunError, match=message):
+        Workers(1, cluster.with_workers(0).address)
 
 
 @pytest.mark.slow
-def test_nothing_listens_beyond_this_machine(calm):
-    scheduler, processes = calm
-    with Workers(1, scheduler[0]) as workers:
-        Work(1, workers=workers).map(worker_items.double, [1, 2], name=str)
-        for pid in (os.getpid(), scheduler[2].pid, *(process.pid for process in processes)):
-            for connection in psutil.Process(pid).net_connections():
-                if connection.status == psutil.CONN_LISTEN:
-                    assert connection.laddr.ip == "127.0.0.1"
-
-
-@pytest.mark.slow
-def test_a_scheduler_that_dies_is_an_error(tmp_path):
-    file = tmp_path / "s.json"
-    process = start("scheduler", tmp_path, "--port", "0", "--scheduler-file", file)
-    wait_for(file.exists)
-    wait_for(lambda: file.read_text().endswith("}"))
-    scheduler = json.loads(file.read_text())["address"], tmp_path, process
-    worker = start("worker", tmp_path, scheduler[0], "--no-nanny", "--nthreads", "1")
-    try:
-        with Workers(1, scheduler[0]) as workers:
-            work = Work(1, lambda done: process.kill(), Notes(), workers)
-            with pytest.raises(RunError, match=r"the scheduler is lost|no Dask scheduler answers"):
-                work.map(worker_items.linger, range(100), name=str)
-    finally:
-        stop(process)
-        stop(worker)
+def test_a_scheduler_that_dies_is_an_error(cluster):
+    with Workers(1, cluster.with_workers(1).address) as workers:
+        work = Work(1, lambda done: cluster.scheduler.kill(), Notes(), workers)
+        with pytest.raises(RunError, match=r"the scheduler is lost|no Dask scheduler answers"):
+            work.map(worker_items.linger, range(100), name=str)
 
 
 @pytest.fixture
@@ -296,14 +288,6 @@ def test_an_address_that_says_nothing():
         address = f"tcp://127.0.0.1:{one.getsockname()[1]}"
         with pytest.raises(RunError, match="no Dask scheduler answers within 5 s"):
             Workers(1, address)
-
-
-@pytest.mark.slow
-def test_a_scheduler_without_workers(scheduler, monkeypatch):
-    monkeypatch.setattr("besman.work.cluster._FIRST_WORKER_S", 0.5)
-    message = r"the scheduler has no workers; start some with: dask worker tcp://127\.0\.0\.1:"
-    with pytest.raises(RunError, match=message):
-        Workers(1, scheduler[0])
 
 
 @pytest.mark.parametrize("address", ["127.0.0.1:8786", "tcp://host", "http://host:1"])
