@@ -14,9 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from besman.exceptions import RecordingError
-from besman.foreign.numbers import parse_number
 from besman.io.recordings.c3d_names import keep_single_names
-from besman.io.recordings.clock import settle_clock
+from besman.io.recordings.clock import parse_rate, settle_clock
 from besman.io.recordings.format import Units
 from besman.io.recordings.keypoints import find_keypoint_length
 from besman.io.recordings.number_rows import find_cells, is_blank, read_rows
@@ -115,8 +114,6 @@ def _find_columns(labels: Sequence[str]) -> tuple[list[str | None], list[list[in
 def _rate(about: dict[str, str]) -> float | None:
     """Return the rate that the lines above the table say."""
     for key in ("rate_hz", "fps", "frame_rate", "rate"):
-        try:
-            return parse_number(about[key])
-        except (KeyError, ValueError):
-            continue
+        if key in about:
+            return parse_rate(about[key])
     return None
