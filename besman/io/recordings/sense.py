@@ -106,8 +106,8 @@ def _check_names(recording: Recording, path: Path) -> Recording:
 
 def _leave_out_halves(recording: Recording) -> Recording:
     """Make gaps of samples of which a coordinate is missing, and say so."""
-    missing = np.isnan(recording.positions)
-    seen_in_part = np.asarray(missing.any(axis=2) & ~missing.all(axis=2))
+    x, y, z = np.moveaxis(np.isnan(recording.positions), 2, 0)
+    seen_in_part = np.asarray((x | y | z) & ~(x & y & z))
     if not seen_in_part.any():
         return recording
     _warn_of_gaps(recording, seen_in_part, "without all three coordinates")
