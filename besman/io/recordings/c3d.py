@@ -83,7 +83,7 @@ def read_c3d(path: Path, units: Units | None = None, partial: bool = False) -> R
         raise RecordingError(f"{path}: no points that are positions; expected at least one marker")
     about = _values(sections, "DESCRIPTIONS")[: len(labels)]
     about += [""] * (len(labels) - len(about))
-    positions = coordinates[:, kept]
+    positions = np.take(coordinates, kept, axis=1)
     positions[(residuals[:, kept] < 0) | ~find_seen(positions)] = np.nan
     names = find_names(
         [labels[index] for index in kept], [about[index] for index in kept], positions, path.name

@@ -86,9 +86,9 @@ def read_keypoints_csv(path: Path, units: Units | None = None, partial: bool = F
     frames = np.arange(1.0, len(values) + 1) if frame is None else values[:, frame]
     times = None if time is None else values[:, time] * _TIMES[lowered[time]]
     clock = settle_clock(frames, times, _rate(about), path, at + 2)
-    positions = clock.spread(values[:, np.array(columns)])
+    positions = clock.spread(np.take(values, np.array(columns), axis=1))
     length = find_keypoint_length(about.get("units"), names, positions, units, path)
-    positions = positions * length.metres
+    positions *= length.metres
     return Recording(
         time=clock.time,
         positions=hand_over(positions),

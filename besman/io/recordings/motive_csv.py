@@ -120,10 +120,10 @@ def read_motive_csv(path: Path, units: Units | None = None, partial: bool = Fals
     _check_count(header, len(values), path)
     tracks, notes = _choose_tracks(header.tracks)
     columns = np.array([[track.position + axis for axis in range(3)] for track in tracks])
-    positions = clock.spread(values[:, columns])
+    positions = clock.spread(np.take(values, columns, axis=1))
     word = header.values.get("length units")
     length = find_length(word, units, positions, str(path), "Length Units")
-    positions = positions * length.metres
+    positions *= length.metres
     orientations = _read_orientations(values, tracks, path.name)
     return Recording(
         time=clock.time,

@@ -26,15 +26,14 @@ from besman.io.recordings.clock import RowClock, parse_rate, settle_clock
 from besman.io.recordings.format import Units
 from besman.io.recordings.lengths import find_length, parse_unit
 from besman.io.recordings.number_rows import Cells, find_cells, read_rows
-from besman.io.recordings.text_lines import TextLines, open_lines
+from besman.io.recordings.text_lines import TextLines, count_lines, open_lines
 from besman.records import FloatArray, Origin, Recording
 from besman.records.frozen import hand_over
 
 _TITLE = re.compile(
-    rb'"?(Trajectories|Model Outputs|Devices|Joints|Segments|Events|Global Angles|Analog)\b',
-    re.IGNORECASE,
+    rb'^"?(Trajectories|Model Outputs|Devices|Joints|Segments|Events|Global Angles|Analog)\b',
+    re.IGNORECASE | re.MULTILINE,
 )
-_WORD = re.compile(rb'\n"?[A-Za-z]')
 # What positions are taken from, the best first.
 _TITLES = ("trajectories", "model outputs", "segments")
 _FIRST = {"frame", "field #", "field", "frame#"}
@@ -99,9 +98,9 @@ def read_nexus_csv(path: Path, units: Units | None = None, partial: bool = False
     )
     clock = _settle(section, values, path)
     columns = np.array(section.columns)[:, None] + np.arange(3)
-    positions = clock.spread(values[:, columns])
+    positions = clock.spread(np.take(values, columns, axis=1))
     length = find_length(section.unit, units, positions, str(path), "the line of units")
-    positions = positions * length.metres
+    positions *= length.metres
     others = [title for title in titles if title != chosen]
     return Recording(
         time=clock.time,
@@ -123,14 +122,9 @@ def _find_titles(lines: TextLines) -> dict[str, int]:
     found: dict[str, int] = {}
     at = 0
     for block in lines.blocks(0):
-        text = b"\n" + block
-        for word in _WORD.finditer(text):
-            title = _TITLE.match(text, word.start() + 1)
-            if title:
-                found.setdefault(
-                    title[1].decode().lower(), at + text.count(b"\n", 1, title.start())
-                )
-        at += block.count(b"\n") + 1
+        for title in _TITLE.finditer(block):
+            found.setdefault(title[1].decode().lower(), at + block.count(b"\n", 0, title.start()))
+        at += count_lines(block)
     return found
 
 

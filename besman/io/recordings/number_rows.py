@@ -14,7 +14,7 @@ import numpy as np
 from besman.exceptions import RecordingError
 from besman.foreign.numbers import parse_number
 from besman.io.recordings.number_cells import parse_cells, parse_table
-from besman.io.recordings.text_lines import TextLines
+from besman.io.recordings.text_lines import TextLines, count_lines
 from besman.records import FloatArray
 
 # What programs write in the place of a number that they do not have.
@@ -117,7 +117,7 @@ def read_rows(
     """
     found, row = [np.empty((0, width))], first
     for block in lines.blocks(first):
-        n_lines = block.count(b"\n") + 1
+        n_lines = count_lines(block)
         is_last = row + n_lines >= len(lines)
         is_whole = not texts and (lines.is_ended or not is_last)
         values = _parse_plain(block, cells, n_lines, width) if is_whole else None

@@ -15,7 +15,7 @@ from besman.io.atomic_files import written_aside
 from besman.io.recordings.number_cells import parse_cells, parse_table
 from besman.io.recordings.qtm_bodies import has_bodies, read_bodies
 from besman.io.recordings.qtm_header import QtmHeader, read_header
-from besman.io.recordings.text_lines import TextLines, open_lines
+from besman.io.recordings.text_lines import TextLines, count_lines, open_lines
 from besman.records import Origin, Recording
 from besman.records.frozen import hand_over
 from besman.records.recordings import GREATEST_FRAME, RATES_HZ
@@ -192,7 +192,7 @@ def _read_numbers(lines: TextLines, header: QtmHeader, path: Path) -> tuple[Floa
     positions = np.empty((n_rows, n_markers, 3))
     row = 0
     for block in lines.blocks(header.data_line):
-        rows = slice(row, row + block.count(b"\n") + 1)
+        rows = slice(row, row + count_lines(block))
         if rows.stop > n_rows:
             break
         values = parse_table(block, rows.stop - row, width, b"\t", b".", True)

@@ -93,7 +93,7 @@ def read_trc(path: Path, units: Units | None = None, partial: bool = False) -> R
     positions = clock.spread(np.ascontiguousarray(values[:, 2:]).reshape(len(values), n_markers, 3))
     _check_counts(header, values, path)
     length = find_length(header.values.get("units"), units, positions, str(path), "Units")
-    positions = positions * length.metres
+    positions *= length.metres
     return Recording(
         time=clock.time,
         positions=hand_over(positions),
