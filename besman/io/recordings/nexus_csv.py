@@ -26,13 +26,13 @@ from besman.io.recordings.clock import RowClock, parse_rate, settle_clock
 from besman.io.recordings.format import Units
 from besman.io.recordings.lengths import find_length, parse_unit
 from besman.io.recordings.number_rows import Cells, find_cells, read_rows
-from besman.io.recordings.text_lines import TextLines, count_lines, open_lines
+from besman.io.recordings.text_lines import TextLines, open_lines
 from besman.records import FloatArray, Origin, Recording
 from besman.records.frozen import hand_over
 
 _TITLE = re.compile(
-    rb'^"?(Trajectories|Model Outputs|Devices|Joints|Segments|Events|Global Angles|Analog)\b',
-    re.IGNORECASE | re.MULTILINE,
+    rb'"?(Trajectories|Model Outputs|Devices|Joints|Segments|Events|Global Angles|Analog)\b',
+    re.IGNORECASE,
 )
 # What positions are taken from, the best first.
 _TITLES = ("trajectories", "model outputs", "segments")
@@ -122,9 +122,16 @@ def _find_titles(lines: TextLines) -> dict[str, int]:
     found: dict[str, int] = {}
     at = 0
     for block in lines.blocks(0):
-        for title in _TITLE.finditer(block):
-            found.setdefault(title[1].decode().lower(), at + block.count(b"\n", 0, title.start()))
-        at += count_lines(block)
+        codes = np.frombuffer(block + b"\n", np.uint8)
+        ends = np.flatnonzero(codes == ord("\n"))
+        starts = np.append(0, ends[:-1] + 1)
+        # Most lines begin with a number.
+        first = codes[starts]
+        for row in np.flatnonzero((first > ord("9")) | (first == ord('"'))).tolist():
+            title = _TITLE.match(block, int(starts[row]))
+            if title:
+                found.setdefault(title[1].decode().lower(), at + row)
+        at += len(ends)
     return found
 
 

@@ -73,7 +73,9 @@ def read_table(
             return row
         if is_strict and not n_columns <= column <= n_columns + 1:
             return row
-        values[row, column:] = np.nan
+        while column < n_columns:
+            values[row, column] = np.nan
+            column += 1
     return n_rows
 
 
