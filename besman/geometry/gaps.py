@@ -15,6 +15,22 @@ BoolArray = npt.NDArray[np.bool_]
 _N_KNOTS = 64
 
 
+def find_seen(positions: FloatArray) -> BoolArray:
+    """Tell which samples have all three coordinates.
+
+    Parameters
+    ----------
+    positions : array, shape (..., 3)
+
+    Returns
+    -------
+    bool array, shape (...)
+    """
+    # A reduction over three would take several times as long.
+    known = np.isfinite(positions)
+    return np.asarray(known[..., 0] & known[..., 1] & known[..., 2])
+
+
 def find_runs(mask: BoolArray) -> npt.NDArray[np.int64]:
     """Find the stretches where a mask is true.
 

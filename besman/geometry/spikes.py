@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from besman.geometry.gaps import find_runs
+from besman.geometry.gaps import find_runs, find_seen
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -26,6 +26,8 @@ _IMPOSSIBLE_M_S = 100.0
 # At an end few samples are lost if it was something after all.
 _AT_AN_END_M_S, _AT_AN_END_M = 50.0, 0.3
 _FARTHEST_M = 1e9
+# Frames whose steps are looked at together; they stay near the processor.
+_AT_ONCE = 1024
 
 
 class Faults(NamedTuple):
@@ -71,7 +73,7 @@ def find_faults(positions: FloatArray, rate_hz: float, joined: BoolArray) -> Fau
     for column in _suspects(positions, rate_hz, joined):
         # Beyond this squares are no numbers any more, and nothing is there.
         path = np.clip(positions[:, column], -_FARTHEST_M, _FARTHEST_M)
-        seen: BoolArray = np.asarray(np.isfinite(path).all(axis=1))
+        seen = find_seen(path)
         pieces = [np.flatnonzero(seen)]
         if not joined[column]:
             pieces = [np.arange(start, end) for start, end in find_runs(seen)]
@@ -91,20 +93,37 @@ def _suspects(positions: FloatArray, rate_hz: float, joined: BoolArray) -> list[
     """Return the trajectories with a step that may begin a spike."""
     least = float(_reach(1.0 / rate_hz)) / 2.0
     suspect = np.zeros(positions.shape[1], dtype=np.bool_)
-    for column in range(positions.shape[1]):
+    # Of a step that long, one coordinate is at least this long; few trajectories have one.
+    for column in np.flatnonzero(_greatest_steps(positions) > least / np.sqrt(3.0)).tolist():
         with np.errstate(over="ignore"):
             steps = np.abs(np.diff(positions[:, column], axis=0))
-        # Of a step that long, one coordinate is at least this long; few trajectories have one.
-        if np.any(steps > least / np.sqrt(3.0)):
-            longest = np.minimum(steps, _FARTHEST_M)
-            suspect[column] = np.any(np.linalg.norm(longest, axis=1) > least)
+        longest = np.minimum(steps, _FARTHEST_M)
+        suspect[column] = np.any(np.linalg.norm(longest, axis=1) > least)
     # A step over a gap is no number.
-    gaps = np.isnan(positions[:, :, 0]).any(axis=0)
-    for column in np.flatnonzero(joined & gaps & ~suspect).tolist():
-        runs = find_runs(~np.isnan(positions[:, column, 0]))
-        before, after = positions[runs[:-1, 1] - 1, column], positions[runs[1:, 0], column]
-        suspect[column] = np.any(np.abs(after - before) > least / np.sqrt(3.0))
+    unseen = np.isnan(positions[:, :, 0])
+    for column in np.flatnonzero(joined & unseen.any(axis=0) & ~suspect).tolist():
+        runs = find_runs(~unseen[:, column])
+        before, after = runs[:-1, 1] - 1, runs[1:, 0]
+        with np.errstate(over="ignore", invalid="ignore"):
+            steps = np.linalg.norm(positions[after, column] - positions[before, column], axis=1)
+        # What is no number may be anything.
+        suspect[column] = not np.all(steps <= _reach((after - before) / rate_hz) / 2.0)
     return [int(column) for column in np.flatnonzero(suspect)]
+
+
+def _greatest_steps(positions: FloatArray) -> FloatArray:
+    """Return the greatest change of a coordinate from sample to sample, (M,); 0 where none is."""
+    flat = positions.reshape(len(positions), -1)
+    greatest = np.zeros(flat.shape[1])
+    steps = np.empty((min(_AT_ONCE, len(flat)), flat.shape[1]))
+    with np.errstate(over="ignore", invalid="ignore"):
+        for start in range(0, len(flat) - 1, _AT_ONCE):
+            later = flat[start + 1 : start + 1 + _AT_ONCE]
+            some = steps[: len(later)]
+            np.subtract(later, flat[start : start + len(later)], out=some)
+            np.abs(some, out=some)
+            np.fmax(greatest, np.fmax.reduce(some, axis=0), out=greatest)
+    return greatest.reshape(-1, 3).max(axis=1)
 
 
 def _reach(seconds: FloatArray | float) -> FloatArray:

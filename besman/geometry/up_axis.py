@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from besman.geometry.gaps import find_runs
+from besman.geometry.gaps import find_runs, find_seen
 from besman.records import Axis
 
 FloatArray = npt.NDArray[np.float64]
@@ -125,10 +125,8 @@ def _weigh(
 
 def _find_by_names(positions: FloatArray, names: Sequence[str | None]) -> tuple[Axis | None, bool]:
     """Return the axis along which high parts of a body stay above low ones; whether only an arm."""
-    parts = [
-        [index for index, name in enumerate(names) if name and re.search(part, _words(name))]
-        for part in _PARTS
-    ]
+    words = [(index, _words(name)) for index, name in enumerate(names) if name]
+    parts = [[index for index, name in words if re.search(part, name)] for part in _PARTS]
     for high, low in _PAIRS:
         if not parts[high] or not parts[low]:
             continue
@@ -153,7 +151,7 @@ def _words(name: str) -> str:
 
 def _mean(positions: FloatArray) -> FloatArray:
     """Return the middle of the points seen, (T, 3); NaN where none is."""
-    seen = np.asarray(np.isfinite(positions).all(axis=2))
+    seen = find_seen(positions)
     counts = seen.sum(axis=1)
     sums = np.where(seen[..., None], positions, 0.0).sum(axis=1)
     return np.asarray(np.where(counts[:, None] > 0, sums / np.maximum(counts, 1)[:, None], np.nan))
@@ -173,7 +171,7 @@ def _find_floors(positions: FloatArray) -> tuple[set[Axis], set[Axis]]:
 
     Flat is what does not rise above 0.6 m, as a person who lies, or feet alone.
     """
-    is_seen = np.asarray(np.isfinite(positions).all(axis=2))
+    is_seen = find_seen(positions)
     points = positions[is_seen]
     if len(positions) < _LEAST_FRAMES or np.median(is_seen.sum(axis=1)) < _LEAST_POINTS:
         return set(), set()

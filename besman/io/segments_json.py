@@ -24,6 +24,9 @@ _KEYS = ("start index", "end index", "label")
 _LAYER = "layer"
 _ALLOWED = (*_KEYS, _LAYER)
 _PART = "_part"
+# A clock of recordings counts a day at most; what falls for a minute fell from above the clouds.
+_LONGEST_CLOCK_S = 1e5
+_LONGEST_FLIGHT_S = 60.0
 
 
 class _Row(NamedTuple):
@@ -181,7 +184,7 @@ def read_throws(path: Path) -> tuple[ThrowEvent, ...]:
     except (KeyError, TypeError, ValueError):
         raise RecordingError(
             f"{path}: events: expected 'throws', a list of objects with {', '.join(names)}: frame, "
-            f"times in s that rise, places within {FARTHEST_M:g} m"
+            f"times in s that rise by {_LONGEST_FLIGHT_S:g} s at most, places within {FARTHEST_M:g} m"
         ) from None
 
 
@@ -319,7 +322,7 @@ def _read_throw(throw: ThrowEvent) -> ThrowEvent:
     times = (_read_number(throw.release_time_s), _read_number(throw.touchdown_time_s))
     if type(throw.release_frame) is not int or not 0 <= throw.release_frame <= GREATEST_FRAME:
         raise ValueError
-    if not times[0] < times[1]:
+    if not (abs(times[0]) <= _LONGEST_CLOCK_S and 0 < times[1] - times[0] <= _LONGEST_FLIGHT_S):
         raise ValueError
     release_m, touchdown_m = _read_point(throw.release_m), _read_point(throw.touchdown_m)
     return replace(throw, release_m=release_m, touchdown_m=touchdown_m)

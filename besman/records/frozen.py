@@ -74,6 +74,8 @@ class Record:
         module in them say where it stood when the first files were written.
     finite : tuple of str
         Fields without which a record of a file is of no use: numbers, none missing.
+    distinct : tuple of str
+        Fields that are names, none empty and none there twice; None is no name.
     later : tuple of str
         Fields that files of before do not have: left out of a file while they are None, so that
         what has none is written as it always was.
@@ -81,6 +83,7 @@ class Record:
 
     stored_as: ClassVar[str]
     finite: ClassVar[tuple[str, ...]] = ()
+    distinct: ClassVar[tuple[str, ...]] = ()
     later: ClassVar[tuple[str, ...]] = ()
 
     def __init_subclass__(
@@ -88,12 +91,14 @@ class Record:
         *,
         stored_as: str,
         finite: tuple[str, ...] = (),
+        distinct: tuple[str, ...] = (),
         later: tuple[str, ...] = (),
         **more: Any,
     ) -> None:
         super().__init_subclass__(**more)
         cls.stored_as = stored_as
         cls.later = (*cls.later, *later)
+        cls.distinct = (*cls.distinct, *distinct)
         cls.finite = (*cls.finite, *finite)
 
     def check(self) -> None:
@@ -103,7 +108,8 @@ class Record:
         ------
         ShapeError
             If a field of `finite` holds a number that is none, or larger than any quantity in SI
-            units, or `time` does not rise.
+            units, or `time` does not rise; if a name of a field of `distinct` is empty or there
+            twice.
         """
         for name in self.finite:
             values = np.asarray(getattr(self, name))
@@ -114,6 +120,12 @@ class Record:
                 )
             if name == "time" and np.any(np.diff(values) <= 0):
                 raise ShapeError(f"{type(self).__name__}.time must rise strictly")
+        for field in self.distinct:
+            names = [name for name in getattr(self, field) if name is not None]
+            if len(set(names)) < len(names) or not all(name.strip() for name in names):
+                raise ShapeError(
+                    f"{type(self).__name__}.{field} must be names, none empty and none twice"
+                )
 
     def __reduce__(self) -> tuple[Any, ...]:
         values = {one.name: getattr(self, one.name) for one in fields(cast(Any, self))}

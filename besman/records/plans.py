@@ -16,6 +16,7 @@ class MotionPlan(
     Record,
     stored_as="besman.records:MotionPlan",
     finite=("weights", "start", "goal", "duration", "start_velocity", "goal_velocity"),
+    distinct=("joint_names",),
 ):
     """A joint-space dynamical movement primitive. Its movement starts and ends at rest.
 
@@ -115,6 +116,7 @@ class CartesianPlan(
     Record,
     stored_as="besman.records:CartesianPlan",
     finite=("weights", "start", "goal", "duration", "joints", "orientation_weight_m_rad"),
+    distinct=("joint_names",),
 ):
     """A dynamical movement primitive of the tool's pose, followed by inverse kinematics.
 

@@ -22,6 +22,8 @@ RATES_HZ = (1.0, 10_000.0)
 GREATEST_FRAME = 10**9
 """Greatest number of a frame, and of seconds on a clock: no recording counts farther."""
 
+# Quaternions are stored to sixteen digits; in files of others they have three.
+_NO_UNIT = 0.01
 
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 """A direction of a file's own frame."""
@@ -63,6 +65,7 @@ class Recording(
     Record,
     stored_as="besman.records:Recording",
     finite=("time",),
+    distinct=("names",),
     later=("origin",),
 ):
     """What the cameras delivered.
@@ -120,6 +123,7 @@ class LabelledRecording(
     Record,
     stored_as="besman.records:LabelledRecording",
     finite=("time",),
+    distinct=("markers",),
 ):
     """A recording whose trajectories carry the names of a marker set.
 
@@ -179,7 +183,7 @@ class LabelledRecording(
 
 
 def _check_sense(recording: Recording | LabelledRecording) -> None:
-    """Refuse a rate or coordinates that no camera has."""
+    """Refuse a rate, frames, coordinates or orientations that no camera has."""
     kind, (slowest, fastest) = type(recording).__name__, RATES_HZ
     if not slowest <= recording.rate_hz <= fastest:
         raise ShapeError(
@@ -187,3 +191,10 @@ def _check_sense(recording: Recording | LabelledRecording) -> None:
         )
     if np.any(np.abs(recording.positions) > FARTHEST_M):
         raise ShapeError(f"{kind}.positions must be within {FARTHEST_M:g} m")
+    if not 0 <= recording.first_frame <= GREATEST_FRAME - len(recording.time):
+        raise ShapeError(f"{kind}.first_frame must be 0 to {GREATEST_FRAME:.0e}")
+    if recording.orientations is not None:
+        # What is not seen has none; what is far longer overflows.
+        parts = np.clip(recording.orientations, -2.0, 2.0)
+        if np.any(np.abs(np.linalg.norm(parts, axis=2) - 1.0) > _NO_UNIT):
+            raise ShapeError(f"{kind}.orientations must be unit quaternions")

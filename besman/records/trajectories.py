@@ -63,6 +63,7 @@ class JointTrajectory(
         "orientation_error",
         "time_stretch",
     ),
+    distinct=("joint_names",),
 ):
     """A movement of one robot arm.
 

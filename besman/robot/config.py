@@ -24,11 +24,18 @@ PartName = Annotated[str, AfterValidator(_check_part_name)]
 Triple = tuple[float, float, float]
 
 
+_LONGEST_QUATERNION = 1000.0
+
+
 def _normalise(value: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
     """Return a quaternion of length one."""
     norm = sum(part * part for part in value) ** 0.5
-    if norm < 1e-6:
-        raise ValueError("expected a quaternion (w, x, y, z) that is not zero")
+    # Its parts are read as numbers of any size: of one that overflows nothing would be left.
+    if not 1e-6 <= norm <= _LONGEST_QUATERNION:
+        raise ValueError(
+            "expected a quaternion (w, x, y, z) that is not zero, and not longer than "
+            f"{_LONGEST_QUATERNION:g}"
+        )
     w, x, y, z = (part / norm for part in value)
     return (w, x, y, z)
 

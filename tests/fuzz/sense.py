@@ -39,7 +39,7 @@ def of_recording(folder, recording):
     names = [name for name in recording.names if name is not None]
     if any(_odd_text(name) for name in names):
         found.append("control characters in a name")
-    if len(set(names)) < len(names) or "" in names:
+    if len(set(names)) < len(names) or not all(name.strip() for name in names):
         found.append("names twice or empty")
     if recording.orientations is not None:
         turns = recording.orientations[np.isfinite(recording.orientations).all(axis=2)]
@@ -125,6 +125,12 @@ def of_segments(folder, found):
             problems.append("control characters in a name")
     for throw in throws:
         values = dataclasses.asdict(throw)
+        # Frames are counted, by a fast camera to more than a million.
+        frame = values.pop("release_frame")
+        if type(frame) is not int or not 0 <= frame <= 1e9:
+            problems.append("a throw at no frame")
+        if not 0 < throw.touchdown_time_s - throw.release_time_s <= 60:
+            problems.append("a flight out of all sense")
         flat = [*values.pop("release_m"), *values.pop("touchdown_m"), *values.values()]
         if not all(type(one) in (int, float) and abs(one) < 1e6 for one in flat):
             problems.append("a throw that is none")
@@ -174,9 +180,9 @@ def of_robot(folder, robot):
         problems.append("radii out of all sense")
     chain = robot.chain
     lengths = (chain.placements, chain.tip, chain.capsule_ends, robot.tool.tcp2hand)
-    if not all((np.abs(one) < FARTHEST_M).all() for one in lengths):
+    if not all((np.abs(one) <= 300).all() for one in lengths):
         problems.append("lengths out of all sense")
-    if not 0 <= robot.base_height < FARTHEST_M:
+    if not 0 <= robot.base_height <= 100:
         problems.append("a height out of all sense")
     names = (robot.name, robot.tool.name, *robot.joint_names, *chain.capsule_links)
     if any(_odd_text(name) or name[:1] in "=+-@" for name in names):
@@ -209,6 +215,7 @@ _FINITE = {
     "centre",
     "spread",
 }
+_NAMED = ("Recording", "LabelledRecording", "MotionPlan", "CartesianPlan", "JointTrajectory")
 _PLAIN = {"str": (str,), "int": (int,), "float": (float, int), "bool": (bool,)}
 
 
@@ -239,6 +246,10 @@ def of_record(folder, record):
             isinstance(held, tuple) and all(isinstance(item, str | None) for item in held)
         ):
             problems.add(f"{one.name} of another type")
+        if one.name in ("names", "markers", "joint_names") and kind in _NAMED:
+            names = [name for name in held if name is not None]
+            if len(set(names)) < len(names) or not all(name.strip() for name in names):
+                problems.add("names twice or empty")
         if not isinstance(held, np.ndarray):
             if "Array" in str(one.type) and held is not None:
                 problems.add(f"{one.name} is no array")
@@ -249,6 +260,10 @@ def of_record(folder, record):
             problems.add(f"{one.name} is not finite")
         elif np.isinf(held).any():
             problems.add(f"{one.name} is infinite")
+        if one.name == "orientations":
+            turns = held[np.isfinite(held).all(axis=2)]
+            if (np.abs(np.linalg.norm(turns, axis=1) - 1) > 0.01).any():
+                problems.add("orientations that are none")
         if one.name == "time" and not (np.diff(held) > 0).all():
             problems.add("times that do not rise")
         if one.name == "positions" and kind.endswith("Recording"):

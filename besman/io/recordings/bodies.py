@@ -2,9 +2,46 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 
+from besman.exceptions import RecordingWarning
 from besman.records import FloatArray
+
+# Entries of a matrix times its transpose may differ so much from those of a rotation.
+_NO_ROTATION = 0.05
+
+
+def to_unit(quaternions: FloatArray) -> FloatArray:
+    """Return unit quaternions (T, 4); NaN of what is half or twice as long, and of NaN."""
+    # The squares of what is much larger overflow.
+    bounded = np.where(np.abs(quaternions) < 2.0, quaternions, np.nan)
+    lengths = np.linalg.norm(bounded, axis=1, keepdims=True)
+    is_turn = (lengths > 0.5) & (lengths < 2.0)
+    return np.where(is_turn, bounded, np.nan) / np.where(is_turn, lengths, 1.0)
+
+
+def warn_of_no_turns(written: FloatArray, turns: FloatArray, body: str, source: str) -> None:
+    """Say how many orientations of a body are none, though something stands there.
+
+    Parameters
+    ----------
+    written : array, shape (T, N)
+        What stands in the file; NaN or all zero where the body was not seen.
+    turns : array, shape (T, 4)
+        What was read of it.
+    body, source : str
+        Names of the body and of the file.
+    """
+    odd = np.isfinite(written).all(axis=1) & written.any(axis=1) & np.isnan(turns).any(axis=1)
+    if odd.any():
+        warnings.warn(
+            f"{source}: {int(odd.sum())} orientations of {body!r:.60} are no rotations and were "
+            f"left out, first in row {int(np.argmax(odd)) + 1}",
+            RecordingWarning,
+            stacklevel=6,
+        )
 
 
 def hold_orientations(orientations: FloatArray) -> FloatArray:
@@ -24,12 +61,16 @@ def hold_orientations(orientations: FloatArray) -> FloatArray:
 
 
 def from_matrices(matrices: FloatArray) -> FloatArray:
-    """Return unit quaternions (..., 4), w first, of rotation matrices (..., 3, 3); NaN of NaN."""
+    """Return unit quaternions (..., 4), w first, of rotation matrices (..., 3, 3); NaN of others."""
     from scipy.spatial.transform import Rotation
 
     flat = matrices.reshape(-1, 3, 3)
     found = np.full((len(flat), 4), np.nan)
-    known = np.isfinite(flat).all(axis=(1, 2))
+    # No entry of a rotation is larger than one; the products of what is much larger overflow.
+    bounded = np.where(np.abs(flat) < 2.0, flat, np.nan)
+    off = np.abs(bounded @ bounded.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
+    known = off < _NO_ROTATION
+    known[known] = np.linalg.det(flat[known]) > 0.0
     if known.any():
         found[known] = Rotation.from_matrix(flat[known]).as_quat(canonical=True, scalar_first=True)
     return found.reshape(*matrices.shape[:-2], 4)

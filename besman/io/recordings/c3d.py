@@ -9,6 +9,7 @@ from typing import cast
 import numpy as np
 
 from besman.exceptions import RecordingError
+from besman.geometry.gaps import find_seen
 from besman.io.atomic_files import written_aside
 from besman.io.recordings.c3d_counts import MAX_FRAMES
 from besman.io.recordings.c3d_layout import C3dSections, read_sections
@@ -16,6 +17,7 @@ from besman.io.recordings.c3d_names import find_names
 from besman.io.recordings.format import Units
 from besman.io.recordings.lengths import find_length, parse_unit
 from besman.records import Axis, Origin, Recording
+from besman.records.frozen import hand_over
 from besman.records.recordings import RATES_HZ
 
 # Points that are no positions, by the parameter that lists them.
@@ -72,27 +74,28 @@ def read_c3d(path: Path, units: Units | None = None, partial: bool = False) -> R
         raise RecordingError(f"{path}: cannot be read: {error.strerror}") from None
     sections = read_sections(content, path, partial)
     coordinates, residuals = sections.points[..., :3], sections.points[..., 3]
-    gaps = (residuals < 0) | ~np.isfinite(coordinates).all(axis=2)
-    positions = np.where(gaps[..., None], np.nan, coordinates)
-    labels = _values(sections, "LABELS")[: positions.shape[1]]
-    labels += [""] * (positions.shape[1] - len(labels))
+    n_points = coordinates.shape[1]
+    labels = _values(sections, "LABELS")[:n_points]
+    labels += [""] * (n_points - len(labels))
     others = {name for kind in _NO_POSITIONS for name in _values(sections, kind)}
     kept = [index for index, label in enumerate(labels) if not label or label not in others]
     if not kept:
         raise RecordingError(f"{path}: no points that are positions; expected at least one marker")
     about = _values(sections, "DESCRIPTIONS")[: len(labels)]
     about += [""] * (len(labels) - len(about))
-    positions = positions[:, kept]
+    positions = np.take(coordinates, kept, axis=1)
+    positions[(residuals[:, kept] < 0) | ~find_seen(positions)] = np.nan
     names = find_names(
         [labels[index] for index in kept], [about[index] for index in kept], positions, path.name
     )
     rate_hz = _read_rate(sections, path)
     length = find_length(_unit_word(sections), units, positions, str(path), "POINT:UNITS")
+    positions *= length.metres
     up = _read_up(sections)
     return Recording(
         # Some count frames from 1, as the format says, some from 0.
         time=(max(sections.first_frame - 1, 0) + np.arange(len(positions))) / rate_hz,
-        positions=positions * length.metres,
+        positions=hand_over(positions),
         names=names,
         rate_hz=rate_hz,
         source=path.name,

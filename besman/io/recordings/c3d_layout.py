@@ -153,11 +153,14 @@ def _read_points(
     n_frames = _check_length(len(content), data_block, width * size, frames, path, partial)
     at = (data_block - 1) * BLOCK
     data = content[at : at + n_frames * width * size]
+    # What was recorded beside the points is left out before it is decoded.
+    words = np.frombuffer(data, f"V{size}").reshape(n_frames, width)[:, : 4 * n_points]
+    data = words.tobytes() if width > 4 * n_points else data
     if scale < 0:
-        numbers = _floats(data, processor).reshape(n_frames, width)
+        numbers = _floats(data, processor)
     else:
-        numbers = np.frombuffer(data, f"{order}i2").reshape(n_frames, width).astype(np.float64)
-    points = numbers[:, : 4 * n_points].reshape(n_frames, n_points, 4)
+        numbers = np.frombuffer(data, f"{order}i2").astype(np.float64)
+    points = numbers.reshape(n_frames, n_points, 4)
     if scale > 0:
         points[..., :3] *= scale
     return C3dSections(parameters, points, rate_hz, layout.first, (note,) if note else ())

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.exceptions import RecordingError, RecordingWarning
+from besman.foreign.numbers import parse_number
 from besman.records import FloatArray
 from besman.records.recordings import GREATEST_FRAME, RATES_HZ
 
@@ -64,7 +65,7 @@ def settle_clock(
     frames, times : array, shape (N,), or None
         What the columns say; seconds.
     rate_hz : float or None
-        What the header says.
+        What the header says, as `parse_rate` returns it.
     path : Path
         Named in messages.
     first_line : int
@@ -85,7 +86,7 @@ def settle_clock(
     -----
     RecordingWarning
         If frames are missing, times uneven, or the times run at another rate than the header says,
-        which is then theirs.
+        or what it says is none: theirs counts then.
     """
     frames = None if frames is None or np.isnan(frames).all() else frames
     times = None if times is None or np.isnan(times).all() else times
@@ -107,6 +108,16 @@ def settle_clock(
         first_frame,
         None if n_frames == n_rows else rows,
     )
+
+
+def parse_rate(text: str) -> float | None:
+    """Return the rate that a header says: None where it says none, NaN where that is no number."""
+    if text.strip().upper() in {"", "EXT"}:
+        return None
+    try:
+        return parse_number(text)
+    except ValueError:
+        return float("nan")
 
 
 def _count(frames: FloatArray, path: Path, first_line: int) -> npt.NDArray[np.int64]:
@@ -178,13 +189,17 @@ def _show_rate(
 def _choose_rate(said: float | None, shown: float | None, path: Path) -> float:
     """Choose between the header's rate and that of the times."""
     slowest, fastest = RATES_HZ
-    said = said if said is not None and slowest <= said <= fastest else None
+    odd = None if said is None or slowest <= said <= fastest else said
+    said = said if odd is None else None
     shown = shown if shown is not None and slowest <= shown <= fastest else None
     if said is None and shown is None:
         raise RecordingError(
             f"{path}: neither the header nor a column of times says how many frames there are in a "
             f"second; expected {slowest:g} to {fastest:g}"
         )
+    if odd is not None:
+        says = "no number where the rate stands" if np.isnan(odd) else f"{odd:g} frames a second"
+        _warn(f"{path.name}: the header has {says}; {shown:.6g}, as the times show, is taken")
     if said is None or shown is None:
         return float(said if shown is None else shown)  # type: ignore[arg-type]
     if abs(shown / said - 1.0) > _TOLERANCE:

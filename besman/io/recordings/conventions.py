@@ -56,7 +56,8 @@ def leave_out_zeros(recording: Recording) -> Recording:
     RecordingWarning
         With their count, if there are any.
     """
-    zeros = (recording.positions == 0.0).all(axis=2)
+    at_zero = recording.positions == 0.0
+    zeros = at_zero[..., 0] & at_zero[..., 1] & at_zero[..., 2]
     if not zeros.any():
         return recording
     count, n_markers = int(zeros.sum()), int(zeros.any(axis=0).sum())

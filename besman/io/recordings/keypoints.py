@@ -11,16 +11,17 @@ Where no unit is named the height of the body tells it.
 from __future__ import annotations
 
 import json
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from besman.exceptions import RecordingError
+from besman.exceptions import RecordingError, RecordingWarning
 from besman.foreign.json_text import parse_json
 from besman.io.recordings.c3d_names import keep_single_names
-from besman.io.recordings.clock import settle_clock
+from besman.io.recordings.clock import parse_rate, settle_clock
 from besman.io.recordings.format import Units, parse_up
 from besman.io.recordings.lengths import Length, body_length, find_length, parse_unit
 from besman.records import Axis, FloatArray, Origin, Recording
@@ -67,9 +68,9 @@ def read_keypoints(path: Path, units: Units | None = None) -> Recording:
     about = content if isinstance(content, dict) else {}
     frames = _find_frames(content, path)
     names, positions = _collect(frames, path)
-    numbers = _column(frames, _NUMBERS)
-    times = _column(frames, _TIMES)
-    rate_hz = next((float(about[key]) for key in _RATES if _is_number(about.get(key))), None)
+    numbers = _column(frames, _NUMBERS, path)
+    times = _column(frames, _TIMES, path)
+    rate_hz = _find_rate(about)
     if times is not None and rate_hz is None and np.median(np.diff(times)) > 1.0:
         times = times / 1000.0
     elif times is not None and rate_hz is not None and len(times) > 1:
@@ -206,11 +207,30 @@ def _collect(frames: list[dict[str, Any]], path: Path) -> tuple[list[str | None]
     return list(places), positions
 
 
-def _column(frames: list[dict[str, Any]], keys: tuple[str, ...]) -> FloatArray | None:
-    """Return a number of every frame, None if not all have it."""
+def _find_rate(about: Mapping[str, Any]) -> float | None:
+    """Return the rate that the file says: None where it says none, NaN where that is no number."""
+    said = next((about[key] for key in _RATES if about.get(key) is not None), None)
+    if said is None:
+        return None
+    return float(said) if _is_number(said) else parse_rate(str(said))
+
+
+def _column(
+    frames: list[dict[str, Any]], keys: tuple[str, ...], path: Path
+) -> FloatArray | None:
+    """Return a number of every frame, None if not all have it; say so where some have it."""
     for key in keys:
-        if all(_is_number(frame.get(key)) for frame in frames):
+        have = [_is_number(frame.get(key)) for frame in frames]
+        if all(have):
             return np.array([float(frame[key]) for frame in frames])
+        if any(have):
+            at = have.index(False)
+            warnings.warn(
+                f"{path.name}: {key} of frame {at + 1} is {frames[at].get(key)!r:.60}, no number; "
+                f"{key} is left out of account",
+                RecordingWarning,
+                stacklevel=5,
+            )
     return None
 
 

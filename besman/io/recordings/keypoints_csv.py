@@ -14,9 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from besman.exceptions import RecordingError
-from besman.foreign.numbers import parse_number
 from besman.io.recordings.c3d_names import keep_single_names
-from besman.io.recordings.clock import settle_clock
+from besman.io.recordings.clock import parse_rate, settle_clock
 from besman.io.recordings.format import Units
 from besman.io.recordings.keypoints import find_keypoint_length
 from besman.io.recordings.number_rows import find_cells, is_blank, read_rows
@@ -87,9 +86,9 @@ def read_keypoints_csv(path: Path, units: Units | None = None, partial: bool = F
     frames = np.arange(1.0, len(values) + 1) if frame is None else values[:, frame]
     times = None if time is None else values[:, time] * _TIMES[lowered[time]]
     clock = settle_clock(frames, times, _rate(about), path, at + 2)
-    positions = clock.spread(values[:, np.array(columns)])
+    positions = clock.spread(np.take(values, np.array(columns), axis=1))
     length = find_keypoint_length(about.get("units"), names, positions, units, path)
-    positions = positions * length.metres
+    positions *= length.metres
     return Recording(
         time=clock.time,
         positions=hand_over(positions),
@@ -115,8 +114,6 @@ def _find_columns(labels: Sequence[str]) -> tuple[list[str | None], list[list[in
 def _rate(about: dict[str, str]) -> float | None:
     """Return the rate that the lines above the table say."""
     for key in ("rate_hz", "fps", "frame_rate", "rate"):
-        try:
-            return parse_number(about[key])
-        except (KeyError, ValueError):
-            continue
+        if key in about:
+            return parse_rate(about[key])
     return None

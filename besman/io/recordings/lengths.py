@@ -39,6 +39,7 @@ _HEIGHTS = (
     ("mm", 800.0, 2600.0),
 )
 _FRAMES = 200
+_MANY_FRAMES = 2000
 
 
 class Length(NamedTuple):
@@ -163,6 +164,8 @@ def body_length(positions: FloatArray, asked: Units | None, where: str) -> Lengt
 def typical_extent(positions: FloatArray) -> float:
     """Return the median over time of the diagonal of the box around all points seen.
 
+    Of long recordings frames all over them are looked at.
+
     Parameters
     ----------
     positions : array, shape (T, M, 3)
@@ -172,12 +175,15 @@ def typical_extent(positions: FloatArray) -> float:
     float
         0 where nothing is seen.
     """
-    high = np.where(np.isnan(positions), -np.inf, positions).max(axis=1)
-    low = np.where(np.isnan(positions), np.inf, positions).min(axis=1)
-    seen = np.isfinite(high).all(axis=1)
+    few = positions[:: max(1, len(positions) // _MANY_FRAMES)]
+    # A coordinate after the other, of points side by side: quicker than three at a time.
+    columns = np.ascontiguousarray(few.transpose(2, 0, 1))
+    high = np.fmax.reduce(columns, axis=2, initial=-np.inf)
+    low = np.fmin.reduce(columns, axis=2, initial=np.inf)
+    seen = np.isfinite(high).all(axis=0)
     if not seen.any():
         return 0.0
-    return float(np.median(np.linalg.norm(high[seen] - low[seen], axis=1)))
+    return float(np.median(np.linalg.norm((high - low)[:, seen], axis=0)))
 
 
 def _warn(message: str) -> None:

@@ -26,9 +26,9 @@ import numpy as np
 
 from besman.exceptions import RecordingError, RecordingWarning
 from besman.foreign.numbers import parse_number
-from besman.io.recordings.bodies import hold_orientations
+from besman.io.recordings.bodies import hold_orientations, to_unit, warn_of_no_turns
 from besman.io.recordings.c3d_names import keep_single_names
-from besman.io.recordings.clock import settle_clock
+from besman.io.recordings.clock import parse_rate, settle_clock
 from besman.io.recordings.conventions import BY_HABIT
 from besman.io.recordings.format import Units
 from besman.io.recordings.lengths import find_length
@@ -113,17 +113,18 @@ def read_motive_csv(path: Path, units: Units | None = None, partial: bool = Fals
         lines, header.data_line, header.width, header.cells, path, partial=partial,
         texts=header.texts,
     )  # fmt: skip
-    rate_hz = header.number("export frame rate") or header.number("capture frame rate")
+    said = (header.values.get(f"{key} frame rate", "") for key in ("export", "capture"))
+    rate_hz = parse_rate(next(filter(None, said), "").replace(",", "."))
     times = None if header.time_column is None else values[:, header.time_column]
     clock = settle_clock(values[:, 0], times, rate_hz, path, header.data_line + 1)
     _check_count(header, len(values), path)
     tracks, notes = _choose_tracks(header.tracks)
     columns = np.array([[track.position + axis for axis in range(3)] for track in tracks])
-    positions = clock.spread(values[:, columns])
+    positions = clock.spread(np.take(values, columns, axis=1))
     word = header.values.get("length units")
     length = find_length(word, units, positions, str(path), "Length Units")
-    positions = positions * length.metres
-    orientations = _read_orientations(values, tracks)
+    positions *= length.metres
+    orientations = _read_orientations(values, tracks, path.name)
     return Recording(
         time=clock.time,
         positions=hand_over(positions),
@@ -252,7 +253,9 @@ def _name(tracks: Sequence[_Track], positions: FloatArray, source: str) -> tuple
     return keep_single_names(names, positions, source, "trajectories")
 
 
-def _read_orientations(values: FloatArray, tracks: Sequence[_Track]) -> FloatArray | None:
+def _read_orientations(
+    values: FloatArray, tracks: Sequence[_Track], source: str
+) -> FloatArray | None:
     """Return quaternions w first, NaN of what has none; None if nothing has one."""
     if all(track.rotation is None for track in tracks):
         return None
@@ -261,9 +264,8 @@ def _read_orientations(values: FloatArray, tracks: Sequence[_Track]) -> FloatArr
         if track.rotation is not None:
             # The file has w last.
             quaternions = values[:, [track.rotation + k for k in (3, 0, 1, 2)]]
-            lengths = np.linalg.norm(quaternions, axis=1, keepdims=True)
-            with np.errstate(invalid="ignore", divide="ignore"):
-                found[:, index] = np.where(lengths > 0.5, quaternions / lengths, np.nan)
+            found[:, index] = to_unit(quaternions)
+            warn_of_no_turns(quaternions, found[:, index], track.name, source)
     return found
 
 

@@ -269,7 +269,8 @@ class _Parser:
             )
         if tag == "orientation":
             quaternions = values.reshape(-1, 4)
-            lengths = np.linalg.norm(quaternions, axis=1)
+            # The squares of what is much larger overflow.
+            lengths = np.linalg.norm(np.clip(quaternions, -2.0, 2.0), axis=1)
             if np.any(np.abs(lengths - 1.0) > 0.01):
                 self._fail(f"orientation of frame {self.index}: expected unit quaternions")
             values = (quaternions / lengths[:, None]).ravel()

@@ -22,7 +22,7 @@ import numpy as np
 from besman.exceptions import RecordingError
 from besman.foreign.numbers import parse_number
 from besman.io.recordings.c3d_names import find_names
-from besman.io.recordings.clock import RowClock, settle_clock
+from besman.io.recordings.clock import RowClock, parse_rate, settle_clock
 from besman.io.recordings.format import Units
 from besman.io.recordings.lengths import find_length, parse_unit
 from besman.io.recordings.number_rows import Cells, find_cells, read_rows
@@ -34,7 +34,6 @@ _TITLE = re.compile(
     rb'"?(Trajectories|Model Outputs|Devices|Joints|Segments|Events|Global Angles|Analog)\b',
     re.IGNORECASE,
 )
-_WORD = re.compile(rb'\n"?[A-Za-z]')
 # What positions are taken from, the best first.
 _TITLES = ("trajectories", "model outputs", "segments")
 _FIRST = {"frame", "field #", "field", "frame#"}
@@ -99,9 +98,9 @@ def read_nexus_csv(path: Path, units: Units | None = None, partial: bool = False
     )
     clock = _settle(section, values, path)
     columns = np.array(section.columns)[:, None] + np.arange(3)
-    positions = clock.spread(values[:, columns])
+    positions = clock.spread(np.take(values, columns, axis=1))
     length = find_length(section.unit, units, positions, str(path), "the line of units")
-    positions = positions * length.metres
+    positions *= length.metres
     others = [title for title in titles if title != chosen]
     return Recording(
         time=clock.time,
@@ -123,14 +122,16 @@ def _find_titles(lines: TextLines) -> dict[str, int]:
     found: dict[str, int] = {}
     at = 0
     for block in lines.blocks(0):
-        text = b"\n" + block
-        for word in _WORD.finditer(text):
-            title = _TITLE.match(text, word.start() + 1)
+        codes = np.frombuffer(block + b"\n", np.uint8)
+        ends = np.flatnonzero(codes == ord("\n"))
+        starts = np.append(0, ends[:-1] + 1)
+        # Most lines begin with a number.
+        first = codes[starts]
+        for row in np.flatnonzero((first > ord("9")) | (first == ord('"'))).tolist():
+            title = _TITLE.match(block, int(starts[row]))
             if title:
-                found.setdefault(
-                    title[1].decode().lower(), at + text.count(b"\n", 1, title.start())
-                )
-        at += block.count(b"\n") + 1
+                found.setdefault(title[1].decode().lower(), at + row)
+        at += len(ends)
     return found
 
 
@@ -160,7 +161,7 @@ def _read_header(lines: TextLines, at: int, title: str, path: Path) -> _Section:
         cells = replace(cells, has_decimal_commas=True)
     sub = 1 if "".join(axes[1:2]).lower().startswith("sub") else None
     data_line = at + table + (1 if units is None else 2)
-    rate_hz = parse_number(rate) if _is_number(rate) else None
+    rate_hz = parse_rate(rate.replace(",", "."))
     return _Section(
         title, rate_hz, labels, columns, min(words, default=None), sub, n_ends, cells, data_line
     )

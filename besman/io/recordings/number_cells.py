@@ -1,8 +1,9 @@
-"""Numbers out of text, the quick way, where all cells are plain."""
+"""Numbers out of text, the quick ways, where all cells are plain."""
 
 from __future__ import annotations
 
 import re
+import sys
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +13,53 @@ FloatArray = npt.NDArray[np.float64]
 # Of anything else NumPy's and Python's opinions differ.
 _NOT_THERE = re.compile(rb"\bNA\b")
 _PLAIN = b"0123456789.+-eE\t\nnaulNAUL"
+
+# Bytes of text from which on half a second is well spent on loading what was compiled, and from
+# which on the rest of it is where something else has loaded Numba.
+_WORTH_NUMBA = 2**26
+_WORTH_KERNEL = 2**24
+_KERNEL = "besman.io.recordings.number_kernel"
+
+
+class _Work:
+    """How many bytes this process has read without the kernel."""
+
+    n_bytes = 0
+
+
+def parse_table(
+    text: bytes, n_rows: int, n_columns: int, separator: bytes, point: bytes, is_strict: bool
+) -> FloatArray | None:
+    """Parse lines of plain cells; the values are those of Python's ``float``.
+
+    Parameters
+    ----------
+    text : bytes
+        Without a line end after the last line.
+    n_rows, n_columns : int
+    separator, point : bytes
+        What stands between cells and in numbers.
+    is_strict : bool
+        Whether each line has as many cells as there are columns, or one more that is empty. Else
+        empty ones may come and go at its end.
+
+    Returns
+    -------
+    array, shape (n_rows, n_columns), or None
+        NaN for ``nan``, ``null``, ``NA`` and empty cells. None where a line has other cells or
+        nothing in them, a cell is anything else than a plain number or one of these, or as long as
+        this process has read so little that it is not worth loading the kernel.
+    """
+    if _KERNEL not in sys.modules:
+        _Work.n_bytes += len(text)
+        if _Work.n_bytes < (_WORTH_KERNEL if "numba" in sys.modules else _WORTH_NUMBA):
+            return None
+    from besman.io.recordings.number_kernel import read_table
+
+    codes = np.frombuffer(text + b"\n", np.uint8)
+    values = np.empty((n_rows, n_columns))
+    n_read = read_table(codes, separator[0], point[0], is_strict, values)
+    return values if n_read == n_rows else None
 
 
 def parse_cells(text: bytes, n_cells: int) -> FloatArray | None:

@@ -13,8 +13,8 @@ import numpy as np
 
 from besman.exceptions import RecordingError
 from besman.foreign.numbers import parse_number
-from besman.io.recordings.number_cells import parse_cells
-from besman.io.recordings.text_lines import TextLines
+from besman.io.recordings.number_cells import parse_cells, parse_table
+from besman.io.recordings.text_lines import TextLines, count_lines
 from besman.records import FloatArray
 
 # What programs write in the place of a number that they do not have.
@@ -117,11 +117,12 @@ def read_rows(
     """
     found, row = [np.empty((0, width))], first
     for block in lines.blocks(first):
-        text = cells.tabbed(block)
-        n_lines = text.count(b"\n") + 1
+        n_lines = count_lines(block)
         is_last = row + n_lines >= len(lines)
-        values = None
-        if not texts and (lines.is_ended or not is_last) and _is_even(text, width):
+        is_whole = not texts and (lines.is_ended or not is_last)
+        values = _parse_plain(block, cells, n_lines, width) if is_whole else None
+        text = b"" if values is not None else cells.tabbed(block)
+        if values is None and is_whole and _is_even(text, width):
             values = parse_cells(text, n_lines * width)
         end = n_lines
         if values is None:
@@ -141,6 +142,14 @@ def read_rows(
     if len(values) == 0:
         raise RecordingError(f"{path}:{first + 1}: no frames after the header; is the file cut?")
     return values
+
+
+def _parse_plain(block: bytes, cells: Cells, n_rows: int, width: int) -> FloatArray | None:
+    """Parse lines as they are, where one byte separates cells and all of them are plain."""
+    if cells.is_doubled or cells.separator == b" " or b'"' in block:
+        return None
+    point = b"," if cells.has_decimal_commas else b"."
+    return parse_table(block, n_rows, width, cells.separator, point, False)
 
 
 def _is_even(text: bytes, width: int) -> bool:

@@ -17,10 +17,15 @@ from pathlib import Path
 import numpy as np
 
 from besman.exceptions import RecordingError, RecordingWarning
-from besman.foreign.numbers import parse_number
-from besman.io.recordings.bodies import from_matrices, hold_orientations
+from besman.foreign.numbers import parse_whole_number
+from besman.io.recordings.bodies import (
+    from_matrices,
+    hold_orientations,
+    to_unit,
+    warn_of_no_turns,
+)
 from besman.io.recordings.c3d_names import keep_single_names
-from besman.io.recordings.clock import settle_clock
+from besman.io.recordings.clock import parse_rate, settle_clock
 from besman.io.recordings.number_rows import TAKE, Cells, read_rows
 from besman.io.recordings.text_lines import TextLines
 from besman.records import FloatArray, Origin, Recording
@@ -80,21 +85,22 @@ def read_bodies(lines: TextLines, path: Path, partial: bool) -> Recording:
     keys, columns, first = _read_header(lines, path)
     bodies, width = _find_bodies(keys, columns, lines[first] if first < len(lines) else "", path)
     values = read_rows(lines, first, width, _TABS, path, partial=partial)
-    _check_count(_number(keys, "NO_OF_FRAMES"), len(values), path, partial)
+    _check_count(_count(keys, "NO_OF_FRAMES", path), len(values), path, partial)
     lowered = [column.lower() for column in columns[:2]]
     extra = [values[:, lowered.index(one)] if one in lowered else None for one in ("frame", "time")]
     if not columns and width % len(bodies) == 2:
         extra = [values[:, 0], values[:, 1]]
     if all(one is None for one in extra):
         extra[0] = np.arange(1.0, len(values) + 1)
-    clock = settle_clock(extra[0], extra[1], _number(keys, "FREQUENCY"), path, first + 1)
+    rate_hz = parse_rate((keys.get("FREQUENCY") or [""])[0])
+    clock = settle_clock(extra[0], extra[1], rate_hz, path, first + 1)
     places = np.array([[body.columns[axis] for axis in "XYZ"] for body in bodies])
     positions = values[:, places] / 1000.0
     for index, body in enumerate(bodies):
         if "RESIDUAL" in body.columns:
             positions[values[:, body.columns["RESIDUAL"]] < 0, index] = np.nan
     positions = clock.spread(positions)
-    orientations = _read_orientations(values, bodies)
+    orientations = _read_orientations(values, bodies, path.name)
     return Recording(
         time=clock.time,
         positions=hand_over(positions),
@@ -128,21 +134,28 @@ def _read_header(lines: TextLines, path: Path) -> tuple[dict[str, list[str]], li
     raise RecordingError(f"{path}:{len(lines)}: no frames after the header; is the file cut?")
 
 
-def _check_count(said: float | None, n_rows: int, path: Path, partial: bool) -> None:
+def _check_count(said: int | None, n_rows: int, path: Path, partial: bool) -> None:
     """Hold the frames against NO_OF_FRAMES."""
     if said is None or said == n_rows:
         return
-    what = f"NO_OF_FRAMES is {said:g} and {n_rows} frames follow"
+    what = f"NO_OF_FRAMES is {said} and {n_rows} frames follow"
     if n_rows < said and not partial:
         raise RecordingError(f"{path}: {what}; is the file cut? {TAKE}")
     warnings.warn(f"{path.name}: {what}", RecordingWarning, stacklevel=6)
 
 
-def _number(keys: dict[str, list[str]], key: str) -> float | None:
-    try:
-        return parse_number((keys.get(key) or [""])[0])
-    except ValueError:
+def _count(keys: dict[str, list[str]], key: str, path: Path) -> int | None:
+    """Return a declared number; None if the file does not say it."""
+    text = (keys.get(key) or [""])[0]
+    if not text:
         return None
+    try:
+        count = parse_whole_number(text)
+    except ValueError:
+        count = -1
+    if count < 0:
+        raise RecordingError(f"{path}: {key} is {text!r:.60}; expected a whole number")
+    return count
 
 
 def _find_bodies(
@@ -162,7 +175,7 @@ def _find_bodies(
         bodies = _from_labels(labels, names or named)
         width = max(len(labels), 1)
     else:
-        bodies, width = _plain_bodies(keys, named, n_cells)
+        bodies, width = _plain_bodies(keys, named, n_cells, path)
     if not bodies:
         raise RecordingError(
             f"{path}: no bodies with X, Y and Z in the header; expected at least one"
@@ -171,10 +184,10 @@ def _find_bodies(
 
 
 def _plain_bodies(
-    keys: dict[str, list[str]], named: Sequence[str], n_cells: int
+    keys: dict[str, list[str]], named: Sequence[str], n_cells: int, path: Path
 ) -> tuple[list[_Body], int]:
     """Return the bodies of a file without a line of columns, and how many columns there are."""
-    n_bodies = len(named) or int(min(_number(keys, "NO_OF_BODIES") or 0, n_cells))
+    n_bodies = len(named) or min(_count(keys, "NO_OF_BODIES", path) or 0, n_cells)
     n_extra = 2 if n_bodies and (n_cells - 2) // len(_PLAIN) == n_bodies else 0
     bodies = []
     for k, name in enumerate(named or [""] * n_bodies):
@@ -208,7 +221,9 @@ def _from_labels(labels: Sequence[str], names: Sequence[str]) -> list[_Body]:
     return bodies
 
 
-def _read_orientations(values: FloatArray, bodies: Sequence[_Body]) -> FloatArray | None:
+def _read_orientations(
+    values: FloatArray, bodies: Sequence[_Body], source: str
+) -> FloatArray | None:
     """Return quaternions (T, M, 4), w first, NaN where unknown; None if no body has any."""
     found = np.full((len(values), len(bodies), 4), np.nan)
     for index, body in enumerate(bodies):
@@ -216,11 +231,10 @@ def _read_orientations(values: FloatArray, bodies: Sequence[_Body]) -> FloatArra
             flat = values[:, [body.columns[f"ROT[{k}]"] for k in range(9)]]
             # The matrix is written column by column.
             matrices = flat.reshape(-1, 3, 3).transpose(0, 2, 1)
-            is_turn = np.abs(np.linalg.det(np.nan_to_num(matrices)) - 1.0) < 0.05
-            found[:, index] = from_matrices(np.where(is_turn[:, None, None], matrices, np.nan))
+            found[:, index] = from_matrices(matrices)
+            warn_of_no_turns(flat, found[:, index], body.name, source)
         elif all(key in body.columns for key in _TURNS):
             quaternions = values[:, [body.columns[key] for key in _TURNS]]
-            lengths = np.linalg.norm(quaternions, axis=1, keepdims=True)
-            with np.errstate(invalid="ignore", divide="ignore"):
-                found[:, index] = np.where(lengths > 0.5, quaternions / lengths, np.nan)
+            found[:, index] = to_unit(quaternions)
+            warn_of_no_turns(quaternions, found[:, index], body.name, source)
     return None if np.isnan(found).all() else found

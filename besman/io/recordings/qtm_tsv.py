@@ -12,10 +12,10 @@ import numpy.typing as npt
 from besman.exceptions import RecordingError, RecordingWarning
 from besman.foreign.numbers import has_odd_digits, parse_number
 from besman.io.atomic_files import written_aside
-from besman.io.recordings.number_cells import parse_cells
+from besman.io.recordings.number_cells import parse_cells, parse_table
 from besman.io.recordings.qtm_bodies import has_bodies, read_bodies
 from besman.io.recordings.qtm_header import QtmHeader, read_header
-from besman.io.recordings.text_lines import TextLines, open_lines
+from besman.io.recordings.text_lines import TextLines, count_lines, open_lines
 from besman.records import Origin, Recording
 from besman.records.frozen import hand_over
 from besman.records.recordings import GREATEST_FRAME, RATES_HZ
@@ -185,25 +185,44 @@ def _check_count(
 def _read_numbers(lines: TextLines, header: QtmHeader, path: Path) -> tuple[FloatArray, FloatArray]:
     """Parse the body: the columns before the markers, (T, 0 to 2), and positions (T, M, 3), mm."""
     width, n_markers = header.n_columns, len(header.markers)
-    n_tabs = _count_tabs(lines, header, path)
-    clock = np.empty((len(n_tabs), width - 3 * n_markers))
-    positions = np.empty((len(n_tabs), n_markers, 3))
+    n_rows, n_tabs = len(lines) - header.data_line, None
+    if n_rows < 1:
+        raise RecordingError(f"{path}:{len(lines)}: no frames after the header; is the file cut?")
+    clock = np.empty((n_rows, width - 3 * n_markers))
+    positions = np.empty((n_rows, n_markers, 3))
     row = 0
     for block in lines.blocks(header.data_line):
-        rows = slice(row, row + block.count(b"\n") + 1)
-        if rows.stop > len(n_tabs):
+        rows = slice(row, row + count_lines(block))
+        if rows.stop > n_rows:
             break
-        text = _drop_last_tabs(block, n_tabs[rows] == width)
-        values = parse_cells(text, (rows.stop - row) * width)
+        values = parse_table(block, rows.stop - row, width, b"\t", b".", True)
         if values is None:
-            values = _parse_odd_cells(lines.decode(text), header, path, row)
-        values = values.reshape(-1, width)
+            n_tabs = _count_tabs(lines, header, path) if n_tabs is None else n_tabs
+            if len(n_tabs) != n_rows:
+                break
+            values = _parse_block(block, n_tabs[rows], lines, header, path, row)
         clock[rows], cells = values[:, : clock.shape[1]], values[:, clock.shape[1] :]
         positions[rows] = cells.reshape(-1, n_markers, 3)
         row = rows.stop
-    if row != len(n_tabs):
+    if row != n_rows:
         raise RecordingError(f"{path}: changed while it was read; is it still being written?")
     return clock, positions
+
+
+def _parse_block(
+    block: bytes,
+    n_tabs: npt.NDArray[np.int64],
+    lines: TextLines,
+    header: QtmHeader,
+    path: Path,
+    first_row: int,
+) -> FloatArray:
+    """Parse lines whose tabs are counted; refuse cells that are no numbers."""
+    text = _drop_last_tabs(block, n_tabs == header.n_columns)
+    values = parse_cells(text, len(n_tabs) * header.n_columns)
+    if values is None:
+        values = _parse_odd_cells(lines.decode(text), header, path, first_row)
+    return values.reshape(-1, header.n_columns)
 
 
 def _count_tabs(lines: TextLines, header: QtmHeader, path: Path) -> npt.NDArray[np.int64]:
@@ -226,8 +245,6 @@ def _count_tabs(lines: TextLines, header: QtmHeader, path: Path) -> npt.NDArray[
             )
         counts.append(n_tabs)
         row += len(body)
-    if row == 0:
-        raise RecordingError(f"{path}:{len(lines)}: no frames after the header; is the file cut?")
     return np.concatenate(counts)
 
 

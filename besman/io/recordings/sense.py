@@ -6,6 +6,7 @@ What no camera delivers is refused; single samples that no body makes become gap
 from __future__ import annotations
 
 import warnings
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -44,7 +45,7 @@ def check_recording(recording: Recording, path: Path) -> Recording:
     Raises
     ------
     RecordingError
-        If a name has control characters, or frames, rate or coordinates are out of all sense.
+        If a name has control characters or is there twice, or frames, rate or coordinates are out of all sense.
 
     Warns
     -----
@@ -54,7 +55,7 @@ def check_recording(recording: Recording, path: Path) -> Recording:
     """
     if len(recording.time) < 2:
         raise RecordingError(f"{path}: a recording of one frame; expected at least two")
-    _check_names(recording, path)
+    recording = _check_names(recording, path)
     check_rate(recording.rate_hz, str(path))
     last = recording.first_frame + len(recording.time) - 1
     if recording.first_frame < 0 or last > GREATEST_FRAME:
@@ -81,8 +82,11 @@ def check_rate(rate_hz: float, where: str) -> None:
         )
 
 
-def _check_names(recording: Recording, path: Path) -> None:
-    """Refuse names that would steer a terminal, the file's own included."""
+def _check_names(recording: Recording, path: Path) -> Recording:
+    """Refuse names that would steer a terminal, the file's own included, and those there twice.
+
+    What has an empty name has none.
+    """
     fault = fault_of_characters(path.name)
     if fault is not None:
         raise RecordingError(f"{path}: the name of the file {fault}")
@@ -90,12 +94,20 @@ def _check_names(recording: Recording, path: Path) -> None:
         fault = None if name is None else fault_of_name(name)
         if fault is not None:
             raise RecordingError(f"{path}: trajectory {index}: name {name!r:.60} {fault}")
+    names = tuple(name if name and name.strip() else None for name in recording.names)
+    doubled = [name for name, count in Counter(names).items() if name and count > 1]
+    if doubled:
+        raise RecordingError(
+            f"{path}: {names.count(doubled[0])} trajectories are named {doubled[0]!r:.60}; "
+            "expected each name once"
+        )
+    return recording if names == recording.names else replace(recording, names=names)
 
 
 def _leave_out_halves(recording: Recording) -> Recording:
     """Make gaps of samples of which a coordinate is missing, and say so."""
-    missing = np.isnan(recording.positions)
-    seen_in_part = np.asarray(missing.any(axis=2) & ~missing.all(axis=2))
+    x, y, z = np.moveaxis(np.isnan(recording.positions), 2, 0)
+    seen_in_part = np.asarray((x | y | z) & ~(x & y & z))
     if not seen_in_part.any():
         return recording
     _warn_of_gaps(recording, seen_in_part, "without all three coordinates")

@@ -11,7 +11,7 @@ RNG = np.random.default_rng(0)
 
 
 def lines_of(text):
-    return TextLines(lambda: [text.encode()])
+    return TextLines(lambda first: [text.encode()[first:]])
 
 
 @pytest.mark.parametrize(("sep", "cells"), [("\t", b"\t"), (",", b","), (";", b";"), ("  ", b" ")])

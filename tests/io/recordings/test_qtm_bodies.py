@@ -135,4 +135,4 @@ def test_markers_are_no_bodies():
         ("DATA_INCLUDED\t3D\nMARKER_NAMES\ta\n", False),
         ("MARKER_NAMES\ta\nNO_OF_BODIES\t0\n", False),
     ):
-        assert has_bodies(TextLines(lambda text=text: [text.encode()])) == expected
+        assert has_bodies(TextLines(lambda first, text=text: [text.encode()[first:]])) == expected

@@ -15,8 +15,11 @@ def test_lines_are_those_of_the_whole_text(text, line_end, encoding, block):
     if encoding == "utf-8-sig" and text.isascii():
         text, lines = text + "\u00e4", (text + "\u00e4").split("\n")
     content = text.replace("\n", line_end).encode(encoding)
-    pieces = [content[k : k + block] for k in range(0, len(content), block)]
-    found = TextLines(lambda: pieces)
+
+    def read(first):
+        return [content[k : k + block] for k in range(first, len(content), block)]
+
+    found = TextLines(read)
     assert list(found) == found[:] == lines
     assert len(found) == len(lines)
     assert found[-1] == lines[-1]
@@ -32,7 +35,7 @@ def test_lines_are_those_of_the_whole_text(text, line_end, encoding, block):
 
 
 def test_what_is_no_utf8_is_latin1():
-    assert list(TextLines(lambda: ["gr\u00fc\u00df\nGott".encode("latin-1")])) == [
+    assert list(TextLines(lambda first: ["gr\u00fc\u00df\nGott".encode("latin-1")[first:]])) == [
         "gr\u00fc\u00df",
         "Gott",
     ]
@@ -40,6 +43,7 @@ def test_what_is_no_utf8_is_latin1():
 
 def test_a_file_is_read_by_parts(tmp_path, monkeypatch):
     monkeypatch.setattr(text_lines, "_AT_ONCE", 5)
+    monkeypatch.setattr(text_lines, "_FIRST", 3)
     path = tmp_path / "a.txt"
     path.write_bytes(b"one\r\ntwo and a half\n\nfour")
     assert list(TextLines.of(path)) == ["one", "two and a half", "", "four"]
@@ -48,4 +52,4 @@ def test_a_file_is_read_by_parts(tmp_path, monkeypatch):
 def test_there_is_no_line_beyond_the_last():
     for index in (2, -3, 10):
         with pytest.raises(IndexError, match="no line"):
-            TextLines(lambda: [b"a\nb\n"])[index]
+            TextLines(lambda first: [b"a\nb\n"[first:]])[index]
