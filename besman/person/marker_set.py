@@ -13,11 +13,9 @@ from besman.config.resources import find_resource
 from besman.config.stage import Config
 from besman.config.yaml_file import load_config
 from besman.exceptions import LabellingError, nearest, see_look
+from besman.foreign.names import split_subject
 from besman.person.mirror import mirror_name
 from besman.person.point_frames import PointFrames
-
-# What systems put before a marker's name without a colon: ``Skeleton_001_Hip``.
-_SUBJECT = re.compile(r"(?i)^(skeleton|subject|person|actor)[ _]?\d+[ _]")
 
 
 class MarkerSet(Config):
@@ -174,9 +172,15 @@ class MarkerSet(Config):
             if marker is None:
                 continue
             if marker in found:
+                other = names[found[marker]] or ""
+                owners_of = [split_subject(one)[0] for one in (other, name or "")]
+                choose = ""
+                if owners_of[0] != owners_of[1]:
+                    named = " or ".join(repr(one) for one in owners_of if one)
+                    choose = f": choose with --subject {named}, in a recipe with read.subject"
                 raise LabellingError(
-                    f"{source}: trajectories {names[found[marker]]!r} and {name!r} both stand for "
-                    f"marker {marker!r} of {self.name}; expected one" + see_look(source)
+                    f"{source}: trajectories {other!r} and {name!r} both stand for "
+                    f"marker {marker!r} of {self.name}; expected one{choose}" + see_look(source)
                 )
             found[marker] = index
         return {marker: found[marker] for marker in self.markers if marker in found}
@@ -194,7 +198,7 @@ def without_subject(name: str) -> str:
     str
         What stands after the last colon; the name itself where nothing stands before it.
     """
-    return _SUBJECT.sub("", name.rpartition(":")[2].strip())
+    return split_subject(name)[1]
 
 
 def normalise_name(name: str) -> str:
