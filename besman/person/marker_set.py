@@ -14,6 +14,7 @@ from besman.config.stage import Config
 from besman.config.yaml_file import load_config
 from besman.exceptions import LabellingError, nearest, see_look
 from besman.foreign.names import split_subject
+from besman.person.body_frames import BodyFrames
 from besman.person.mirror import mirror_name
 from besman.person.point_frames import PointFrames
 
@@ -41,9 +42,10 @@ class MarkerSet(Config):
         trajectories can be named where there is no recording to learn from.
     distances_m : dict of str to (dict of str to float)
         Distances that hardly change, such as lengths of limbs, metres.
-    frames : PointFrames, optional
+    frames : PointFrames or BodyFrames, optional
         Where there are no clusters: from which points back and hands are derived, as the markers
-        ``back_top``, ``hand_top`` and so on; see `besman.person.point_frames`.
+        ``back_top``, ``hand_top`` and so on; see `besman.person.point_frames`. Of a robot arm in
+        place of a person: which links are its base and its hand.
     side : "right" or "left"
         The hand that the person works with. A recording of a left-handed person is mirrored, names
         and positions, and is from then on that of a right-handed one.
@@ -57,7 +59,7 @@ class MarkerSet(Config):
     objects: dict[str, tuple[str, ...]] = Field(default_factory=dict)
     pose_m: dict[str, tuple[float, float, float]] = Field(default_factory=dict)
     distances_m: dict[str, dict[str, Annotated[float, Field(gt=0.0)]]] = Field(default_factory=dict)
-    frames: PointFrames | None = None
+    frames: PointFrames | BodyFrames | None = None
     side: Literal["right", "left"] = "right"
 
     @field_validator("markers")

@@ -224,6 +224,13 @@ def is_c3d(head: bytes) -> bool:
     return head[1:2] == b"P" and 2 <= head[0] < 32 and (head[0] not in b"\t\n\r" or b"\0" in head)
 
 
+def is_bag(head: bytes) -> bool:
+    """Tell a bag of ROS messages; one in SQLite by its tables."""
+    if head.startswith(b"SQLite format 3"):
+        return b"CREATE TABLE topics" in head and b"CREATE TABLE messages" in head
+    return head.startswith((b"\x89MCAP0\r\n", b"#ROSBAG V"))
+
+
 _POSITION = rb"\[\s*(?:(?:-?[0-9][-+.0-9eE]*|NaN|null)\s*(?:,\s*|(?=\]))){3}"
 _NAMED = re.compile(rb'"[^"\n]+"\s*:\s*' + _POSITION)
 _LISTED = re.compile(rb'"[^"\n]+"\s*:\s*\[\s*' + _POSITION)
@@ -260,8 +267,9 @@ class Reading(NamedTuple):
     topics: tuple[str, ...] = ()
 
 
-READING: ContextVar[Reading] = ContextVar("reading", default=Reading())
-"""What `reading` set, for `besman.io.recordings.formats.read_recording` and readers of formats."""
+_AS_FILES_SAY = Reading()
+READING: ContextVar[Reading] = ContextVar("reading", default=_AS_FILES_SAY)
+"""What `reading` set, for `besman.io.recordings.formats.read_recording` and for readers."""
 
 
 @contextmanager

@@ -17,6 +17,7 @@ from besman.io.recordings.format import (
     READING,
     Format,
     Units,
+    is_bag,
     is_c3d,
     is_keypoints,
     reading,
@@ -133,6 +134,16 @@ FORMATS = (
         "an exoskeleton; its URDF beside it, or the name of one of configs/exoskeleton",
         companions="exoskeleton:find_log_files",
         takes_partial=True,
+        has_one_up=True,
+    ),
+    Format(
+        "ROS bag",
+        (".mcap", ".db3", ".bag"),
+        is_bag,
+        "ros_bag:read_bag",
+        "ROS 2 (MCAP, SQLite) and ROS 1: joint states with their URDF, poses, tf; "
+        "pip install 'besman[ros]'",
+        companions="ros_bag:find_bag_files",
         has_one_up=True,
     ),
 )

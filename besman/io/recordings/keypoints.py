@@ -6,7 +6,8 @@ one mapping of names to lists of positions; frames' numbers and times, in second
 (SPL open data); ``NaN`` and ``null`` for what was not seen, and names that some frames lack;
 several people a frame under ``people``, each with a name or an id, and OpenPose's flat lists
 ``pose_keypoints_3d`` of BODY_25, gathered into one file; the rate as ``fps``, ``frame_rate``,
-``sampling_rate`` or ``rate_hz``; ``units`` and ``up`` or neither. Where no unit is named the height of the body tells it.
+``sampling_rate`` or ``rate_hz``; ``units`` and ``up`` or neither. Where no unit is named
+the height of the body tells it.
 """
 
 from __future__ import annotations
@@ -36,9 +37,10 @@ _IDS = ("name", "subject", "person_id", "id", "track_id")
 _FLAT = "pose_keypoints_3d"
 # OpenPose's BODY_25, in its order.
 _BODY_25 = (
-    "Nose Neck RShoulder RElbow RWrist LShoulder LElbow LWrist MidHip RHip RKnee RAnkle LHip LKnee "
-    "LAnkle REye LEye REar LEar LBigToe LSmallToe LHeel RBigToe RSmallToe RHeel"
-).split()
+    "Nose", "Neck", "RShoulder", "RElbow", "RWrist", "LShoulder", "LElbow", "LWrist", "MidHip",
+    "RHip", "RKnee", "RAnkle", "LHip", "LKnee", "LAnkle", "REye", "LEye", "REar", "LEar",
+    "LBigToe", "LSmallToe", "LHeel", "RBigToe", "RSmallToe", "RHeel",
+)  # fmt: skip
 _WRAPPERS = {"data", "keypoints", "markers", "player", "positions", "pose", "joints", "person"}
 _MOST_NAMES = 10_000
 # Parts that only a whole body has.

@@ -1,4 +1,4 @@
-"""One of several people or things in a recording, by what stands before the names of trajectories."""
+"""One of several people or things in a recording, by what stands before trajectories' names."""
 
 from __future__ import annotations
 

@@ -51,7 +51,9 @@ def test_one_of_two(tmp_path):
     assert bob.names == (*(f"Bob:{point}" for point in POINTS), "ball")
     np.testing.assert_array_equal(bob.positions, both.positions[:, len(POINTS) :])
     assert take_subject(both, None, tmp_path) is both
-    with pytest.raises(RecordingError, match=r"no subject 'Bobby'; did you mean 'Bob'\? allowed: A"):
+    with pytest.raises(
+        RecordingError, match=r"no subject 'Bobby'; did you mean 'Bob'\? allowed: A"
+    ):
         take_subject(both, "Bobby", tmp_path)
 
 
@@ -93,7 +95,9 @@ def test_people_of_keypoints(tmp_path, identify, subject, flat):
     path = tmp_path / "a.json"
     path.write_text(json.dumps({"fps": 30, "frames": people(identify, flat)}))
     found = read_recording(path, units="m", up="z", subject=subject)
-    seen = {name for at, name in enumerate(found.names) if np.isfinite(found.positions[:, at]).all()}
+    seen = {
+        name for at, name in enumerate(found.names) if np.isfinite(found.positions[:, at]).all()
+    }
     assert seen == {f"{subject}:{point}" for point in POINTS}
     column = found.names.index(f"{subject}:RWrist")
     np.testing.assert_allclose(found.positions[:, column, 0], 2.0)
@@ -104,5 +108,5 @@ def test_a_flat_list_of_another_length_is_refused(tmp_path):
     path = tmp_path / "a.json"
     frame = {"people": [{"person_id": [3], "pose_keypoints_3d": [1.0] * 8}]}
     path.write_text(json.dumps({"fps": 30, "frames": [frame] * 3}))
-    with pytest.raises(RecordingError, match="'person3:pose_keypoints_3d' is .*three numbers"):
+    with pytest.raises(RecordingError, match=r"'person3:pose_keypoints_3d' is .*three numbers"):
         read_recording(path)
