@@ -29,6 +29,7 @@ DISTRIBUTIONS = {
     "OpenGL": "pyopengl",
     "PIL": "pillow",
     "coal": "pin",
+    "mcap_ros2": "mcap-ros2-support",
     "mpl_toolkits": "matplotlib",
     "pinocchio": "pin",
     "pydantic_core": "pydantic",
@@ -37,7 +38,7 @@ DISTRIBUTIONS = {
 }
 PROJECT = tomllib.loads((TOP / "pyproject.toml").read_text())["project"]
 EXTRAS = PROJECT["optional-dependencies"]
-FOR_USERS = ("cluster", "lstm", "sequences", "transfer", "video")
+FOR_USERS = ("cluster", "lstm", "ros", "sequences", "transfer", "video")
 
 needs_make = pytest.mark.skipif(shutil.which("make") is None, reason="there is no make")
 

@@ -24,7 +24,13 @@ from besman.cli.robots import robots
 from besman.cli.terminal import complain
 from besman.cli.view import view
 from besman.exceptions import BesmanError, RecordingWarning, StoppedError
-from besman.io.recordings.format import parse_units, parse_up, reading
+from besman.io.recordings.format import (
+    parse_rate,
+    parse_topics,
+    parse_units,
+    parse_up,
+    reading,
+)
 from besman.work.stopping import stops_on_signals
 
 app = typer.Typer(
@@ -92,6 +98,17 @@ def _options(
         str | None,
         typer.Option("--up", metavar="x|y|z|-x|-y|-z", help="The axis of files that points up."),
     ] = None,
+    rate: Annotated[
+        str | None, typer.Option("--rate", metavar="HZ", help="Frames per second of files.")
+    ] = None,
+    subject: Annotated[
+        str | None,
+        typer.Option("--subject", metavar="NAME", help="Which of several people is taken."),
+    ] = None,
+    topic: Annotated[
+        str | None,
+        typer.Option("--topic", metavar="NAME[,NAME]", help="Which topics of bags are taken."),
+    ] = None,
 ) -> None:
     """Options of every command; `main` takes them wherever they stand."""
 
@@ -132,12 +149,20 @@ def _take_value(option: str) -> str | None:
 def main() -> None:
     """Run the command line; a user's error is one line and exit code 2."""
     debug, strict, partial = _take("--debug"), _take("--strict"), _take("--partial")
-    units, up = _take_value("--units"), _take_value("--up")
+    units, up, rate = _take_value("--units"), _take_value("--up"), _take_value("--rate")
+    subject, topics = _take_value("--subject"), _take_value("--topic")
     warnings.showwarning = _show_warning
     try:
         with (
             warnings.catch_warnings(),
-            reading(units=parse_units(units), partial=partial, up=parse_up(up)),
+            reading(
+                units=parse_units(units),
+                partial=partial,
+                up=parse_up(up),
+                rate_hz=parse_rate(rate),
+                subject=subject,
+                topics=parse_topics(topics),
+            ),
             stops_on_signals(_say_stopped),
         ):
             if strict:

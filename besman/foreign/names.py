@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import unicodedata
 
 LONGEST = 200
@@ -9,6 +10,9 @@ LONGEST = 200
 
 LONGEST_TEXT = 4096
 """Characters of any text that is no sentence; no path is longer."""
+
+# What systems put before a marker's name without a colon: ``Skeleton_001_Hip``.
+_SUBJECT = re.compile(r"(?i)^(skeleton|subject|person|actor)[ _]?\d+(?=[ _])")
 
 # Control characters, halves of a character, line and paragraph ends.
 _REFUSED = {"Cc", "Cs", "Zl", "Zp"}
@@ -54,3 +58,25 @@ def fault_of_part_name(name: str) -> str | None:
     if name[0] in "=+-@":
         return f"begins with {name[0]!r}, as a formula of a spreadsheet does"
     return fault_of_name(name)
+
+
+def split_subject(name: str) -> tuple[str, str]:
+    """Split a name from the person or thing it belongs to: ``Ann:RELB``, ``Skeleton_001_Hip``.
+
+    Parameters
+    ----------
+    name : str
+
+    Returns
+    -------
+    subject : str
+        What stands before the last colon, ``Ann``; empty if nothing does.
+    bare : str
+        What is left, ``RELB``.
+    """
+    before, _, bare = name.rpartition(":")
+    bare = bare.strip()
+    found = _SUBJECT.match(bare)
+    if found is None:
+        return before.strip(), bare
+    return before.strip() or found[0], bare[found.end() + 1 :]

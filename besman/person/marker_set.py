@@ -13,11 +13,10 @@ from besman.config.resources import find_resource
 from besman.config.stage import Config
 from besman.config.yaml_file import load_config
 from besman.exceptions import LabellingError, nearest, see_look
+from besman.foreign.names import split_subject
+from besman.person.body_frames import BodyFrames
 from besman.person.mirror import mirror_name
 from besman.person.point_frames import PointFrames
-
-# What systems put before a marker's name without a colon: ``Skeleton_001_Hip``.
-_SUBJECT = re.compile(r"(?i)^(skeleton|subject|person|actor)[ _]?\d+[ _]")
 
 
 class MarkerSet(Config):
@@ -43,9 +42,10 @@ class MarkerSet(Config):
         trajectories can be named where there is no recording to learn from.
     distances_m : dict of str to (dict of str to float)
         Distances that hardly change, such as lengths of limbs, metres.
-    frames : PointFrames, optional
+    frames : PointFrames or BodyFrames, optional
         Where there are no clusters: from which points back and hands are derived, as the markers
-        ``back_top``, ``hand_top`` and so on; see `besman.person.point_frames`.
+        ``back_top``, ``hand_top`` and so on; see `besman.person.point_frames`. Of a robot arm in
+        place of a person: which links are its base and its hand.
     side : "right" or "left"
         The hand that the person works with. A recording of a left-handed person is mirrored, names
         and positions, and is from then on that of a right-handed one.
@@ -59,7 +59,7 @@ class MarkerSet(Config):
     objects: dict[str, tuple[str, ...]] = Field(default_factory=dict)
     pose_m: dict[str, tuple[float, float, float]] = Field(default_factory=dict)
     distances_m: dict[str, dict[str, Annotated[float, Field(gt=0.0)]]] = Field(default_factory=dict)
-    frames: PointFrames | None = None
+    frames: PointFrames | BodyFrames | None = None
     side: Literal["right", "left"] = "right"
 
     @field_validator("markers")
@@ -174,9 +174,15 @@ class MarkerSet(Config):
             if marker is None:
                 continue
             if marker in found:
+                other = names[found[marker]] or ""
+                owners_of = [split_subject(one)[0] for one in (other, name or "")]
+                choose = ""
+                if owners_of[0] != owners_of[1]:
+                    named = " or ".join(repr(one) for one in owners_of if one)
+                    choose = f": choose with --subject {named}, in a recipe with read.subject"
                 raise LabellingError(
-                    f"{source}: trajectories {names[found[marker]]!r} and {name!r} both stand for "
-                    f"marker {marker!r} of {self.name}; expected one" + see_look(source)
+                    f"{source}: trajectories {other!r} and {name!r} both stand for "
+                    f"marker {marker!r} of {self.name}; expected one{choose}" + see_look(source)
                 )
             found[marker] = index
         return {marker: found[marker] for marker in self.markers if marker in found}
@@ -194,7 +200,7 @@ def without_subject(name: str) -> str:
     str
         What stands after the last colon; the name itself where nothing stands before it.
     """
-    return _SUBJECT.sub("", name.rpartition(":")[2].strip())
+    return split_subject(name)[1]
 
 
 def normalise_name(name: str) -> str:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from besman.config.resources import resource_folder
 from besman.exceptions import LabellingError
 from besman.person.marker_set import MarkerSet, load_marker_set, normalise_name
+from besman.person.point_frames import PointFrames
 
 
 @dataclass(frozen=True)
@@ -99,7 +100,9 @@ def fit_marker_set(
 ) -> SetFit:
     """Hold the names of a recording against one marker set."""
     fault = ""
-    if not (has_orientations or marker_set.clusters or marker_set.frames):
+    frames = marker_set.frames
+    points_tell = marker_set.clusters or isinstance(frames, PointFrames)
+    if not (has_orientations or points_tell):
         fault = "nothing tells how a hand is turned: the set needs orientations"
     try:
         columns = marker_set.find(names, source)

@@ -12,7 +12,8 @@ import numpy as np
 from besman.exceptions import BesmanError, LabellingError, RecordingError, RecordingWarning
 from besman.geometry.gaps import find_runs
 from besman.io.recordings.formats import KNOWN_FORMATS, read_recording, recognise
-from besman.person.marker_set import MarkerSet, without_subject
+from besman.io.recordings.subjects import find_subjects
+from besman.person.marker_set import MarkerSet
 from besman.person.marker_set_fit import SetFit, fit_marker_sets
 from besman.records import FloatArray, LabelledRecording, Origin, Recording
 from besman.stages.label.stage import LabelConfig
@@ -76,9 +77,7 @@ class Look:
     @property
     def subjects(self) -> tuple[str, ...]:
         """What stands before names, such as the person they belong to."""
-        names = [name for name in self.recording.names if name]
-        owners = (name[: len(name) - len(without_subject(name))] for name in names)
-        return tuple(dict.fromkeys(owner.rstrip(": _") for owner in owners if owner))
+        return find_subjects(self.recording.names)
 
 
 def look_at(path: Path) -> Look:

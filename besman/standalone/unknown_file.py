@@ -19,7 +19,7 @@ _OTHERS = (
     (rb"\x93NUMPY", "a NumPy array: write CSV with columns NAME_x, NAME_y, NAME_z"),
     (rb"Kaydara FBX", "FBX: export BVH"),
     (rb"\x89PNG|\xff\xd8\xff|.{4}ftyp|RIFF", "a picture or a video"),
-    (rb"SQLite format 3|\x89MCAP|#ROSBAG", "a bag of ROS messages: export poses as CSV"),
+    (rb"SQLite format 3", "a database of SQLite, without the tables of a bag of ROS 2"),
 )
 
 

@@ -13,7 +13,7 @@ from besman.standalone.unknown_file import describe_unknown
         ("a.npy", b"\x93NUMPY\x01", "a NumPy array"),
         ("a.fbx", b"Kaydara FBX Binary", "FBX: export BVH"),
         ("a.mp4", b"\0\0\0 ftypisom", "a picture or a video"),
-        ("a.mcap", b"\x89MCAP0\r\n", "a bag of ROS messages"),
+        ("a.db3", b"SQLite format 3\0", "a database of SQLite, without the tables of a bag"),
         ("a.bin", b"\x01\x02\0\x04", "it is binary, begins with 01 02 00 04"),
         ("a.c3d", b"\0\0\0\0", "binary, begins with 00 00 00 00, and is not C3D as its ending"),
         ("a.txt", b"hello\n1,2,3\n4,5,6\n", "it is text, 3 columns between commas, begins with"),

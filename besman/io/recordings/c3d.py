@@ -14,7 +14,7 @@ from besman.io.atomic_files import written_aside
 from besman.io.recordings.c3d_counts import MAX_FRAMES
 from besman.io.recordings.c3d_layout import C3dSections, read_sections
 from besman.io.recordings.c3d_names import find_names
-from besman.io.recordings.format import Units
+from besman.io.recordings.format import READING, Units
 from besman.io.recordings.lengths import find_length, parse_unit
 from besman.records import Axis, Origin, Recording
 from besman.records.frozen import hand_over
@@ -181,6 +181,9 @@ def _values(sections: C3dSections, name: str) -> list[str]:
 
 def _read_rate(sections: C3dSections, path: Path) -> float:
     """Return frames per second."""
+    asked_hz = READING.get().rate_hz
+    if asked_hz is not None:
+        return asked_hz
     values = sections.parameters.get("POINT:RATE") or [sections.rate_hz]
     if values == [0.0]:
         values = [sections.rate_hz]

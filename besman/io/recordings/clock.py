@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from besman.exceptions import RecordingError, RecordingWarning
 from besman.foreign.numbers import parse_number
+from besman.io.recordings.format import READING
 from besman.records import FloatArray
 from besman.records.recordings import GREATEST_FRAME, RATES_HZ
 
@@ -94,10 +95,14 @@ def settle_clock(
     if n_rows == 1:
         raise RecordingError(f"{path}: a recording of one frame; expected at least two")
     rows = np.arange(n_rows) if frames is None else _count(frames, path, first_line)
-    shown_hz = None if times is None else _show_rate(times, rows, path, first_line)
-    rate = _choose_rate(rate_hz, shown_hz, path)
+    asked_hz = READING.get().rate_hz
+    if asked_hz is None:
+        shown_hz = None if times is None else _show_rate(times, rows, path, first_line)
+        rate = _choose_rate(rate_hz, shown_hz, path)
+    else:
+        rate = asked_hz
     first_frame = 1 if frames is None else int(frames[0])
-    if times is not None:
+    if times is not None and np.isfinite(times[0]):
         first_time = float(times[0])
     elif first_time is None:
         first_time = max(first_frame - 1, 0) / rate
@@ -195,7 +200,8 @@ def _choose_rate(said: float | None, shown: float | None, path: Path) -> float:
     if said is None and shown is None:
         raise RecordingError(
             f"{path}: neither the header nor a column of times says how many frames there are in a "
-            f"second; expected {slowest:g} to {fastest:g}"
+            f"second; expected {slowest:g} to {fastest:g}: say it with --rate, in a recipe with "
+            "read.rate_hz"
         )
     if odd is not None:
         says = "no number where the rate stands" if np.isnan(odd) else f"{odd:g} frames a second"

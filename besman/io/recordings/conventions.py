@@ -48,6 +48,15 @@ _QUATERNIONS: dict[Axis, tuple[float, float, float, float]] = {
 }
 
 
+def at_rate(recording: Recording, asked_hz: float | None) -> Recording:
+    """Return a recording whose frames follow each other at a rate that was asked for, if any."""
+    if asked_hz is None or recording.rate_hz == asked_hz:
+        return recording
+    time = recording.time * (recording.rate_hz / asked_hz)
+    told = f"{asked_hz:g} frames a second, as asked for; the file says {recording.rate_hz:g}"
+    return _note(replace(recording, time=time, rate_hz=asked_hz), told)
+
+
 def leave_out_zeros(recording: Recording) -> Recording:
     """Make gaps of samples that are 0, 0, 0 to the last digit: no camera sees a marker there.
 

@@ -22,18 +22,42 @@ def load_exoskeleton_model(urdf: Path, path: Path) -> Any:
     RecordingError
         If it is no URDF; the message names the log `path` too.
     """
+    try:
+        text = urdf.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise RecordingError(
+            f"{path}: {urdf.name} is not a usable URDF: {in_one_line(error)}"
+        ) from None
+    return parse_exoskeleton_model(text, urdf.name, path)
+
+
+def parse_exoskeleton_model(text: str, called: str, path: Path) -> Any:
+    """Make a Pinocchio model of the text of a URDF.
+
+    Parameters
+    ----------
+    text : str
+    called : str
+        The URDF, for messages.
+    path : Path
+        The recording that it belongs to, for messages.
+
+    Raises
+    ------
+    RecordingError
+        If it is no URDF.
+    """
     import pinocchio
 
     said: list[str] = []
     try:
-        text = urdf.read_text(encoding="utf-8")
         parse_urdf(text)
         # What is wrong is written there, not raised.
         with catch_error_stream() as said:
             return pinocchio.buildModelFromXML(text)
-    except (OSError, UnicodeDecodeError, ValueError, RuntimeError) as error:
+    except (ValueError, RuntimeError) as error:
         reason = in_one_line(said) or in_one_line(error)
-        raise RecordingError(f"{path}: {urdf.name} is not a usable URDF: {reason}") from None
+        raise RecordingError(f"{path}: {called} is not a usable URDF: {reason}") from None
 
 
 def link_poses(

@@ -15,6 +15,7 @@ from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeVar, get_args
 
 from besman.exceptions import RecordingError, one_of
+from besman.foreign.numbers import parse_number
 
 if TYPE_CHECKING:
     from besman.records import Axis, Recording
@@ -49,6 +50,35 @@ def parse_up(text: str | None) -> Axis | None:
     """
     known: tuple[Axis, ...] = ("x", "y", "z", "-x", "-y", "-z")
     return _one_of_names(text, known, "--up")
+
+
+def parse_rate(text: str | None) -> float | None:
+    """Return frames per second by their text; None for None.
+
+    Raises
+    ------
+    RecordingError
+        If it is no rate of a camera.
+    """
+    if text is None:
+        return None
+    from besman.records.recordings import RATES_HZ
+
+    slowest, fastest = RATES_HZ
+    try:
+        rate_hz = parse_number(text)
+    except ValueError:
+        rate_hz = 0.0
+    if not slowest <= rate_hz <= fastest:
+        raise RecordingError(f"--rate: got {text!r:.40}; expected {slowest:g} to {fastest:g} Hz")
+    return rate_hz
+
+
+def parse_topics(text: str | None) -> tuple[str, ...] | None:
+    """Return names between commas; None for None."""
+    if text is None:
+        return None
+    return tuple(one for part in text.split(",") if (one := part.strip()))
 
 
 def _one_of_names(text: str | None, known: tuple[Name, ...], option: str) -> Name | None:
@@ -194,6 +224,13 @@ def is_c3d(head: bytes) -> bool:
     return head[1:2] == b"P" and 2 <= head[0] < 32 and (head[0] not in b"\t\n\r" or b"\0" in head)
 
 
+def is_bag(head: bytes) -> bool:
+    """Tell a bag of ROS messages; one in SQLite by its tables."""
+    if head.startswith(b"SQLite format 3"):
+        return b"CREATE TABLE topics" in head and b"CREATE TABLE messages" in head
+    return head.startswith((b"\x89MCAP0\r\n", b"#ROSBAG V"))
+
+
 _POSITION = rb"\[\s*(?:(?:-?[0-9][-+.0-9eE]*|NaN|null)\s*(?:,\s*|(?=\]))){3}"
 _NAMED = re.compile(rb'"[^"\n]+"\s*:\s*' + _POSITION)
 _LISTED = re.compile(rb'"[^"\n]+"\s*:\s*\[\s*' + _POSITION)
@@ -206,27 +243,44 @@ def is_keypoints(head: bytes) -> bool:
     text = head.removeprefix(b"\xef\xbb\xbf").lstrip()
     if text[:1] not in (b"{", b"["):
         return False
+    if b'"pose_keypoints_3d"' in text:
+        return True
     if re.match(rb"\[\s*\{", text) or _FRAMED.search(text):
         return len(_NAMED.findall(text)) > 1
     return _RATED.search(text) is not None and len(_LISTED.findall(text)) > 1
 
 
-class _Reading(NamedTuple):
-    """How `read_recording` reads where its caller does not say."""
+class Reading(NamedTuple):
+    """How `read_recording` reads where its caller does not say.
+
+    Attributes
+    ----------
+    units, partial, up, rate_hz, subject, topics
+        As of `read_recording`.
+    """
 
     units: Units | None = None
     partial: bool = False
     up: Axis | None = None
+    rate_hz: float | None = None
+    subject: str | None = None
+    topics: tuple[str, ...] = ()
 
 
-_AS_FILES_SAY = _Reading()
-READING: ContextVar[_Reading] = ContextVar("reading", default=_AS_FILES_SAY)
-"""What `reading` set, for `besman.io.recordings.formats.read_recording`."""
+_AS_FILES_SAY = Reading()
+READING: ContextVar[Reading] = ContextVar("reading", default=_AS_FILES_SAY)
+"""What `reading` set, for `besman.io.recordings.formats.read_recording` and for readers."""
 
 
 @contextmanager
 def reading(
-    *, units: Units | None = None, partial: bool | None = None, up: Axis | None = None
+    *,
+    units: Units | None = None,
+    partial: bool | None = None,
+    up: Axis | None = None,
+    rate_hz: float | None = None,
+    subject: str | None = None,
+    topics: tuple[str, ...] | None = None,
 ) -> Iterator[None]:
     """Let `read_recording` read so, within a block of code.
 
@@ -235,17 +289,13 @@ def reading(
 
     Parameters
     ----------
-    units, partial, up
+    units, partial, up, rate_hz, subject, topics
         As of `read_recording`.
     """
+    asked = Reading(units, partial, up, rate_hz, subject, topics)  # type: ignore[arg-type]
     before = READING.get()
-    token = READING.set(
-        _Reading(
-            before.units if units is None else units,
-            before.partial if partial is None else partial,
-            before.up if up is None else up,
-        )
-    )
+    said = {key: value for key, value in asked._asdict().items() if value is not None}
+    token = READING.set(before._replace(**said))
     try:
         yield
     finally:
@@ -256,6 +306,8 @@ def reading_options() -> list[str]:
     """Return the options of the command line that have recordings read as now."""
     usual = READING.get()
     options = ["--partial"] if usual.partial else []
-    for option, value in (("--units", usual.units), ("--up", usual.up)):
+    rate = None if usual.rate_hz is None else f"{usual.rate_hz:g}"
+    told = (("--units", usual.units), ("--up", usual.up), ("--rate", rate))
+    for option, value in (*told, ("--subject", usual.subject)):
         options += [] if value is None else [option, value]
-    return options
+    return options + (["--topic", ",".join(usual.topics)] if usual.topics else [])

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,8 +17,10 @@ from besman.io.recordings.format import (
     READING,
     Format,
     Units,
+    is_bag,
     is_c3d,
     is_keypoints,
+    reading,
     text_begins,
     text_has,
 )
@@ -134,6 +136,16 @@ FORMATS = (
         takes_partial=True,
         has_one_up=True,
     ),
+    Format(
+        "ROS bag",
+        (".mcap", ".db3", ".bag"),
+        is_bag,
+        "ros_bag:read_bag",
+        "ROS 2 (MCAP, SQLite) and ROS 1: joint states with their URDF, poses, tf; "
+        "pip install 'besman[ros]'",
+        companions="ros_bag:find_bag_files",
+        has_one_up=True,
+    ),
 )
 """All formats there are."""
 
@@ -150,6 +162,10 @@ def read_recording(
     units: Units | None = None,
     partial: bool | None = None,
     up: Axis | None = None,
+    *,
+    rate_hz: float | None = None,
+    subject: str | None = None,
+    topics: Sequence[str] | None = None,
 ) -> Recording:
     """Read one recording; its content tells the format, whatever the file's ending.
 
@@ -164,6 +180,13 @@ def read_recording(
     up : str, optional
         The direction of the file's frame that points up, such as ``y`` or ``-z``; if not given,
         what the file says, or `besman.geometry.up_axis` finds.
+    rate_hz : float, optional
+        Frames per second, whatever the file says; of files that do not say it needed.
+    subject : str, optional
+        The one of several people or things whose trajectories are taken, besides those that are
+        nobody's; see `besman.io.recordings.subjects`.
+    topics : sequence of str, optional
+        Topics of a bag of messages that are taken.
 
     Where an argument is not given it is what `reading` says around the call.
 
@@ -185,8 +208,9 @@ def read_recording(
         `besman.io.recordings.sense.check_recording`, `besman.io.recordings.conventions` and the
         format's reader.
     """
-    from besman.io.recordings.conventions import leave_out_zeros, turn_up
+    from besman.io.recordings.conventions import at_rate, leave_out_zeros, turn_up
     from besman.io.recordings.sense import check_recording
+    from besman.io.recordings.subjects import take_subject
 
     head = _read_head(path)
     found = recognise(head)
@@ -196,15 +220,17 @@ def read_recording(
         raise RecordingError(
             f"{path}: a format that is not known; expected {KNOWN_FORMATS}" + see_look(str(path))
         )
-    usual = READING.get()
-    recording = found.read(
-        path,
-        usual.units if units is None else units,
-        usual.partial if partial is None else partial,
-    )
+    chosen = None if topics is None else tuple(topics)
+    with reading(
+        units=units, partial=partial, up=up, rate_hz=rate_hz, subject=subject, topics=chosen
+    ):
+        asked = READING.get()
+        recording = found.read(path, asked.units, asked.partial)
+    recording = at_rate(recording, asked.rate_hz)
+    recording = take_subject(recording, asked.subject, path)
     if found.writes_zeros:
         recording = leave_out_zeros(recording)
-    recording = turn_up(found.sign(recording), usual.up if up is None else up, path)
+    recording = turn_up(found.sign(recording), asked.up, path)
     return check_recording(recording, path)
 
 

@@ -3,9 +3,11 @@
 Variants seen: a list of frames, or one under ``frames``, ``tracking``, ``data`` or ``keypoints``;
 each frame a mapping of names to three numbers, at any depth (``data``: ``player``: ``R_WRIST``); or
 one mapping of names to lists of positions; frames' numbers and times, in seconds or milliseconds
-(SPL open data); ``NaN`` and ``null`` for what was not seen, and names that some frames lack; the
-rate as ``fps``, ``frame_rate``, ``sampling_rate`` or ``rate_hz``; ``units`` and ``up`` or neither.
-Where no unit is named the height of the body tells it.
+(SPL open data); ``NaN`` and ``null`` for what was not seen, and names that some frames lack;
+several people a frame under ``people``, each with a name or an id, and OpenPose's flat lists
+``pose_keypoints_3d`` of BODY_25, gathered into one file; the rate as ``fps``, ``frame_rate``,
+``sampling_rate`` or ``rate_hz``; ``units`` and ``up`` or neither. Where no unit is named
+the height of the body tells it.
 """
 
 from __future__ import annotations
@@ -31,6 +33,15 @@ _RATES = ("rate_hz", "fps", "frame_rate", "framerate", "sampling_rate", "sample_
 _FRAMES = ("frames", "tracking", "data", "keypoints", "markers", "poses")
 _TIMES = ("time", "time_s", "timestamp", "t")
 _NUMBERS = ("frame", "frame_number", "frame_id", "index")
+_PEOPLE = ("people", "persons", "subjects", "skeletons")
+_IDS = ("name", "subject", "person_id", "id", "track_id")
+_FLAT = "pose_keypoints_3d"
+# OpenPose's BODY_25, in its order.
+_BODY_25 = (
+    "Nose", "Neck", "RShoulder", "RElbow", "RWrist", "LShoulder", "LElbow", "LWrist", "MidHip",
+    "RHip", "RKnee", "RAnkle", "LHip", "LKnee", "LAnkle", "REye", "LEye", "REar", "LEar",
+    "LBigToe", "LSmallToe", "LHeel", "RBigToe", "RSmallToe", "RHeel",
+)  # fmt: skip
 _WRAPPERS = {"data", "keypoints", "markers", "player", "positions", "pose", "joints", "person"}
 _MOST_NAMES = 10_000
 # Parts that only a whole body has.
@@ -170,10 +181,40 @@ def _flatten(frame: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, 
     """Yield what a mapping holds at any depth, by its own name or that of what it is in."""
     for name, value in frame.items():
         full = f"{prefix}{name}"
-        if isinstance(value, dict):
+        if name.lower() in _PEOPLE and isinstance(value, list):
+            for at, person in enumerate(value):
+                if isinstance(person, dict):
+                    yield from _flatten(person, f"{prefix}{_identify(person, at)}:")
+        elif name == _FLAT and isinstance(value, list):
+            yield from _unfold(value, prefix)
+        elif isinstance(value, dict):
             yield from _flatten(value, prefix if name.lower() in _WRAPPERS else f"{full}:")
         else:
             yield full, value
+
+
+def _identify(person: Mapping[str, Any], at: int) -> str:
+    """Say who of several people in a frame one is: by the file's word, else by the place."""
+    for key in _IDS:
+        value = person.get(key)
+        if isinstance(value, list) and len(value) == 1:
+            value = value[0]
+        # Where nobody was told apart, OpenPose writes -1.
+        if isinstance(value, str) or (_is_number(value) and value != -1):
+            return value if isinstance(value, str) else f"person{value:g}"
+    return f"person{at}"
+
+
+def _unfold(values: list[Any], prefix: str) -> Iterator[tuple[str, Any]]:
+    """Yield the keypoints of OpenPose's flat list: x, y, z and how sure it is, 0 if not seen."""
+    n_points = len(_BODY_25)
+    if len(values) != 4 * n_points or not all(map(_is_number, values)):
+        if values:
+            yield f"{prefix}{_FLAT}", values
+        return
+    for at, name in enumerate(_BODY_25):
+        *place, sure = values[4 * at : 4 * at + 4]
+        yield f"{prefix}{name}", place if sure > 0 else [None, None, None]
 
 
 def _collect(frames: list[dict[str, Any]], path: Path) -> tuple[list[str | None], FloatArray]:
@@ -184,6 +225,8 @@ def _collect(frames: list[dict[str, Any]], path: Path) -> tuple[list[str | None]
         row = {}
         for name, value in _flatten(frame):
             if not isinstance(value, list):
+                continue
+            if name.rpartition(":")[2].lower() in _IDS:
                 continue
             if not _is_position(value):
                 raise RecordingError(

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from besman.exceptions import RecordingError, RecordingWarning
 from besman.foreign.numbers import has_odd_digits, parse_number
 from besman.io.atomic_files import written_aside
+from besman.io.recordings.format import READING
 from besman.io.recordings.number_cells import parse_cells, parse_table
 from besman.io.recordings.qtm_bodies import has_bodies, read_bodies
 from besman.io.recordings.qtm_header import QtmHeader, read_header
@@ -315,8 +316,9 @@ def _read_frames(values: FloatArray, header: QtmHeader, path: Path) -> npt.NDArr
 def _find_rate(values: FloatArray, header: QtmHeader, path: Path) -> float:
     """Return the declared rate, or the one that the time column shows."""
     _check_times(values, header, path)
-    if header.rate_hz is not None:
-        return header.rate_hz
+    known_hz = READING.get().rate_hz or header.rate_hz
+    if known_hz is not None:
+        return known_hz
     if header.time_column is None or len(values) < 2:
         raise RecordingError(
             f"{path}: FREQUENCY is not a number and there is no Time column of two frames or more "

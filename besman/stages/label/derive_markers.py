@@ -7,8 +7,9 @@ from typing import TypeVar
 
 import numpy as np
 
+from besman.exceptions import LabellingError
 from besman.person.marker_set import MarkerSet
-from besman.person.point_frames import DerivedMarkers
+from besman.person.point_frames import DerivedMarkers, PointFrames
 from besman.records import LabelledRecording
 from besman.stages.label.named_recording import NamedRecording
 
@@ -29,12 +30,20 @@ def derive_markers(labelled: Named, marker_set: MarkerSet) -> Named:
     LabelledRecording
         The same one where the set derives none.
     """
-    if marker_set.frames is None:
+    frames, orientations = marker_set.frames, labelled.orientations
+    if frames is None:
         return labelled
-    added: DerivedMarkers = marker_set.frames.derive(
-        labelled.positions, labelled.markers, labelled.filled
-    )
-    orientations = labelled.orientations
+    added: DerivedMarkers
+    if isinstance(frames, PointFrames):
+        added = frames.derive(labelled.positions, labelled.markers, labelled.filled)
+    elif orientations is None:
+        raise LabellingError(
+            f"{labelled.source}: nothing tells how {frames.hand} of {marker_set.name} is turned"
+        )
+    else:
+        added = frames.derive_of_bodies(
+            labelled.positions, orientations, labelled.markers, labelled.filled
+        )
     if orientations is not None:
         unknown = np.full((len(labelled.time), len(added.names), 4), np.nan)
         orientations = np.concatenate((orientations, unknown), axis=1)

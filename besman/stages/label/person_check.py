@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from besman.exceptions import LabellingError, RecognitionError, RecordingWarning
 from besman.person.body import Arm, find_body
+from besman.person.body_frames import BodyFrames
 from besman.person.build import LimbLength, find_scale, measure_limbs, measure_upright
 from besman.person.marker_set import MarkerSet
 from besman.person.sides import find_exchanged, name_frames, weigh_back, weigh_hand
@@ -52,6 +53,8 @@ def check_person(recording: LabelledRecording, marker_set: MarkerSet) -> None:
     RecordingWarning
         With the frames in which left and right of back or hand are exchanged.
     """
+    if isinstance(marker_set.frames, BodyFrames):
+        return  # a robot arm, built as it is
     points = {marker: recording.marker(marker) for marker in recording.markers}
     for limbs in limbs_of_arms(points, marker_set):
         _refuse_size(limbs, recording.source)

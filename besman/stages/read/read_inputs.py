@@ -89,9 +89,10 @@ def read_inputs(
         files = [file for file in files if file.resolve() != Path(landing).resolve()]
     _refuse_twins(files)
     recordings, truth, names = [], [], []
+    asked = config.model_dump()
     checksums: dict[str, str] = {}
     for file in files:
-        recording = read_recording(file, config.units, up=config.up)
+        recording = read_recording(file, **asked)
         segments = find_segments(file)
         recordings.append(recording)
         truth.append(None if segments is None else read_segments(segments, recording))
@@ -101,7 +102,7 @@ def read_inputs(
         _note_checksums(checksums, file, *beside, *find_companions(file))
     learnt = None
     if teacher is not None:
-        learnt = read_recording(Path(teacher), config.units, up=config.up)
+        learnt = read_recording(Path(teacher), **asked)
         _note_checksums(checksums, Path(teacher), *find_companions(Path(teacher)))
     if landing is not None:
         _note_checksums(checksums, Path(landing))

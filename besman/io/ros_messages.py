@@ -1,0 +1,164 @@
+"""Bags of ROS messages, without ROS: the library that reads them, their containers and topics.
+
+The extra ``ros``. ``rosbags`` reads all three containers, MCAP and SQLite of ROS 2 and the bags of
+ROS 1, in Python alone; what it raises of damaged files becomes one line here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from besman.exceptions import RecordingError, in_one_line, why_not_there
+
+MCAP = b"\x89MCAP0\r\n"
+ROS_1 = b"#ROSBAG V"
+SQLITE = b"SQLite format 3\0"
+_HEAD_BYTES = 32
+
+
+@dataclass(frozen=True)
+class Topic:
+    """A topic of a bag.
+
+    Attributes
+    ----------
+    name : str
+    kind : str
+        Type of its messages, as ``sensor_msgs/msg/JointState``, of ROS 1 too.
+    n_messages : int
+    rate_hz : float
+        Messages a second over the time of the bag; 0 of fewer than two.
+    """
+
+    name: str
+    kind: str
+    n_messages: int
+    rate_hz: float
+
+    def __str__(self) -> str:
+        rate = f", {self.rate_hz:.3g} Hz" if self.rate_hz else ""
+        return f"{self.name} ({self.kind}, {self.n_messages} messages{rate})"
+
+
+class Bag:
+    """An open bag; see `open_bag`."""
+
+    def __init__(self, reader: Any, decode: Callable[[bytes, str], Any]) -> None:
+        self._reader, self._decode = reader, decode
+        seconds = _seconds(reader)
+        counts: dict[tuple[str, str], int] = {}
+        for one in reader.connections:
+            key = one.topic, one.msgtype
+            counts[key] = counts.get(key, 0) + one.msgcount
+        self.topics = tuple(
+            Topic(name, kind, n, (n - 1) / seconds if n > 1 and seconds > 0 else 0.0)
+            for (name, kind), n in sorted(counts.items())
+        )
+
+    def read(self, topics: Collection[Topic]) -> Iterator[tuple[str, int, Any]]:
+        """Yield the messages of topics in the order of logging: topic, its time in ns, message."""
+        wanted = {(topic.name, topic.kind) for topic in topics}
+        chosen = [one for one in self._reader.connections if (one.topic, one.msgtype) in wanted]
+        # Of the library none means all.
+        for connection, stamp, data in self._reader.messages(chosen) if chosen else ():
+            yield connection.topic, stamp, self._decode(data, connection.msgtype)
+
+
+@contextmanager
+def open_bag(path: Path) -> Iterator[Bag]:
+    """Open a bag; its content tells the container, whatever the file's ending.
+
+    Parameters
+    ----------
+    path : Path
+        An MCAP or SQLite file of ROS 2, or a bag of ROS 1.
+
+    Yields
+    ------
+    Bag
+
+    Raises
+    ------
+    RecordingError
+        If the library is not installed, the file is not there, cut or damaged, or a message is not
+        what its type says.
+    """
+    try:
+        with path.open("rb") as file:
+            head = file.read(_HEAD_BYTES)
+    except FileNotFoundError:
+        raise RecordingError(f"{path}: no such file") from None
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be read: {error.strerror}") from None
+    _refuse_cut_database(path, head)
+    make, is_ros_1 = _load_library(path, head)
+    reader = None
+    try:
+        reader = make(path)
+        reader.open()
+        yield Bag(reader, _make_decoder(is_ros_1))
+    except RecordingError:
+        raise
+    # Of a damaged file the library raises whatever comes of it.
+    except Exception as error:
+        raise RecordingError(
+            f"{path}: cannot be read as a bag: {in_one_line(error):.200}; is the file cut or "
+            "damaged? (ros2 bag reindex, or mcap recover, mends what was not closed)"
+        ) from None
+    finally:
+        if reader is not None:
+            _close(reader)
+
+
+def _load_library(path: Path, head: bytes) -> tuple[Callable[[Path], Any], bool]:
+    """Return what opens the container that a file begins like, and whether it is of ROS 1."""
+    try:
+        from rosbags.rosbag1 import Reader as Reader1
+        from rosbags.rosbag2 import Reader as Reader2
+    except ImportError as error:
+        reason = why_not_there(error, "rosbags", "besman[ros]")
+        raise RecordingError(f"{path}: a bag of ROS messages: {reason}") from None
+    if head.startswith(ROS_1):
+        return Reader1, True
+    ending = ".db3" if head.startswith(SQLITE) else ".mcap"
+    return Reader2.STORAGE_PLUGINS[ending], False
+
+
+def _refuse_cut_database(path: Path, head: bytes) -> None:
+    """Refuse a database shorter than its header says: SQLite gives what is left of it."""
+    if not head.startswith(SQLITE) or len(head) < _HEAD_BYTES:
+        return
+    size = int.from_bytes(head[16:18], "big")
+    expected = (65_536 if size == 1 else size) * int.from_bytes(head[28:32], "big")
+    if path.stat().st_size < expected:
+        raise RecordingError(
+            f"{path}: {path.stat().st_size} bytes, and its header says {expected}; is the file cut?"
+        )
+
+
+def _make_decoder(is_ros_1: bool) -> Callable[[bytes, str], Any]:
+    """Return what makes a message of bytes, by the definitions that come with the library."""
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS1_NOETIC if is_ros_1 else Stores.LATEST)
+    decode: Callable[[bytes, str], Any] = store.deserialize_cdr
+    return store.deserialize_ros1 if is_ros_1 else decode
+
+
+def _seconds(reader: Any) -> float:
+    """Return how long a bag goes on."""
+    if hasattr(reader, "metadata"):
+        return float(reader.metadata.end_time - reader.metadata.start_time) * 1e-9
+    return float(reader.end_time - reader.start_time) * 1e-9
+
+
+def _close(reader: Any) -> None:
+    """Close a reader, also one whose file could not be opened."""
+    import contextlib
+
+    with contextlib.suppress(Exception):
+        reader.close()
