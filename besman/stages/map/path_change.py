@@ -8,7 +8,7 @@ import numpy.typing as npt
 from besman.robot.kinematics import forward_kinematics, jacobian
 from besman.robot.model import Robot
 from besman.stages.map.joint_spline import DEGREE, JointSpline
-from besman.stages.map.limit_program import ChangeMetric, TorqueRows, get_program
+from besman.stages.map.limit_program import ChangeMetric, TorqueRows, solve_change
 from besman.stages.map.needed_stretch import ChangeTolerance, needed_stretch
 
 FloatArray = npt.NDArray[np.float64]
@@ -186,11 +186,11 @@ def smallest_change(
     MappingError
         If the spline is too long for the program or the solver fails.
     """
-    program, limits = get_program(spline, torques), robot.limits
+    limits = robot.limits
     best, least = spline, np.inf
     for _ in range(rounds):
         rows = torque_rows(robot, spline, stretch) if torques else None
-        step = program.solve(spline, change.metric(spline), limits, stretch, rows)
+        step = solve_change(spline, change.metric(spline), limits, stretch, rows)
         points = np.clip(spline.points + step, limits.position_min, limits.position_max)
         spline = spline.moved(points)
         size, before = change.size(spline.basis @ points), least
