@@ -18,6 +18,9 @@ IntArray = npt.NDArray[np.int64]
 
 # A longer movement is left as it is: a solve takes time in proportion to the number of points.
 GREATEST_POINTS = 256
+# Shares of a torque limit that are left, and rounding.
+_NEAR = 0.5
+_BROKEN = 1e-9
 # Numbers of the states that a solver ends in with an answer, exact or not: what comes of it is
 # checked.
 _ANSWERED = ("Solved", "AlmostSolved", "MaxIterations", "InsufficientProgress")
@@ -101,8 +104,6 @@ def solve_change(
     .. [1] P. J. Goulart, Y. Chen: Clarabel: an interior-point solver for conic programs with
        quadratic objectives, 2024. doi:10.48550/arXiv.2405.12762
     """
-    import clarabel
-
     count, n = spline.points.shape
     if count > GREATEST_POINTS:
         raise MappingError(
@@ -110,12 +111,30 @@ def solve_change(
             f"expected at most {GREATEST_POINTS}"
         )
     matrix, high = _limit_rows(spline, limits, stretch)
+    n_limits = len(high)
     if torques is not None:
         from scipy.sparse import vstack
 
         slopes, shares = _torque_matrix(torques), torques.shares.ravel()
         matrix = csc_array(vstack([matrix, slopes, -slopes], format="csc"))
         high = np.concatenate([high, 1.0 - shares, 1.0 + shares])
+    # Rows of torques are many and full, and most are far away: these are left out, and come in if
+    # the answer breaks them.
+    chosen = np.ones(len(high), dtype=np.bool_)
+    chosen[n_limits:] = high[n_limits:] < _NEAR
+    while True:
+        some = matrix if chosen.all() else csc_array(matrix.tocsr()[chosen].tocsc())
+        change = _solve(metric, some, high[chosen])
+        broken = ~chosen & (matrix @ change > high + _BROKEN)
+        if not broken.any():
+            return change.reshape(count, n)
+        chosen = chosen | broken
+
+
+def _solve(metric: ChangeMetric, matrix: csc_array, high: FloatArray) -> FloatArray:
+    """Minimise x' H x / 2 + g' x with A x <= b; return x."""
+    import clarabel
+
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.direct_solve_method = "qdldl"
@@ -129,7 +148,7 @@ def solve_change(
     status, value = str(solution.status), np.array(solution.x)
     if status not in _ANSWERED or not np.isfinite(value).all():
         raise MappingError(f"the smallest change within limits: solver says {status}")
-    return value.reshape(count, n)
+    return value
 
 
 def _hessian(metric: ChangeMetric) -> csc_array:
