@@ -179,14 +179,30 @@ def segment_distance(p0: FloatArray, p1: FloatArray, q0: FloatArray, q1: FloatAr
 def least_distances(
     joints: IntArray, placed: FloatArray, radii: FloatArray, pairs: IntArray
 ) -> tuple[float, float]:
-    """Compute self-distance and floor distance of placed capsules, metres."""
+    """Compute self-distance and floor distance of placed capsules, metres.
+
+    Pairs whose enclosing balls are further apart than the nearest so far are passed over.
+    """
+    halves = np.empty(len(joints))
+    for capsule in range(len(joints)):
+        square = 0.0
+        for row in range(3):
+            square += (placed[capsule, 1, row] - placed[capsule, 0, row]) ** 2
+        halves[capsule] = 0.5 * np.sqrt(square)
     nearest = np.inf
     for index in range(len(pairs)):
         first, second = pairs[index, 0], pairs[index, 1]
+        thick = radii[first] + radii[second]
+        x = placed[first, 0, 0] + placed[first, 1, 0] - placed[second, 0, 0] - placed[second, 1, 0]
+        y = placed[first, 0, 1] + placed[first, 1, 1] - placed[second, 0, 1] - placed[second, 1, 1]
+        z = placed[first, 0, 2] + placed[first, 1, 2] - placed[second, 0, 2] - placed[second, 1, 2]
+        far = nearest + thick + halves[first] + halves[second]
+        if far <= 0.0 or x * x + y * y + z * z > 4.0 * far * far:
+            continue
         distance = segment_distance(
             placed[first, 0], placed[first, 1], placed[second, 0], placed[second, 1]
         )
-        nearest = min(nearest, distance - radii[first] - radii[second])
+        nearest = min(nearest, distance - thick)
     lowest = np.inf
     for capsule in range(len(joints)):
         if joints[capsule] > 0:
