@@ -12,6 +12,7 @@ from besman.robot.branches import (
     draw_starts,
     find_branches,
     follow_all,
+    is_new,
     joint_box,
 )
 from besman.robot.collision import distances
@@ -188,14 +189,16 @@ def _choose_followed(
             rounds=30, tolerance=1e-6,
         )  # fmt: skip
         for path, error in zip(found[0], missed[0], strict=True):
-            if all(np.max(np.abs(path - other)) > SAME_BRANCH_RAD for other in paths):
+            if is_new(path, paths, SAME_BRANCH_RAD):
                 paths.append(path)
                 errors.append(error)
     states, missed = np.stack(paths, axis=1), np.stack(errors, axis=1)
     chosen = _choose(robot, states, _squared_errors(missed, weights), 1, step_s)
     rated = [rate_path(robot, *pair, weights, step_s) for pair in zip(paths, errors, strict=True)]
     order = np.argsort(rated, kind="stable")[:_SEQUENCES]
-    return np.concatenate([chosen, np.array(paths)[order]])
+    # Most of those that are followed are among the sequences already.
+    further = [paths[at] for at in order if is_new(paths[at], list(chosen), SAME_BRANCH_RAD)]
+    return np.concatenate([chosen, np.array(further).reshape(-1, *chosen.shape[1:])])
 
 
 def _choose(
@@ -220,6 +223,6 @@ def _choose(
     )
     kept: list[FloatArray] = []
     for path in found:
-        if all(np.max(np.abs(path - other)) > _DIFFERENT_RAD for other in kept):
+        if is_new(path, kept, _DIFFERENT_RAD):
             kept.append(path)
     return np.array(kept[:_SEQUENCES]).reshape(-1, len(states), robot.n)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -142,10 +143,17 @@ def find_branches(
     bound = costs[order[0]] + (0.05 * weights.position) ** 2
     kept: list[FloatArray] = []
     for index in order:
-        new = all(np.max(np.abs(found[index] - other)) > SAME_BRANCH_RAD for other in kept)
-        if new and costs[index] <= bound:
+        if costs[index] <= bound and is_new(found[index], kept, SAME_BRANCH_RAD):
             kept.append(found[index])
     return np.array(kept)
+
+
+def is_new(one: FloatArray, others: Sequence[FloatArray], apart_rad: float) -> bool:
+    """Tell whether a configuration or path differs in some joint by more than this from others."""
+    if len(others) == 0:
+        return True
+    ways = np.abs(np.asarray(others) - one).reshape(len(others), -1)
+    return bool(ways.max(axis=1).min() > apart_rad)
 
 
 def draw_starts(robot: Robot, seed: int) -> FloatArray:

@@ -143,8 +143,10 @@ def place_capsules(
 
 
 @compiled
-def segment_distance(p0: FloatArray, p1: FloatArray, q0: FloatArray, q1: FloatArray) -> float:
-    """Compute the distance between two segments in space, which may be points.
+def segment_shares(
+    p0: FloatArray, p1: FloatArray, q0: FloatArray, q1: FloatArray
+) -> tuple[float, float]:
+    """Return where two segments in space, which may be points, are nearest: shares of their ways.
 
     References
     ----------
@@ -171,8 +173,18 @@ def segment_distance(p0: FloatArray, p1: FloatArray, q0: FloatArray, q1: FloatAr
         s = min(max(-c / a, 0.0), 1.0)
     elif e > tiny:
         t = min(max(f / e, 0.0), 1.0)
-    d0, d1, d2 = w0 + s * u0 - t * v0, w1 + s * u1 - t * v1, w2 + s * u2 - t * v2
-    return float(np.sqrt(d0 * d0 + d1 * d1 + d2 * d2))
+    return s, t
+
+
+@compiled
+def segment_distance(p0: FloatArray, p1: FloatArray, q0: FloatArray, q1: FloatArray) -> float:
+    """Compute the distance between two segments in space, which may be points."""
+    s, t = segment_shares(p0, p1, q0, q1)
+    square = 0.0
+    for row in range(3):
+        way = p0[row] + s * (p1[row] - p0[row]) - q0[row] - t * (q1[row] - q0[row])
+        square += way * way
+    return float(np.sqrt(square))
 
 
 @compiled
@@ -180,19 +192,79 @@ def least_distances(
     joints: IntArray, placed: FloatArray, radii: FloatArray, pairs: IntArray
 ) -> tuple[float, float]:
     """Compute self-distance and floor distance of placed capsules, metres."""
-    nearest = np.inf
+    own, floor, _, _ = nearest_parts(joints, placed, radii, pairs)
+    return own, floor
+
+
+@compiled
+def nearest_parts(
+    joints: IntArray, placed: FloatArray, radii: FloatArray, pairs: IntArray
+) -> tuple[float, float, int, int]:
+    """Compute self-distance and floor distance, metres, and which pair and capsule have them.
+
+    Both are -1 where there is none. Pairs whose enclosing balls are further apart than the nearest so far are passed over.
+    """
+    halves = np.empty(len(joints))
+    for capsule in range(len(joints)):
+        square = 0.0
+        for row in range(3):
+            square += (placed[capsule, 1, row] - placed[capsule, 0, row]) ** 2
+        halves[capsule] = 0.5 * np.sqrt(square)
+    nearest, pair, lowest, down = np.inf, -1, np.inf, -1
     for index in range(len(pairs)):
         first, second = pairs[index, 0], pairs[index, 1]
+        thick = radii[first] + radii[second]
+        x = placed[first, 0, 0] + placed[first, 1, 0] - placed[second, 0, 0] - placed[second, 1, 0]
+        y = placed[first, 0, 1] + placed[first, 1, 1] - placed[second, 0, 1] - placed[second, 1, 1]
+        z = placed[first, 0, 2] + placed[first, 1, 2] - placed[second, 0, 2] - placed[second, 1, 2]
+        far = nearest + thick + halves[first] + halves[second]
+        if far <= 0.0 or x * x + y * y + z * z > 4.0 * far * far:
+            continue
         distance = segment_distance(
             placed[first, 0], placed[first, 1], placed[second, 0], placed[second, 1]
         )
-        nearest = min(nearest, distance - radii[first] - radii[second])
-    lowest = np.inf
+        if distance - thick < nearest:
+            nearest, pair = distance - thick, index
     for capsule in range(len(joints)):
         if joints[capsule] > 0:
             low = min(placed[capsule, 0, 2], placed[capsule, 1, 2])
-            lowest = min(lowest, low - radii[capsule])
-    return nearest, lowest
+            if low - radii[capsule] < lowest:
+                lowest, down = low - radii[capsule], capsule
+    return nearest, lowest, pair, down
+
+
+@compiled
+def add_motion(
+    axes: FloatArray,
+    rotations: FloatArray,
+    origins: FloatArray,
+    joint: int,
+    point: FloatArray,
+    along: FloatArray,
+    slope: FloatArray,
+) -> None:
+    """Add to `slope` (n,) how far a point moves along a direction, per rad of every joint.
+
+    Parameters
+    ----------
+    axes, rotations, origins : array
+        As `besman.robot.kinematics.fill_frames` has and writes them.
+    joint : int
+        That moves the point; -1: none.
+    point, along : array, shape (3,)
+        In the world, metres.
+    slope : array, shape (n,)
+        Written to, metres per rad.
+    """
+    for j in range(joint + 1):
+        turn = rotations[j]
+        a = turn[0, 0] * axes[j, 0] + turn[0, 1] * axes[j, 1] + turn[0, 2] * axes[j, 2]
+        b = turn[1, 0] * axes[j, 0] + turn[1, 1] * axes[j, 1] + turn[1, 2] * axes[j, 2]
+        d = turn[2, 0] * axes[j, 0] + turn[2, 1] * axes[j, 1] + turn[2, 2] * axes[j, 2]
+        x, y, z = point[0] - origins[j, 0], point[1] - origins[j, 1], point[2] - origins[j, 2]
+        slope[j] += (
+            along[0] * (b * z - d * y) + along[1] * (d * x - a * z) + along[2] * (a * y - b * x)
+        )
 
 
 @compiled

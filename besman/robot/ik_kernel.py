@@ -280,14 +280,18 @@ def follow_paths(
             for count in range(n_poses):
                 # First from the anchor to the end, then from the anchor back to the beginning.
                 index = anchor + count if anchor + count < n_poses else n_poses - 1 - count
+                step = 1 if anchor + count < n_poses else -1
+                # Two poses on, the movement is thought to go on as it does.
+                goes_on = (index - anchor) * step > 1
                 for i in range(n):
                     if count == 0:
                         angles[i], nearby[i] = starts[start, i], home[i]
-                    elif index == anchor - 1:
-                        angles[i] = positions[path, start, anchor, i]
-                        nearby[i] = angles[i]
                     else:
-                        nearby[i] = angles[i]
+                        nearby[i] = positions[path, start, index - step, i]
+                        angles[i] = nearby[i]
+                        if goes_on:
+                            ahead = 2.0 * nearby[i] - positions[path, start, index - 2 * step, i]
+                            angles[i] = min(max(ahead, low[i]), high[i])
                 solve_pose(
                     placements, axes, tip, low, high, nearby, weights, free_spin,
                     targets[path, index], angles, error, rounds, tolerance,

@@ -94,21 +94,34 @@ def solve_path(
     targets = _check(poses)
     best: IkPath | None = None
     for start in choose_candidates(robot, targets, weights, free_spin, step_s, seed):
-        positions, errors = refine_path(
-            robot.chain,
-            targets,
-            start,
-            joint_box(robot),
-            weights.as_array() * [1.0, 1.0, _HOME_SHARE],
-            robot.home,
-            free_spin,
-            _paces(robot, start, step_s),
-        )
-        cost = rate_path(robot, positions, errors, weights, step_s)
-        if best is None or cost < best.cost:
-            best = IkPath(positions, errors[:, 0], errors[:, 1], cost)
+        found = _refined(robot, targets, start, weights, free_spin, step_s)
+        if best is None or found.cost < best.cost:
+            best = found
     assert best is not None
     return best
+
+
+def _refined(
+    robot: Robot,
+    targets: FloatArray,
+    start: FloatArray,
+    weights: IkWeights,
+    free_spin: bool,
+    step_s: float | None,
+) -> IkPath:
+    """Refine one path as a whole, and rate it."""
+    positions, errors = refine_path(
+        robot.chain,
+        targets,
+        start,
+        joint_box(robot),
+        weights.as_array() * [1.0, 1.0, _HOME_SHARE],
+        robot.home,
+        free_spin,
+        _paces(robot, start, step_s),
+    )
+    cost = rate_path(robot, positions, errors, weights, step_s)
+    return IkPath(positions, errors[:, 0], errors[:, 1], cost)
 
 
 def _paces(

@@ -6,7 +6,13 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.robot.band_system import solve_band
-from besman.robot.collision import least_distances, place_capsules
+from besman.robot.collision import (
+    add_motion,
+    least_distances,
+    nearest_parts,
+    place_capsules,
+    segment_shares,
+)
 from besman.robot.ik_kernel import pose_error, remove_spin
 from besman.robot.kinematics import compiled, fill_frames, fill_jacobian, fill_tip
 from besman.robot.parts import Chain
@@ -24,7 +30,6 @@ _RUSH = 1.3
 # part of the way does not draw its position off.
 LINEAR_RAD = 0.2
 _SAFE_DISTANCE_M = 0.015
-_DIFFERENCE_RAD = 1e-6
 _GREATEST_STEP_RAD = 0.3
 
 
@@ -171,33 +176,46 @@ def _evaluate(
 
 
 @compiled
-def _fill_slope(
-    placements: FloatArray,
+def fill_slope(
     axes: FloatArray,
     joints: IntArray,
-    ends: FloatArray,
     radii: FloatArray,
     pairs: IntArray,
-    angles: FloatArray,
     rotations: FloatArray,
     origins: FloatArray,
+    placed: FloatArray,
     slope: FloatArray,
 ) -> float:
-    """Return the shortfall at the frames given, and write its slope (n,) by differences."""
-    placed = np.empty((len(joints), 2, 3))
-    short = _shortfall(joints, ends, radii, pairs, rotations, origins, placed)
-    n = len(angles)
-    for j in range(n):
+    """Return the shortfall of placed capsules, and write its slope (n,) per rad."""
+    own, floor, pair, down = nearest_parts(joints, placed, radii, pairs)
+    for j in range(len(slope)):
         slope[j] = 0.0
-    if short > 0.0:
-        moved = angles.copy()
-        for j in range(n):
-            moved[j] += _DIFFERENCE_RAD
-            fill_frames(placements, axes, moved, rotations, origins)
-            beside = _shortfall(joints, ends, radii, pairs, rotations, origins, placed)
-            slope[j] = (beside - short) / _DIFFERENCE_RAD
-            moved[j] = angles[j]
-    return short
+    nearest = min(own, floor)
+    if not nearest < _SAFE_DISTANCE_M:
+        return 0.0
+    along, one, other = np.zeros(3), np.empty(3), np.empty(3)
+    if own <= floor:
+        first, second = pairs[pair, 0], pairs[pair, 1]
+        p, q = placed[first], placed[second]
+        s, t = segment_shares(p[0], p[1], q[0], q[1])
+        square = 0.0
+        for row in range(3):
+            one[row] = p[0, row] + s * (p[1, row] - p[0, row])
+            other[row] = q[0, row] + t * (q[1, row] - q[0, row])
+            square += (one[row] - other[row]) ** 2
+        # Axes that meet have no way apart that is better than others.
+        scale = -1.0 / (_SAFE_DISTANCE_M * np.sqrt(square)) if square > 1e-18 else 0.0
+        for row in range(3):
+            along[row] = scale * (one[row] - other[row])
+        add_motion(axes, rotations, origins, joints[first], one, along, slope)
+        for row in range(3):
+            along[row] = -along[row]
+        add_motion(axes, rotations, origins, joints[second], other, along, slope)
+    else:
+        lower = 0 if placed[down, 0, 2] <= placed[down, 1, 2] else 1
+        along[2] = -1.0 / _SAFE_DISTANCE_M
+        add_motion(axes, rotations, origins, joints[down], placed[down, lower], along, slope)
+    return 1.0 - nearest / _SAFE_DISTANCE_M
 
 
 @compiled
@@ -221,15 +239,15 @@ def _add_poses(
     n_poses, n = angles.shape
     rotations, origins, pose = np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((4, 4))
     jacobian, slope = np.empty((6, n)), np.empty(n)
+    placed = np.empty((len(joints), 2, 3))
     for index in range(n_poses):
         fill_frames(placements, axes, angles[index], rotations, origins)
         fill_tip(tip, rotations, origins, pose)
         fill_jacobian(axes, rotations, origins, pose, jacobian)
         if free_spin:
             remove_spin(jacobian, pose)
-        short = _fill_slope(
-            placements, axes, joints, ends, radii, pairs, angles[index], rotations, origins, slope
-        )
+        place_capsules(joints, ends, rotations, origins, placed)
+        short = fill_slope(axes, joints, radii, pairs, rotations, origins, placed, slope)
         place, turn = weights[0] ** 2, weights[1] ** 2
         off = _norm(errors[index], 3)
         if off > LINEAR_RAD:

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from besman.robot.kinematics import forward_kinematics, jacobian
 from besman.robot.model import Robot
 from besman.stages.map.joint_spline import DEGREE, JointSpline
-from besman.stages.map.limit_program import ChangeMetric, TorqueRows, get_program
+from besman.stages.map.limit_program import ChangeMetric, TorqueRows, solve_change
 from besman.stages.map.needed_stretch import ChangeTolerance, needed_stretch
 
 FloatArray = npt.NDArray[np.float64]
@@ -23,6 +23,8 @@ _GREATEST_ROUNDS = 3
 _GREATEST_TRIALS = 8
 # A stretch that is known this well is known well enough.
 _RESOLUTION = 0.02
+# A trial aims at this size of the change, and goes so far from its lower end at least.
+_AIM, _LEAST_SHARE = 0.85, 0.2
 # A round that leaves this share of the change has come to its end.
 _PROGRESS = 0.97
 
@@ -186,11 +188,11 @@ def smallest_change(
     MappingError
         If the spline is too long for the program or the solver fails.
     """
-    program, limits = get_program(spline, torques), robot.limits
+    limits = robot.limits
     best, least = spline, np.inf
     for _ in range(rounds):
         rows = torque_rows(robot, spline, stretch) if torques else None
-        step = program.solve(spline, change.metric(spline), limits, stretch, rows)
+        step = solve_change(spline, change.metric(spline), limits, stretch, rows)
         points = np.clip(spline.points + step, limits.position_min, limits.position_max)
         spline = spline.moved(points)
         size, before = change.size(spline.basis @ points), least
@@ -199,6 +201,14 @@ def smallest_change(
         if size <= 1.0 or size > _PROGRESS * before:
             break
     return best, least
+
+
+def _between(low: float, high: float, size_low: float, size_high: float) -> float:
+    """Return the stretch to try next: where a line through both sizes is a little below 1."""
+    share = 0.5
+    if np.isfinite(size_low) and size_low > 1.0 > size_high:
+        share = float(np.clip((size_low - _AIM) / (size_low - size_high), _LEAST_SHARE, 0.8))
+    return float(low * (high / low) ** share)
 
 
 def shorten(
@@ -210,7 +220,8 @@ def shorten(
 ) -> JointSpline:
     """Find the path near another one for which time must be stretched least.
 
-    A bisection of the stretch; every trial starts from the best path so far.
+    Regula falsi in the stretch, every trial from the best path so far, in no part of what is left
+    smaller than a fifth.
 
     Parameters
     ----------
@@ -243,6 +254,8 @@ def shorten(
         if size > 1.0:
             return spline
     low = trial = least_stretch
+    # Sizes of the change at both ends; none is needed at the upper one.
+    size_low, size_high = np.inf, 0.0
     best = None
     for _ in range(_GREATEST_TRIALS):
         if high <= (1.0 + _RESOLUTION) * low:
@@ -257,9 +270,10 @@ def shorten(
             continue
         if size <= 1.0 and needed < high:
             spline, high, best = found, needed, (trial, size)
+            size_high = size
         else:
-            low = trial
-        trial = float(np.sqrt(low * high))
+            low, size_low = trial, size
+        trial = _between(low, high, size_low, size_high)
     if best is None:
         return spline
     polished, size = smallest_change(robot, spline, change, best[0], 1, torques=torques)

@@ -31,8 +31,10 @@ _GRID_FORWARD = (-0.3, 0.0, 0.3, 0.55)
 _GRID_LEFT = (-0.7, -0.35, 0.0, 0.35, 0.7)
 _GRID_UP = (0.0, 0.25, 0.5, 0.75)
 _GRID_YAW_RAD = tuple(np.pi / 4 * np.arange(-3, 5))
+# So many of the grid's places are worth more than a glance.
+_LOOKED_AT = 96
 # Several starts of the grid are followed for a while, the best of them to the end.
-_RACERS = 3
+_RACERS = 5
 _APART = 3.0  # units of the search between two starts
 _RACE_SHARE = 0.25
 # The box, in lengths of the arm around its shoulder; a turn and a half, so that no end is near.
@@ -323,16 +325,24 @@ def _search_grid(
         for up in _GRID_UP
         for yaw in (_GRID_YAW_RAD if space.free[3] else (0.0,))
     ]
+    grid = _sort(grid, Cost(tuple(arm.glance() for arm in cost.arms)), space, threads)
     sample = Cost(tuple(arm.sample() for arm in cost.arms))
-    costs = list(threads.map(lambda point: sample(space.parameters(point)), grid))
     starts: list[FloatArray] = []
-    for index in np.argsort(costs, kind="stable"):
-        if all(np.linalg.norm(grid[index] - other) >= _APART for other in starts):
-            starts.append(grid[index])
+    for point in _sort(grid[:_LOOKED_AT], sample, space, threads) + grid[_LOOKED_AT:]:
+        if all(np.linalg.norm(point - other) >= _APART for other in starts):
+            starts.append(point)
         if len(starts) == _RACERS:
             break
     places = [space.parameters(point) for point in starts]
     return starts, Cost(tuple(arm.keep_branches(places) for arm in cost.arms))
+
+
+def _sort(
+    points: list[FloatArray], cost: Cost, space: _Space, threads: ThreadPoolExecutor
+) -> list[FloatArray]:
+    """Return points in the order of their cost."""
+    costs = list(threads.map(lambda point: cost(space.parameters(point)), points))
+    return [points[index] for index in np.argsort(costs, kind="stable")]
 
 
 def _race(
@@ -352,11 +362,12 @@ def _race(
         for start in starts
     ]
     found = [(np.inf, start) for start in starts]
+    sample = Cost(tuple(arm.sample() for arm in cost.arms))
     tried = [0] * len(racers)
     share = int(np.ceil(_RACE_SHARE * search.evaluations)) if len(racers) > 1 else 0
     total = search.evaluations + share * (len(racers) - 1)
 
-    def run(index: int, limit: int) -> None:
+    def run(index: int, limit: int, cost: Cost) -> None:
         while tried[index] < limit and not racers[index].exhausted:
             points, values = _step(racers[index], cost, space, threads)
             tried[index] += len(points)
@@ -366,9 +377,10 @@ def _race(
             progress(min(1.0, sum(tried) / total))
 
     for index in range(len(racers)):
-        run(index, share)
+        run(index, share, sample)
     best = min(range(len(racers)), key=lambda index: found[index][0])
-    run(best, search.evaluations)
+    found[best] = (cost(space.parameters(found[best][1])), found[best][1])
+    run(best, search.evaluations, cost)
     for racer in racers:
         racer.close()
     return found[best][1], sum(tried)

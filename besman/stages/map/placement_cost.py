@@ -11,7 +11,7 @@ import numpy.typing as npt
 from besman.robot.inverse_kinematics import IkWeights, draw_starts, find_branches, follow_all
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.model import Robot
-from besman.stages.map.terms import HEIGHT_SCALE_M, SCALE_SCALE, TermWeights, path_terms
+from besman.stages.map.terms import HEIGHT_SCALE_M, SCALE_SCALE, TermWeights, compiled_terms
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -19,6 +19,10 @@ _POSES = 12
 _GREATEST_BRANCHES = 8
 _SEARCHED_BRANCHES = 3
 _SAMPLE = 4
+# What a first look at a placement takes of one demonstration: so many of its poses.
+_GLANCE_POSES = 4
+# Enough to compare placements.
+_ROUNDS, _TOLERANCE = 15, 1e-3
 
 
 def pose_of(parameters: FloatArray, centre: FloatArray) -> FloatArray:
@@ -89,6 +93,17 @@ class ArmCost:
         chosen = np.rint(np.linspace(0, len(self.paths) - 1, number)).astype(int)
         return replace(self, paths=self.paths[chosen], steps_s=self.steps_s[chosen])
 
+    def glance(self) -> ArmCost:
+        """Return the cost of a few poses of the demonstration in the middle of their order."""
+        middle = len(self.paths) // 2
+        rows = np.rint(np.linspace(0, _POSES - 1, _GLANCE_POSES)).astype(int)
+        wider = (_POSES - 1) / (_GLANCE_POSES - 1)
+        return replace(
+            self,
+            paths=self.paths[middle : middle + 1, rows],
+            steps_s=self.steps_s[middle : middle + 1] * wider,
+        )
+
     def keep_branches(self, places: list[FloatArray]) -> ArmCost:
         """Return the cost over the branches that are best most often at some places."""
         sample = self.sample()
@@ -102,12 +117,10 @@ class ArmCost:
         placement = pose_of(parameters, self.centre)
         targets = placement @ scale_about(self.paths, self.centre, float(parameters[4]))
         positions, errors = follow_all(
-            self.robot, targets, self.starts, _POSES // 2, self.ik_weights, self.free_spin,
-            rounds=25, tolerance=1e-5,
+            self.robot, targets, self.starts, targets.shape[1] // 2, self.ik_weights,
+            self.free_spin, rounds=_ROUNDS, tolerance=_TOLERANCE,
         )  # fmt: skip
-        terms = path_terms(
-            self.robot, positions, errors, targets[:, None], self.steps_s[:, None, None, None]
-        )
+        terms = compiled_terms(self.robot, positions, errors, targets, self.steps_s)
         height = placement[2, 3] if self.back_height is None else self.back_height
         off = np.full((*terms.shape[:-1], 1), abs(placement[2, 3] - height) / HEIGHT_SCALE_M)
         shrunk = np.full_like(off, abs(np.log(parameters[4])) / SCALE_SCALE)

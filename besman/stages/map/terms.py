@@ -10,6 +10,7 @@ import numpy.typing as npt
 from besman.robot.collision import distances
 from besman.robot.kinematics import forward_kinematics, manipulability
 from besman.robot.model import Robot
+from besman.stages.map.terms_kernel import fill_terms
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -19,7 +20,7 @@ ORIENTATION_SCALE_RAD = np.radians(10.0)
 SAFE_DISTANCE_M = 0.03
 HEIGHT_SCALE_M = 0.1
 SCALE_SCALE = 0.1  # natural logarithm of the factor
-_SINGULAR_SHARE = 0.3  # of the manipulability at home
+SINGULAR_SHARE = 0.3  # of the manipulability at home
 
 
 @dataclass(frozen=True)
@@ -89,7 +90,7 @@ def path_terms(
     """
     limits = robot.limits
     rms = np.sqrt(np.mean(errors**2, axis=-2)) / (POSITION_SCALE_M, ORIENTATION_SCALE_RAD)
-    usable = _SINGULAR_SHARE * max(float(manipulability(robot.chain, robot.home)), 1e-6)
+    usable = SINGULAR_SHARE * max(float(manipulability(robot.chain, robot.home)), 1e-6)
     singular = np.maximum(0.0, 1.0 - manipulability(robot.chain, positions) / usable) ** 2
     nearest = distances(robot.chain, positions).min(axis=-1)
     near = np.maximum(0.0, 1.0 - nearest / SAFE_DISTANCE_M)
@@ -109,6 +110,43 @@ def path_terms(
         ],
         axis=-1,
     )
+
+
+def compiled_terms(
+    robot: Robot,
+    positions: FloatArray,
+    errors: FloatArray,
+    targets: FloatArray,
+    steps_s: FloatArray,
+) -> FloatArray:
+    """Compute the same for D demonstrations in K branches each, by a kernel.
+
+    Parameters
+    ----------
+    robot : Robot
+    positions : array, shape (D, K, P, n)
+        rad.
+    errors : array, shape (D, K, P, 2)
+        Position (m) and orientation (rad).
+    targets : array, shape (D, P, 4, 4)
+        Poses asked for, metres.
+    steps_s : array, shape (D,)
+        Seconds between poses.
+
+    Returns
+    -------
+    array, shape (D, K, 6)
+    """
+    chain, limits = robot.chain, robot.limits
+    usable = SINGULAR_SHARE * max(float(manipulability(chain, robot.home)), 1e-6)
+    terms = np.empty((*positions.shape[:2], 6))
+    fill_terms(
+        chain.placements, chain.axes, chain.tip, chain.capsule_joints, chain.capsule_ends,
+        chain.capsule_radii, chain.capsule_pairs, limits.velocity, limits.acceleration, usable,
+        SAFE_DISTANCE_M, np.array([POSITION_SCALE_M, ORIENTATION_SCALE_RAD]), positions, errors,
+        np.array(targets, order="C"), np.array(steps_s), terms,
+    )  # fmt: skip
+    return terms
 
 
 def _length(points: FloatArray) -> FloatArray:

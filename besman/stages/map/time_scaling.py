@@ -85,7 +85,7 @@ def scale_path(
     inside = spline.inside(robot.limits)
     changeable = tolerance.position > 0 and tolerance.orientation > 0
     if not inside or (changeable and needed_stretch(robot, spline) > least):
-        # Not before: cvxpy takes longer to import than a path to scale.
+        # Not before: the solver takes longer to import than a path to scale.
         from besman.stages.map.path_change import shorten
 
         try:

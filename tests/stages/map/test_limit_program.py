@@ -11,7 +11,7 @@ from besman.exceptions import MappingError
 from besman.robot.model import load_robot
 from besman.stages.map import limit_program
 from besman.stages.map.joint_spline import DEGREE, fit_spline
-from besman.stages.map.limit_program import ChangeMetric, LimitProgram, get_program
+from besman.stages.map.limit_program import ChangeMetric, solve_change
 
 LIMITS = load_robot("compi", "none").limits
 N = len(LIMITS.velocity)
@@ -69,7 +69,7 @@ def by_osqp(spline, metric, hessian, stretch):
 @pytest.mark.parametrize("seed", [0, 1])
 def test_the_answer_of_another_solver(seed, stretch):
     spline, metric, hessian = draw(seed)
-    change = get_program(spline).solve(spline, metric, LIMITS, stretch)
+    change = solve_change(spline, metric, LIMITS, stretch)
     expected = by_osqp(spline, metric, hessian, stretch)
 
     def cost(x):
@@ -84,51 +84,25 @@ def test_the_answer_of_another_solver(seed, stretch):
     assert np.all(np.abs(moved.acceleration_points()) <= pull * (1 + 1e-6))
 
 
-def test_what_is_padded_does_not_matter():
-    spline, metric, _ = draw(2)
-    changes = [
-        LimitProgram(size, N).solve(spline, metric, LIMITS, 1.5)
-        for size in (len(spline.points), 16, 24)
-    ]
-    np.testing.assert_allclose(changes[1], changes[0], atol=1e-6)
-    np.testing.assert_allclose(changes[2], changes[0], atol=1e-6)
-
-
-def test_a_program_is_compiled_once_and_every_thread_has_its_own():
+def test_threads_do_not_change_the_answer():
     spline, metric, _ = draw(3)
-    program = get_program(spline)
-    assert get_program(draw(4)[0]) is program
-    expected = program.solve(spline, metric, LIMITS, 1.5)
-    # What was solved before leaves no trace.
-    program.solve(*draw(4)[:2], LIMITS, 1.0)
+    expected = solve_change(spline, metric, LIMITS, 1.5)
     with ThreadPoolExecutor(max_workers=2) as threads:
-        others = [threads.submit(get_program, spline) for _ in range(4)]
-        assert all(other.result() is not program for other in others)
-        solve = [
-            threads.submit(lambda: get_program(spline).solve(spline, metric, LIMITS, 1.5))
-            for _ in range(8)
-        ]
-        for one in solve:
+        for _ in range(4):
+            one = threads.submit(solve_change, spline, metric, LIMITS, 1.5)
             assert one.result().tobytes() == expected.tobytes()
 
 
 def test_a_spline_that_is_too_long(monkeypatch):
-    monkeypatch.setattr(limit_program, "SIZES", (8,))
-    spline = draw(0)[0]
+    monkeypatch.setattr(limit_program, "GREATEST_POINTS", 8)
+    spline, metric, _ = draw(0)
     message = f"got {len(spline.points)} control points, expected at most 8"
     with pytest.raises(MappingError, match=message):
-        get_program(spline)
+        solve_change(spline, metric, LIMITS, 1.0)
 
 
 def test_limits_that_exclude_each_other():
     spline, metric, _ = draw(0)
     limits = replace(LIMITS, position_min=LIMITS.position_max + 1.0)
-    with pytest.raises(MappingError, match="solver says infeasible"):
-        get_program(spline).solve(spline, metric, limits, 1.0)
-
-
-def test_a_metric_that_is_none():
-    spline, metric, _ = draw(0)
-    flat = ChangeMetric(0.0 * metric.bands, metric.gradient)
-    with pytest.raises(MappingError, match="no positive definite metric"):
-        get_program(spline).solve(spline, flat, LIMITS, 1.0)
+    with pytest.raises(MappingError, match="solver says PrimalInfeasible"):
+        solve_change(spline, metric, limits, 1.0)
