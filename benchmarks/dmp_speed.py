@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 
 from besman.motion.cartesian_dmp import fit_poses, roll_out_poses
-from besman.motion.dmp import fit_weights, roll_out
+from besman.motion.dmp import roll_out
+from besman.motion.dmp_fit import fit_weights
 from besman.motion.velocity_dmp import fit_velocity_weights, roll_out_velocity
 
 DURATION, STEP = 0.6, 0.01

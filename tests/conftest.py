@@ -13,7 +13,7 @@ import pytest
 from command_line import run_small
 from hypothesis import settings
 
-from besman.motion.dmp import fit_weights
+from besman.motion.dmp_fit import fit_weights
 from besman.records import MotionPlan
 from besman.robot.model import load_robot
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from besman.geometry.frames import rotation_to_quaternion
-from besman.motion.dmp import fit_weights
+from besman.motion.dmp_fit import fit_weights
 from besman.records import MotionPlan
 from besman.robot.inverse_kinematics import solve_path
 from besman.robot.kinematics import forward_kinematics

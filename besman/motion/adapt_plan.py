@@ -10,7 +10,8 @@ import numpy.typing as npt
 from besman.exceptions import PlanError
 from besman.geometry.frames import rotation_to_quaternion
 from besman.motion.cartesian_dmp import move_ends, same_turn
-from besman.motion.dmp import N_NODES, goal_response
+from besman.motion.dmp_fit import goal_response
+from besman.motion.forcing import count_nodes
 from besman.motion.joint_path import ik_weights, joint_steps, plan_poses
 from besman.motion.rollout import least_duration, roll_out_plans, sample_plan, stretch_plan
 from besman.records import AnyPlan, CartesianPlan, MotionPlan
@@ -149,7 +150,8 @@ def _fit_shape(plan: MotionPlan, robot: Robot, reserve: float) -> MotionPlan:
         plain = np.outer(plan.goal - plan.start, goal_response(plan.weights.shape[1]))
     else:
         plain = np.zeros_like(plan.weights)
-    time = np.linspace(0.0, plan.duration, 2 * N_NODES - 1)
+    n_places = 2 * count_nodes(plan.weights.shape[1]) - 1
+    time = np.linspace(0.0, plan.duration, n_places)
     positions, _, _ = roll_out_plans([plan, replace(plan, weights=plain)], time)
     rest, shape = positions[1], positions[0] - positions[1]
     bound = np.where(shape > 0, robot.limits.position_max, robot.limits.position_min)

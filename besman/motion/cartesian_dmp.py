@@ -31,7 +31,8 @@ from besman.geometry.quaternions import (
     multiply,
     rotation_vector,
 )
-from besman.motion.dmp import fit_weights, goal_response, roll_out
+from besman.motion.dmp import roll_out
+from besman.motion.dmp_fit import fit_weights, goal_response
 
 FloatArray = npt.NDArray[np.float64]
 

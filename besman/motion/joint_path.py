@@ -15,7 +15,8 @@ from scipy.interpolate import make_interp_spline
 
 from besman.geometry.frames import quaternion_to_rotation
 from besman.motion.cartesian_dmp import roll_out_poses
-from besman.motion.dmp import N_NODES, DmpBasis, interpolate
+from besman.motion.dmp import interpolate
+from besman.motion.forcing import count_nodes
 from besman.records import CartesianPlan
 from besman.robot.ik_kernel import follow_paths
 from besman.robot.inverse_kinematics import IkWeights, joint_box
@@ -24,33 +25,49 @@ from besman.robot.model import Robot
 FloatArray = npt.NDArray[np.float64]
 
 _NODES_A_STEP = 4
-N_POSES = (N_NODES - 1) // _NODES_A_STEP + 1
+# With more steps than this the spline is solved for anew; a matrix would grow with the square.
+_DENSE_POSES = 126
 _ROUNDS, _TOLERANCE = 60, 1e-12
 
 
-@lru_cache(maxsize=1)
-def spline_map() -> DmpBasis:
-    """Give the quintic spline through `N_POSES` equal steps, at rest at its ends, as matrices.
+def count_poses(plan: CartesianPlan) -> int:
+    """Return at how many equal steps a plan's poses are solved for: they follow its weights."""
+    return (count_nodes(plan.weights.shape[1]) - 1) // _NODES_A_STEP + 1
+
+
+@lru_cache(maxsize=8)
+def _spline_map(n_poses: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Give `lay_spline` as matrices, shape (N, n_poses), to be multiplied with the steps."""
+    q, v, a = lay_spline(np.eye(n_poses))
+    for array in (q, v, a):
+        array.setflags(write=False)
+    return q, v, a
+
+
+def lay_spline(steps: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Lay the quintic spline through equal steps, at rest at its ends.
+
+    Parameters
+    ----------
+    steps : array, shape (P, n)
 
     Returns
     -------
-    DmpBasis
-        Arrays of shape (N_NODES, N_POSES), to be multiplied with the values at the steps.
+    positions, velocities, accelerations : array, shape (4 (P - 1) + 1, n)
     """
-    steps = np.linspace(0.0, 1.0, N_POSES)
-    rest = [(1, np.zeros(N_POSES)), (2, np.zeros(N_POSES))]
-    spline = make_interp_spline(steps, np.eye(N_POSES), k=5, bc_type=(rest, rest))
-    nodes = np.linspace(0.0, 1.0, N_NODES)
-    arrays = [spline(nodes), spline.derivative()(nodes), spline.derivative(2)(nodes)]
-    for array in arrays:
-        array.setflags(write=False)
-    return DmpBasis(*arrays)
+    n_poses, n = steps.shape
+    rest = [(1, np.zeros(n)), (2, np.zeros(n))]
+    places = np.linspace(0.0, 1.0, n_poses)
+    spline = make_interp_spline(places, steps, k=5, bc_type=(rest, rest))
+    nodes = np.linspace(0.0, 1.0, _NODES_A_STEP * (n_poses - 1) + 1)
+    return spline(nodes), spline.derivative()(nodes), spline.derivative(2)(nodes)
 
 
 def plan_poses(plan: CartesianPlan) -> FloatArray:
-    """Return the poses that a plan asks for at `N_POSES` equal steps, shape (N_POSES, 4, 4)."""
-    path = roll_out_poses(plan.weights, plan.start, plan.goal, 1.0, np.linspace(0, 1, N_POSES))
-    poses = np.zeros((N_POSES, 4, 4))
+    """Return the poses that a plan asks for at `count_poses` equal steps, shape (P, 4, 4)."""
+    at = np.linspace(0, 1, count_poses(plan))
+    path = roll_out_poses(plan.weights, plan.start, plan.goal, 1.0, at)
+    poses = np.zeros((len(at), 4, 4))
     poses[:, :3, :3] = quaternion_to_rotation(path[:, 3:])
     poses[:, :3, 3] = path[:, :3]
     poses[:, 3, 3] = 1.0
@@ -63,7 +80,7 @@ def ik_weights(plan: CartesianPlan) -> IkWeights:
 
 
 def joint_steps(plan: CartesianPlan, robot: Robot) -> tuple[FloatArray, FloatArray]:
-    """Solve for the joints at `N_POSES` equal steps.
+    """Solve for the joints at `count_poses` equal steps.
 
     Parameters
     ----------
@@ -73,9 +90,9 @@ def joint_steps(plan: CartesianPlan, robot: Robot) -> tuple[FloatArray, FloatArr
 
     Returns
     -------
-    positions : array, shape (N_POSES, n)
+    positions : array, shape (P, n)
         rad, within the arm's limits.
-    errors : array, shape (N_POSES, 2)
+    errors : array, shape (P, 2)
         Position (m) and orientation (rad) between the poses asked for and those reached.
     """
     chain = robot.chain
@@ -101,7 +118,7 @@ def joint_steps(plan: CartesianPlan, robot: Robot) -> tuple[FloatArray, FloatArr
 
 
 def joint_nodes(plan: CartesianPlan, robot: Robot) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the joint movement at the `N_NODES` nodes of normalised time.
+    """Return the joint movement at the nodes of normalised time.
 
     Parameters
     ----------
@@ -111,12 +128,14 @@ def joint_nodes(plan: CartesianPlan, robot: Robot) -> tuple[FloatArray, FloatArr
 
     Returns
     -------
-    positions, velocities, accelerations : array, shape (N_NODES, n)
+    positions, velocities, accelerations : array, shape (N, n)
         rad, and derivatives with respect to normalised time.
     """
     steps, _ = joint_steps(plan, robot)
-    spline = spline_map()
-    return spline.position @ steps, spline.velocity @ steps, spline.acceleration @ steps
+    if len(steps) > _DENSE_POSES:
+        return lay_spline(steps)
+    q, v, a = _spline_map(len(steps))
+    return q @ steps, v @ steps, a @ steps
 
 
 def greatest_rates(
@@ -130,18 +149,18 @@ def greatest_rates(
 
     Parameters
     ----------
-    positions, velocities, accelerations : array, shape (N_NODES, n)
+    positions, velocities, accelerations : array, shape (N, n)
         As `joint_nodes` gives them.
 
     Returns
     -------
     velocities, accelerations : array, shape (..., n)
     """
-    fine = np.linspace(0.0, 1.0, 4 * (N_NODES - 1) + 1)
+    fine = np.linspace(0.0, 1.0, 4 * (len(positions) - 1) + 1)
     _, speeds, _ = interpolate(positions, velocities, accelerations, fine)
     # Values of every step's cubic at 0, 1/4, 1/2 and 1, then its coefficients.
     at = np.array([0, 1, 2, _NODES_A_STEP])
-    first = np.arange(0, N_NODES - 1, _NODES_A_STEP)
+    first = np.arange(0, len(positions) - 1, _NODES_A_STEP)
     values = accelerations[first + at[:, None]]
     powers = np.vander(at / _NODES_A_STEP, 4, increasing=True)
     c0, c1, c2, c3 = np.tensordot(np.linalg.inv(powers), values, axes=1)

@@ -10,7 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.exceptions import PlanError
-from besman.motion.dmp import dmp_basis, interpolate, roll_out
+from besman.motion.dmp import interpolate, respond, roll_out
+from besman.motion.forcing import count_nodes
 from besman.motion.velocity_dmp import roll_out_velocity
 from besman.records import AnyPlan, CartesianPlan, MotionPlan
 from besman.robot.limits import time_stretch
@@ -23,7 +24,7 @@ Plan = TypeVar("Plan", bound=AnyPlan)
 
 RATE_HZ = 1000.0
 # A movement is looked at in 501 or more places; between them it can be this much faster.
-_N_PLACES = 1001
+_PLACES_A_NODE = 2
 _MARGIN = 1.0 + 5e-4
 _MARGIN_OF_PATHS = 1.0 + 1e-3
 
@@ -39,7 +40,7 @@ def roll_out_plans(
     Parameters
     ----------
     plans : sequence of MotionPlan or CartesianPlan
-        Of one arm; those of one kind with the same number of weights.
+        Of one arm.
     time : array, shape (T,)
         Seconds from the start; after its duration a movement stands still.
     robot : Robot, optional
@@ -56,7 +57,7 @@ def roll_out_plans(
         If a Cartesian plan comes without a robot, or with one that has other joints.
     """
     kinds = {plan.kind for plan in plans}
-    if len(kinds) > 1:
+    if len({(plan.kind, plan.weights.shape[1]) for plan in plans}) > 1:
         alone = [roll_out_plans([plan], time, robot) for plan in plans]
         positions, velocities, accelerations = (
             np.concatenate(part) for part in zip(*alone, strict=True)
@@ -128,9 +129,6 @@ def sample_plan(
         As `roll_out_plans`.
     """
     time = np.arange(int(np.ceil(plan.duration * rate_hz)) + 1) / rate_hz
-    if isinstance(plan, MotionPlan) and plan.kind == "joint_dmp":
-        # One duration alone lets the map be interpolated in place of the movement.
-        return time, *roll_out(plan.weights, plan.start, plan.goal, plan.duration, time)
     q, v, a = roll_out_plans([plan], time, robot)
     return time, q[0], v[0], a[0]
 
@@ -179,17 +177,18 @@ def least_duration(plan: AnyPlan, limits: JointLimits, robot: Robot | None = Non
         Seconds; shorter than the plan's own duration if there is room.
     """
     if isinstance(plan, MotionPlan) and plan.kind == "joint_dmp":
-        basis = dmp_basis(plan.weights.shape[1])
         parameters = np.column_stack([plan.start, plan.goal, plan.weights]).T
         # As if it lasted one second.
-        stretch = time_stretch(limits, basis.velocity @ parameters, basis.acceleration @ parameters)
+        _, velocity, acceleration = respond(parameters)
+        stretch = time_stretch(limits, velocity, acceleration)
         return _MARGIN * stretch
     if isinstance(plan, CartesianPlan):
         from besman.motion.joint_path import greatest_rates, joint_nodes
 
         rates = greatest_rates(*joint_nodes(plan, _own_arm(plan, robot)))
         return _MARGIN_OF_PATHS * time_stretch(limits, *rates)
-    time = np.linspace(0.0, plan.duration, _N_PLACES)
+    n_places = _PLACES_A_NODE * (count_nodes(plan.weights.shape[1]) - 1) + 1
+    time = np.linspace(0.0, plan.duration, n_places)
     _, velocities, accelerations = roll_out_plans([plan], time)
     stretch = time_stretch(limits, velocities[0], accelerations[0])
     return _MARGIN * stretch * plan.duration

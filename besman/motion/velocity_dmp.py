@@ -26,14 +26,9 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from besman.motion.dmp import (
-    N_NODES,
-    DmpBasis,
-    constrained_least_squares,
-    dmp_basis,
-    interpolate,
-    rest_conditions,
-)
+from besman.motion.dmp import DmpBasis, dmp_basis, interpolate, respond
+from besman.motion.dmp_fit import fit_within_conditions, rest_conditions
+from besman.motion.forcing import DENSE, count_nodes
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -63,15 +58,46 @@ def velocity_basis(n_weights: int) -> DmpBasis:
         Columns: start, start velocity times duration, goal, goal velocity times duration, and
         the weights.
     """
-    x = np.linspace(0.0, 1.0, N_NODES)
     weights = dmp_basis(n_weights)
     arrays = []
-    for order, response in enumerate((weights.position, weights.velocity, weights.acceleration)):
-        pieces = [np.polynomial.Polynomial(row).deriv(order)(x) for row in _QUINTICS]
-        array = np.column_stack([*pieces, response[:, 2:]])
+    responses = weights.position, weights.velocity, weights.acceleration
+    for pieces, response in zip(_quintics(len(weights.position)), responses, strict=True):
+        array = np.column_stack([pieces, response[:, 2:]])
         array.setflags(write=False)
         arrays.append(array)
     return DmpBasis(*arrays)
+
+
+def _quintics(n_nodes: int) -> list[FloatArray]:
+    """Return the responses to the ends, shape (N, 4), and their derivatives."""
+    x = np.linspace(0.0, 1.0, n_nodes)
+    polynomials = [np.polynomial.Polynomial(row) for row in _QUINTICS]
+    return [np.column_stack([one.deriv(order)(x) for one in polynomials]) for order in range(3)]
+
+
+def respond_velocity(parameters: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Compute movements at the nodes of normalised time.
+
+    Parameters
+    ----------
+    parameters : array, shape (..., K + 4, c)
+        Of each of c joints, in the order of `velocity_basis`.
+
+    Returns
+    -------
+    position, velocity, acceleration : array, shape (..., N, c)
+        As of `besman.motion.dmp.respond`.
+    """
+    n_weights = parameters.shape[-2] - 4
+    if n_weights <= DENSE:
+        basis = velocity_basis(n_weights)
+        arrays = basis.position, basis.velocity, basis.acceleration
+        return arrays[0] @ parameters, arrays[1] @ parameters, arrays[2] @ parameters
+    ends, weights = parameters[..., :4, :], parameters[..., 4:, :]
+    by_weights = respond(np.concatenate([np.zeros_like(ends[..., :2, :]), weights], axis=-2))
+    by_ends = _quintics(count_nodes(n_weights))
+    q, v, a = (piece @ ends + part for piece, part in zip(by_ends, by_weights, strict=True))
+    return q, v, a
 
 
 def roll_out_velocity(
@@ -120,20 +146,16 @@ def roll_out_velocity(
     ends = [np.asarray(start)[..., None, :], scale[..., None] * v0]
     ends += [np.asarray(goal)[..., None, :], scale[..., None] * v1]
     parameters = np.concatenate([*ends, weights.swapaxes(-1, -2)], axis=-2)
-    basis = velocity_basis(weights.shape[-1])
+    n_weights = weights.shape[-1]
     x = (time - lead_in) / scale
     inner = np.clip(x, 0.0, 1.0)
-    # As in `roll_out`: one duration for all asks for interpolation of the map alone.
-    if x.ndim == 1:
+    # As in `roll_out`: many movements of one duration ask for interpolation of the map alone.
+    if x.ndim == 1 and n_weights <= DENSE and weights.size > parameters.shape[-2] * n_weights:
+        basis = velocity_basis(n_weights)
         maps = interpolate(basis.position, basis.velocity, basis.acceleration, inner)
         q, v, a = (matrix @ parameters for matrix in maps)
     else:
-        q, v, a = interpolate(
-            basis.position @ parameters,
-            basis.velocity @ parameters,
-            basis.acceleration @ parameters,
-            inner,
-        )
+        q, v, a = interpolate(*respond_velocity(parameters), inner)
     within = ((x >= 0.0) & (x <= 1.0))[..., None] / scale[..., None]
     v, a = v * within, a * within / scale[..., None]
     for sign, lead, since, outside, velocity in (
@@ -184,10 +206,8 @@ def fit_velocity_weights(
     """
     time, positions = np.asarray(time, dtype=np.float64), np.asarray(positions, dtype=np.float64)
     duration = time[-1]
-    basis = velocity_basis(n_weights)
-    response, _, _ = interpolate(
-        basis.position, basis.velocity, basis.acceleration, np.clip(time / duration, 0.0, 1.0)
-    )
+    units = respond_velocity(np.eye(n_weights + 4))
+    response, _, _ = interpolate(*units, np.clip(time / duration, 0.0, 1.0))
     ends = np.stack(
         [
             positions[0],
@@ -197,7 +217,7 @@ def fit_velocity_weights(
         ]
     )
     conditions = rest_conditions(n_weights)[:, 2:]
-    return constrained_least_squares(
+    return fit_within_conditions(
         response[:, 4:],
         positions - response[:, :4] @ ends,
         conditions,

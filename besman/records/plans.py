@@ -17,6 +17,7 @@ class MotionPlan(
     stored_as="besman.records:MotionPlan",
     finite=("weights", "start", "goal", "duration", "start_velocity", "goal_velocity"),
     distinct=("joint_names",),
+    later=("path_rmse", "path_error"),
 ):
     """A joint-space dynamical movement primitive. Its movement starts and ends at rest.
 
@@ -46,6 +47,9 @@ class MotionPlan(
     lead_in_s, lead_out_s : float
         Seconds before the start and after the goal, in which the arm speeds up from rest to the
         start's velocity and slows down from the goal's; zero of a ``joint_dmp``.
+    path_rmse, path_error : float, optional
+        Root mean square and greatest distance (metres) of the imitation's tool centre point from
+        where it was at the same time in what was imitated; None where that is not known.
 
     Raises
     ------
@@ -69,6 +73,8 @@ class MotionPlan(
     lead_in_s: float = 0.0
     lead_out_s: float = 0.0
     start_pose: FloatArray = field(default_factory=lambda: np.full(7, np.nan))
+    path_rmse: float | None = None
+    path_error: float | None = None
 
     def __post_init__(self) -> None:
         for name in ("start_velocity", "goal_velocity"):
@@ -117,6 +123,7 @@ class CartesianPlan(
     stored_as="besman.records:CartesianPlan",
     finite=("weights", "start", "goal", "duration", "joints", "orientation_weight_m_rad"),
     distinct=("joint_names",),
+    later=("path_rmse", "path_error"),
 ):
     """A dynamical movement primitive of the tool's pose, followed by inverse kinematics.
 
@@ -142,7 +149,7 @@ class CartesianPlan(
         The rotation about the tool's z axis does not matter.
     rmse : float
         Root mean square error of the imitation, rad, in joint space.
-    goal_pose, start_pose, target, name, label
+    goal_pose, start_pose, target, name, label, path_rmse, path_error
         As in `MotionPlan`.
 
     Raises
@@ -166,6 +173,8 @@ class CartesianPlan(
     label: str
     kind: Literal["cartesian_dmp"] = "cartesian_dmp"
     start_pose: FloatArray = field(default_factory=lambda: np.full(7, np.nan))
+    path_rmse: float | None = None
+    path_error: float | None = None
 
     def __post_init__(self) -> None:
         freeze(

@@ -176,7 +176,13 @@ def demonstration_table(arm: ArmRecords, folder: Path) -> str:
     header = ["demonstration", "duration [s]", "stretch", "position error [mm]"]
     header += ["orientation error [deg]"]
     if motions:
-        header += ["miss, imitated [cm]", "miss, refined [cm]", "episodes", "success"]
+        header += [
+            "imitation error, greatest [mm]",
+            "miss, imitated [cm]",
+            "miss, refined [cm]",
+            "episodes",
+            "success",
+        ]
     if arm.robustness:
         from besman.report.robustness import ROBUSTNESS_HEADER, robustness_cells
 
@@ -207,10 +213,12 @@ def demonstration_table(arm: ArmRecords, folder: Path) -> str:
 def _motion_cells(motion: RefinedMotion | None) -> list[str]:
     """Say what refinement made of a demonstration."""
     if motion is None:
-        return [""] * 4
+        return [""] * 5
     tone, word = ("good", "yes") if motion.success else ("bad", "no")
     failed = html.escape(motion.failure) or "-"
+    lost = motion.plan.path_error
     return [
+        "-" if lost is None else f"{1000 * lost:.1f}",
         f"{100 * motion.miss_before:.1f}" if np.isfinite(motion.miss_before) else failed,
         f"{100 * motion.miss:.1f}" if np.isfinite(motion.miss) else "-",
         str(len(motion.returns)),

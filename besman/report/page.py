@@ -163,6 +163,9 @@ def _arm_cards(results: dict[str, Any], suffix: str, arm: str) -> list[tuple[str
         bad = mapped["limit_violations"] + mapped["self_collisions"]
         cards.append((share, f"mapped{arm}"))
         cards.append((str(bad), f"samples outside a limit or in self-collision{arm}"))
+    lost = results.get(f"imitate{suffix}", {}).get("position_error_m", {}).get("max")
+    if lost is not None:
+        cards.append((f"{1000 * lost:.1f} mm", f"greatest imitation error{arm}"))
     if refine:
         cards.append((f"{refine['n_success']} / {refine['n_motions']}", f"within the target{arm}"))
         for name, word in (("miss_before_m", "imitated"), ("miss_m", "refined")):

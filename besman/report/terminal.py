@@ -148,6 +148,9 @@ def _arm_lines(results: dict[str, Any], suffix: str) -> list[str]:
             f"{mapped['limit_violations']} samples outside a limit, "
             f"{mapped['self_collisions']} in self-collision"
         )
+    imitate = results.get(f"imitate{suffix}", {})
+    if imitate.get("position_error_m", {}).get("max") is not None:
+        lines.append(_imitation(imitate))
     refine = results.get(f"refine{suffix}", {})
     if refine:
         lines.append(
@@ -159,6 +162,24 @@ def _arm_lines(results: dict[str, Any], suffix: str) -> list[str]:
     if refine.get("robustness"):
         lines.append(robustness_line(refine["robustness"]))
     return lines
+
+
+def _imitation(found: dict[str, Any]) -> str:
+    """Say how far the imitations' tool is from the mapped path, and of which it is too far."""
+    error, numbers = found["position_error_m"], found["n_weights"]
+    weights = " to ".join(str(number) for number in sorted(set(numbers.values())))
+    line = (
+        f"imitation: position error at the same time rms {1000 * error['rms']:.1f} mm, "
+        f"max {1000 * error['max']:.1f} mm, {weights} weights"
+    )
+    beyond = found["beyond"]
+    if not beyond:
+        return line
+    more = f" and {len(beyond) - _SHOWN} more" if len(beyond) > _SHOWN else ""
+    return (
+        f"{line}; warning: {len(beyond)} beyond {1000 * found['wanted_error_m']:g} mm: "
+        f"{', '.join(beyond[:_SHOWN])}{more}"
+    )
 
 
 def robustness_line(found: dict[str, Any]) -> str:

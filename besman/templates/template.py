@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from besman.motion.dmp import N_NODES
+from besman.motion.forcing import count_nodes
 from besman.motion.rollout import roll_out_plans, stretch_plan
 from besman.records import AnyPlan, Record, freeze
 from besman.robot.dynamics import inverse_dynamics
@@ -179,7 +179,7 @@ def slow_to_torque(plan: AnyPlan, robot: Robot) -> AnyPlan:
     What moves the arm falls with the square of the duration; what holds it does not, and where
     that alone exceeds a limit nothing helps.
     """
-    time = np.linspace(0.0, plan.duration, N_NODES // 2)
+    time = np.linspace(0.0, plan.duration, count_nodes(plan.weights.shape[1]) // 2)
     q, v, a = (part[0] for part in roll_out_plans([plan], time, robot))
     limits, still = robot.limits.torque, np.zeros_like(q)
     holding = inverse_dynamics(robot, q, still, still)

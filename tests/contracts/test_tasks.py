@@ -18,7 +18,7 @@ from pydantic import TypeAdapter
 
 from besman.exceptions import ConfigError, RefinementError
 from besman.geometry.frames import rotation_to_quaternion
-from besman.motion.dmp import fit_weights
+from besman.motion.dmp_fit import fit_weights
 from besman.records import JointTrajectory, MotionPlan
 from besman.report.motions import motion_sections
 from besman.report.run_records import ArmRecords

@@ -10,7 +10,7 @@ from besman.exceptions import PlanError
 from besman.geometry.quaternions import from_rotation_vector, multiply
 from besman.motion import adapt_plan
 from besman.motion.adapt_plan import retarget_plan
-from besman.motion.dmp import shape_directions
+from besman.motion.dmp_fit import shape_directions
 from besman.motion.rollout import roll_out_plans, sample_plan
 from besman.robot.dynamics import inverse_dynamics
 from besman.robot.kinematics import forward_kinematics

@@ -13,7 +13,7 @@ from besman.motion.cartesian_dmp import (
     roll_out_poses,
     same_turn,
 )
-from besman.motion.dmp import ALPHA, BETA, LAST_PHASE, forcing_basis
+from besman.motion.forcing import ALPHA, BETA, LAST_PHASE, forcing_basis
 
 
 def random_dmp(seed=0, n_weights=10, scale=200.0):

@@ -4,18 +4,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from besman.motion.dmp import (
-    ALPHA,
-    BETA,
-    LAST_PHASE,
-    dmp_basis,
-    fit_weights,
-    forcing_basis,
-    goal_response,
-    rest_conditions,
-    roll_out,
-    shape_directions,
-)
+from besman.motion.dmp import dmp_basis, respond, roll_out
+from besman.motion.dmp_fit import fit_weights, goal_response, rest_conditions, shape_directions
+from besman.motion.forcing import ALPHA, BETA, LAST_PHASE, count_nodes, forcing_basis
 
 
 def random_dmp(seed=0, n=3, n_weights=10, scale=300.0):
@@ -166,3 +157,51 @@ def test_goal_response_and_shapes_keep_the_rest(n_weights):
     assert moves[0] == pytest.approx(1)
     assert (np.diff(moves) < 0).all()
     np.testing.assert_allclose(bends, bends[0], rtol=1e-6)
+
+
+@pytest.mark.parametrize("n_weights", [101, 140, 230])
+def test_local_responses_are_those_of_all_basis_functions(n_weights):
+    parameters = np.random.default_rng(0).normal(size=(n_weights + 2, 3)) * 300
+    basis = dmp_basis(n_weights)
+    dense = basis.position, basis.velocity, basis.acceleration
+    assert len(basis.position) == count_nodes(n_weights) >= 4 * n_weights
+    for matrix, found in zip(dense, respond(parameters), strict=True):
+        expected = matrix @ parameters
+        np.testing.assert_allclose(found, expected, atol=1e-12 * np.abs(expected).max())
+
+
+def test_a_search_over_many_weights_is_one_over_few():
+    """Goal and shapes move a movement alike, and keep its rest."""
+    n_weights, x = 170, np.linspace(0, 1, 101)
+    conditions = rest_conditions(n_weights)
+    moved = conditions[:, 1] + conditions[:, 2:] @ goal_response(n_weights)
+    np.testing.assert_allclose(moved, 0, atol=1e-9)
+    zero = np.zeros(96)
+    for number in (100, n_weights):
+        shapes = shape_directions(number)
+        assert shapes.shape == (96, number)
+        np.testing.assert_allclose(rest_conditions(number)[:, 2:] @ shapes.T, 0, atol=1e-9)
+        moves = roll_out(shapes, zero, zero, 1.0, x)[0]
+        goes = roll_out(goal_response(number)[None], [0.0], [1.0], 1.0, x)[0]
+        if number == 100:
+            before = moves, goes
+    np.testing.assert_allclose(moves, before[0], atol=1e-4)
+    np.testing.assert_allclose(goes, before[1], atol=1e-6)
+
+
+def test_many_turns_are_not_lost_to_rounding():
+    """Late weights act through a small phase; 24 for a turn follow it to its end."""
+    time = np.linspace(0, 9, 901)
+    turns = 6 * 2 * np.pi * (10 * (time / 9) ** 3 - 15 * (time / 9) ** 4 + 6 * (time / 9) ** 5)
+    positions = np.column_stack([np.cos(turns), np.sin(turns)])
+    weights = fit_weights(time, positions, 144)
+    got, _, _ = roll_out(weights, positions[0], positions[-1], 9.0, time)
+    assert np.abs(got - positions).max() < 5e-4
+
+
+def test_samples_are_interpolated_alike_in_blocks_and_at_once():
+    weights, start, goal = random_dmp()
+    time = np.linspace(0, 1, 3001)
+    whole = roll_out(weights, start, goal, 1.0, time)
+    for found, part in zip(whole, roll_out(weights, start, goal, 1.0, time[:700]), strict=True):
+        np.testing.assert_array_equal(found[:700], part)

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -5,16 +7,18 @@ from hypothesis import strategies as st
 
 from besman.exceptions import PlanError
 from besman.geometry.frames import quaternion_to_rotation
-from besman.motion.cartesian_dmp import roll_out_poses
+from besman.motion.cartesian_dmp import fit_poses, roll_out_poses
 from besman.motion.dmp import interpolate
+from besman.motion.dmp_fit import fit_weights
 from besman.motion.joint_path import (
     greatest_rates,
     joint_nodes,
     joint_steps,
+    lay_spline,
     plan_poses,
-    spline_map,
 )
 from besman.motion.rollout import least_duration, roll_out_plans, sample_plan, stretch_plan
+from besman.motion.velocity_dmp import fit_velocity_weights
 from besman.robot.inverse_kinematics import IkWeights, solve_path
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.limits import check_limits
@@ -108,11 +112,11 @@ def test_the_spline_passes_the_steps_and_rests_at_its_ends(robots, plan_of):
     x = np.linspace(0, 1, 126)
     nodes = np.linspace(0, 1, 501)
     quintic = np.polynomial.Polynomial([0, 0, 0, 10, -15, 6])
-    for order, matrix in enumerate(
-        (spline_map().position, spline_map().velocity, spline_map().acceleration)
-    ):
-        expected = quintic.deriv(order)(nodes)
-        np.testing.assert_allclose(matrix @ quintic(x), expected, atol=1e-7)
+    for order, found in enumerate(lay_spline(quintic(x)[:, None])):
+        np.testing.assert_allclose(found[:, 0], quintic.deriv(order)(nodes), atol=1e-7)
+    # The matrices of a short movement are the same spline.
+    for found, expected in zip((q, v, a), lay_spline(steps), strict=True):
+        np.testing.assert_allclose(found, expected, atol=1e-7 * np.abs(expected).max())
 
 
 def test_a_cartesian_plan_without_its_arm(robots, plan_of):
@@ -128,8 +132,7 @@ def test_the_greatest_rates_are_those_of_a_dense_look(robots, plan_of):
     robot, plan = robots["ur5"], plan_of("cartesian_dmp")
     steps, _ = joint_steps(plan, robot)
     steps = steps + 0.02 * (np.arange(len(steps)) > 60)[:, None]
-    spline = spline_map()
-    nodes = spline.position @ steps, spline.velocity @ steps, spline.acceleration @ steps
+    nodes = lay_spline(steps)
     speeds, pulls = greatest_rates(*nodes)
     _, dense_speeds, dense_pulls = interpolate(*nodes, np.linspace(0, 1, 100_001))
     np.testing.assert_allclose(
@@ -138,3 +141,38 @@ def test_the_greatest_rates_are_those_of_a_dense_look(robots, plan_of):
     np.testing.assert_allclose(
         np.abs(pulls).max(axis=0), np.abs(dense_pulls).max(axis=0), rtol=1e-5
     )
+
+
+def test_plans_of_different_numbers_of_weights_are_each_what_they_are_alone(robots, plan_of):
+    plan = plan_of("joint_dmp")
+    long = replace(plan, weights=np.random.default_rng(1).normal(size=(len(plan.goal), 130)))
+    time = np.linspace(0, 1.2 * plan.duration, 50)
+    together = roll_out_plans([plan, long], time)
+    for at, one in enumerate((plan, long)):
+        for found, alone in zip(together, roll_out_plans([one], time), strict=True):
+            np.testing.assert_array_equal(found[at], alone[0])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_more_weights_than_are_kept_everywhere_move_alike(robots, plan_of, kind):
+    """A movement whose weights are said anew by 130 is the same one, with its limits."""
+    robot, plan = robots["ur5"], plan_of(kind)
+    time, positions, velocities, _ = sample_plan(plan, robot)
+    n = 130
+    if kind == "cartesian_dmp":
+        at = np.linspace(0, plan.duration, 400)
+        poses = roll_out_poses(plan.weights, plan.start, plan.goal, plan.duration, at)
+        weights, start, goal = fit_poses(at, poses, n)
+        fine = replace(plan, weights=weights, start=start, goal=goal)
+    elif kind == "joint_dmp":
+        fine = replace(plan, weights=fit_weights(time, positions, n))
+    else:
+        inner = slice(round(1e3 * plan.lead_in_s), round(-1e3 * plan.lead_out_s))
+        moved = time[inner] - plan.lead_in_s, positions[inner]
+        ends = plan.start_velocity, plan.goal_velocity
+        fine = replace(plan, weights=fit_velocity_weights(*moved, *ends, n))
+    _, again, rates, _ = sample_plan(fine, robot)
+    np.testing.assert_allclose(again, positions, atol=1e-4)
+    np.testing.assert_allclose(rates, velocities, atol=2e-2)
+    least = least_duration(fine, robot.limits, robot)
+    assert least == pytest.approx(least_duration(plan, robot.limits, robot), rel=0.03)

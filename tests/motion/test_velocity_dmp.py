@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.interpolate import BPoly
 
-from besman.motion.dmp import ALPHA, BETA, LAST_PHASE, forcing_basis
+from besman.motion.forcing import ALPHA, BETA, LAST_PHASE, forcing_basis
 from besman.motion.rest_at_ends import rest_at_both_ends
 from besman.motion.velocity_dmp import fit_velocity_weights, roll_out_velocity
 

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from dataclasses import replace
 from functools import partial
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
-from besman.config.stage import Items, Stage, Truth, Work
+from besman.config.stage import Items, Positive, Stage, Truth, Work
 from besman.exceptions import PlanError
 from besman.geometry.frames import rotation_to_quaternion
 from besman.motion.cartesian_dmp import fit_poses
-from besman.motion.dmp import fit_weights, roll_out
+from besman.motion.dmp_fit import fit_weights
 from besman.motion.rest_at_ends import rest_at_both_ends
 from besman.motion.velocity_dmp import fit_velocity_weights
 from besman.records import AnyPlan, CartesianPlan, FloatArray, JointTrajectory, MotionPlan
@@ -27,11 +26,15 @@ _PROCESSES_FROM = 4000
 class _DmpConfig(Stage):
     """What all kinds of motion plans share."""
 
-    n_weights: Annotated[int, Field(ge=6, le=100)] = 20
+    method: str
+    n_weights: Annotated[int, Field(ge=6, le=1000)] | None = None
+    error_mm: Positive = 1.0
+    greatest_error_mm: Positive | None = 50.0
     lead_in_s: Annotated[float, Field(ge=0, le=2)] = 0.1
     lead_out_s: Annotated[float, Field(ge=0, le=2)] = 0.2
 
     leaves_out: ClassVar[bool] = True
+    by_arm: ClassVar[bool] = False
 
     def run(
         self,
@@ -46,7 +49,8 @@ class _DmpConfig(Stage):
         trajectories : tuple of JointTrajectory
             What to imitate.
         robot : Robot, optional
-            The arm with its tool; needed for Cartesian plans only.
+            The arm with its tool; needed for Cartesian plans, and where the error of the tool
+            tells the number of weights.
         work : Work
             Threads, processes and progress.
 
@@ -58,7 +62,8 @@ class _DmpConfig(Stage):
         Raises
         ------
         PlanError
-            If the robot is missing or another than the trajectories'.
+            If the robot is missing or another than the trajectories', or an imitation is farther
+            from its trajectory than permitted.
         """
         imitate = partial(self._imitate, robot=robot)
         return tuple(work.map(imitate, trajectories, processes=_PROCESSES_FROM, local=True))
@@ -69,11 +74,43 @@ class _DmpConfig(Stage):
 
     def figures(self, plans: tuple[AnyPlan, ...], truth: Truth, *records: Any) -> dict[str, Any]:
         """Return how far the plans are from what they imitate; see `imitate_results`."""
-        return imitate_results(plans)
+        return imitate_results(plans, self.error_mm)
+
+    def _imitate(self, trajectory: JointTrajectory, robot: Robot | None) -> AnyPlan:
+        """Fit one motion plan, with as many weights as its error asks for."""
+        if robot is not None and robot.joint_names != trajectory.joint_names:
+            raise self._needs_arm(trajectory, robot)
+        if robot is None and self.by_arm:
+            raise self._needs_arm(trajectory, robot)
+        if robot is None and self.n_weights is None:
+            raise self._needs_arm(trajectory, robot, " without n_weights")
+        from besman.stages.imitate.accuracy import least_weights, measure, refuse_if_lost
+
+        def imitate(n_weights: int) -> AnyPlan:
+            plan = self._fit(trajectory, robot, n_weights)
+            return measure(plan, trajectory, self.lead_in_s, robot)
+
+        if self.n_weights is not None:
+            plan = imitate(self.n_weights)
+        else:
+            plan = least_weights(imitate, trajectory, 1e-3 * self.error_mm)
+        greatest = self.greatest_error_mm
+        refuse_if_lost(plan, None if greatest is None else 1e-3 * greatest)
+        return plan
 
     @abstractmethod
-    def _imitate(self, trajectory: JointTrajectory, robot: Robot | None) -> AnyPlan:
-        """Fit one motion plan."""
+    def _fit(self, trajectory: JointTrajectory, robot: Robot | None, n_weights: int) -> AnyPlan:
+        """Fit one motion plan of so many weights."""
+
+    def _needs_arm(
+        self, trajectory: JointTrajectory, robot: Robot | None, where: str = ""
+    ) -> PlanError:
+        """Say that the arm is missing, or another one."""
+        got = "none" if robot is None else f"{robot.name}: {', '.join(robot.joint_names)}"
+        return PlanError(
+            f"{trajectory.name}: method {self.method}{where} needs the arm with the joints "
+            f"{', '.join(trajectory.joint_names)}; got {got}"
+        )
 
     def _at_rest_at_ends(self, trajectory: JointTrajectory) -> tuple[FloatArray, FloatArray]:
         """Lengthen a trajectory so that it starts and ends at rest."""
@@ -93,8 +130,14 @@ class ImitateConfig(_DmpConfig):
     ----------
     method : "joint_dmp"
         One DMP for all joints of the arm.
-    n_weights : int
-        Weights per joint.
+    n_weights : int, optional
+        Weights per joint; null for as many as `error_mm` asks for.
+    error_mm : float
+        The imitation's tool is nowhere farther from where the mapped trajectory has it at the same
+        time; the least of 20, 30, 40, 60, 80, ... 960 weights that reach this are taken. What
+        misses it, as a fixed number may, is said in the run's table and report.
+    greatest_error_mm : float, optional
+        What is farther is not imitated but left out, and says so; null for any.
     lead_in_s, lead_out_s : float
         A motion plan starts and ends at rest, a demonstration need not: the plan speeds up and
         slows down in this time before and after it. With 0 it does so within the demonstration,
@@ -103,19 +146,16 @@ class ImitateConfig(_DmpConfig):
 
     method: Literal["joint_dmp"] = "joint_dmp"
 
-    def _imitate(self, trajectory: JointTrajectory, robot: Robot | None) -> MotionPlan:
+    def _fit(self, trajectory: JointTrajectory, robot: Robot | None, n_weights: int) -> MotionPlan:
         time, positions = self._at_rest_at_ends(trajectory)
-        weights = fit_weights(time, positions, self.n_weights)
-        imitated, _, _ = roll_out(
-            weights, positions[0], positions[-1], time[-1], trajectory.time + self.lead_in_s
-        )
+        weights = fit_weights(time, positions, n_weights)
         return MotionPlan(
             weights=weights,
             start=positions[0],
             goal=positions[-1],
             duration=float(time[-1]),
             joint_names=trajectory.joint_names,
-            rmse=_rmse(imitated, trajectory),
+            rmse=0.0,
             goal_pose=trajectory.poses[-1],
             start_pose=trajectory.poses[0],
             target=trajectory.target,
@@ -131,8 +171,14 @@ class VelocityDmpConfig(_DmpConfig):
     ----------
     method : "joint_dmp_velocity"
         The primitive is the demonstration alone; goal and goal velocity are where and how it ends.
-    n_weights : int
-        Weights per joint.
+    n_weights : int, optional
+        Weights per joint; null for as many as `error_mm` asks for.
+    error_mm : float
+        The imitation's tool is nowhere farther from where the mapped trajectory has it at the same
+        time; the least of 20, 30, 40, 60, 80, ... 960 weights that reach this are taken. What
+        misses it, as a fixed number may, is said in the run's table and report.
+    greatest_error_mm : float, optional
+        What is farther is not imitated but left out, and says so; null for any.
     lead_in_s, lead_out_s : float
         In this time before and after the primitive the arm speeds up from rest and slows down to
         it. With 0 the primitive itself starts or ends at rest.
@@ -140,15 +186,13 @@ class VelocityDmpConfig(_DmpConfig):
 
     method: Literal["joint_dmp_velocity"]
 
-    def _imitate(self, trajectory: JointTrajectory, robot: Robot | None) -> MotionPlan:
-        from besman.motion.rollout import roll_out_plans
-
+    def _fit(self, trajectory: JointTrajectory, robot: Robot | None, n_weights: int) -> MotionPlan:
         first = trajectory.velocities[0] * (self.lead_in_s > 0)
         last = trajectory.velocities[-1] * (self.lead_out_s > 0)
         weights = fit_velocity_weights(
-            trajectory.time, trajectory.positions, first, last, self.n_weights
+            trajectory.time, trajectory.positions, first, last, n_weights
         )
-        plan = MotionPlan(
+        return MotionPlan(
             weights=weights,
             start=trajectory.positions[0],
             goal=trajectory.positions[-1],
@@ -166,8 +210,6 @@ class VelocityDmpConfig(_DmpConfig):
             lead_in_s=self.lead_in_s,
             lead_out_s=self.lead_out_s,
         )
-        imitated, _, _ = roll_out_plans([plan], self.lead_in_s + trajectory.time)
-        return replace(plan, rmse=_rmse(imitated[0], trajectory))
 
 
 class CartesianDmpConfig(_DmpConfig):
@@ -182,9 +224,9 @@ class CartesianDmpConfig(_DmpConfig):
     ----------
     method : "cartesian_dmp"
         One DMP for position and orientation of the tool centre point.
-    n_weights : int
-        Weights per coordinate.
-    lead_in_s, lead_out_s : float
+    n_weights : int, optional
+        Weights per coordinate; null for as many as `error_mm` asks for.
+    error_mm, greatest_error_mm, lead_in_s, lead_out_s : float
         As in `ImitateConfig`.
     orientation_weight_m_rad : float
         One radian of orientation error weighs as much as this many metres, where the arm cannot
@@ -197,21 +239,19 @@ class CartesianDmpConfig(_DmpConfig):
     orientation_weight_m_rad: Annotated[float, Field(gt=0)] = 0.1
     free_axis_spin: bool = False
 
-    def _imitate(self, trajectory: JointTrajectory, robot: Robot | None) -> CartesianPlan:
-        from besman.motion.rollout import roll_out_plans
+    by_arm: ClassVar[bool] = True
+
+    def _fit(
+        self, trajectory: JointTrajectory, robot: Robot | None, n_weights: int
+    ) -> CartesianPlan:
         from besman.robot.kinematics import forward_kinematics
 
-        if robot is None or robot.joint_names != trajectory.joint_names:
-            got = "none" if robot is None else f"{robot.name}: {', '.join(robot.joint_names)}"
-            raise PlanError(
-                f"{trajectory.name}: method cartesian_dmp needs the arm with the joints "
-                f"{', '.join(trajectory.joint_names)}; got {got}"
-            )
+        assert robot is not None
         time, positions = self._at_rest_at_ends(trajectory)
         reached = forward_kinematics(robot.chain, positions)
         poses = np.column_stack([reached[:, :3, 3], rotation_to_quaternion(reached[:, :3, :3])])
-        weights, start, goal = fit_poses(time, poses, self.n_weights)
-        plan = CartesianPlan(
+        weights, start, goal = fit_poses(time, poses, n_weights)
+        return CartesianPlan(
             weights=weights,
             start=start,
             goal=goal,
@@ -227,16 +267,38 @@ class CartesianDmpConfig(_DmpConfig):
             name=trajectory.name,
             label=trajectory.label,
         )
-        imitated, _, _ = roll_out_plans([plan], self.lead_in_s + trajectory.time, robot)
-        return replace(plan, rmse=_rmse(imitated[0], trajectory))
 
 
-def _rmse(imitated: FloatArray, trajectory: JointTrajectory) -> float:
-    """Return the root mean square error over samples and joints, rad."""
-    return float(np.sqrt(np.mean((imitated - trajectory.positions) ** 2)))
+def imitate_results(plans: tuple[AnyPlan, ...], error_mm: float) -> dict[str, Any]:
+    """Give the stage's figures for ``results.json``.
 
+    Parameters
+    ----------
+    plans : tuple of MotionPlan or CartesianPlan
+    error_mm : float
+        The error that was asked for.
 
-def imitate_results(plans: tuple[AnyPlan, ...]) -> dict[str, Any]:
-    """Give the stage's figures for ``results.json``: rmse_rad {mean, max}."""
+    Returns
+    -------
+    dict
+        rmse_rad {mean, max}; position_error_m {rms, max} over the motions, at the same time, null
+        where it is not known; n_weights {min, max}; wanted_error_m; beyond, the names of those
+        whose greatest error is above it.
+    """
     errors = [plan.rmse for plan in plans]
-    return {"rmse_rad": {"mean": float(np.mean(errors)), "max": float(np.max(errors))}}
+    known = [plan for plan in plans if plan.path_error is not None and plan.path_rmse is not None]
+    rms = np.array([plan.path_rmse for plan in known], dtype=np.float64)
+    most = np.array([plan.path_error for plan in known], dtype=np.float64)
+    numbers = [plan.weights.shape[1] for plan in plans]
+    return {
+        "rmse_rad": {"mean": float(np.mean(errors)), "max": float(np.max(errors))},
+        "position_error_m": {
+            "rms": float(np.sqrt(np.mean(rms**2))) if known else None,
+            "max": float(most.max()) if known else None,
+        },
+        "n_weights": {"min": min(numbers), "max": max(numbers)},
+        "wanted_error_m": 1e-3 * error_mm,
+        "beyond": [
+            plan.name for plan, error in zip(known, most, strict=True) if error > 1e-3 * error_mm
+        ],
+    }

@@ -11,7 +11,8 @@ import numpy.typing as npt
 
 from besman.geometry.quaternions import from_rotation_vector, multiply
 from besman.motion.cartesian_dmp import move_ends
-from besman.motion.dmp import dmp_basis, goal_response, shape_directions
+from besman.motion.dmp import respond
+from besman.motion.dmp_fit import goal_response, shape_directions
 from besman.motion.rollout import least_duration, stretch_plan
 from besman.records import AnyPlan, CartesianPlan, MotionPlan, Record
 from besman.robot.model import Robot
@@ -139,8 +140,7 @@ class PlanSpace:
         """
         if not {"start", "goal"} & set(self._parts):
             return weights, first, goal
-        basis = dmp_basis(weights.shape[1])
-        path = basis.position[::_LIMIT_STRIDE] @ np.column_stack([first, goal, weights]).T
+        path = respond(np.column_stack([first, goal, weights]).T)[0][::_LIMIT_STRIDE]
         room = _LIMIT_MARGIN_RAD
         below = np.maximum(self._limits.position_min + room - path.min(axis=0), 0.0)
         above = np.maximum(path.max(axis=0) - self._limits.position_max + room, 0.0)

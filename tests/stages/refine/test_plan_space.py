@@ -5,7 +5,8 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from besman.motion.dmp import fit_weights, roll_out
+from besman.motion.dmp import roll_out
+from besman.motion.dmp_fit import fit_weights
 from besman.motion.rollout import least_duration
 from besman.robot.limits import check_limits
 from besman.stages.refine.plan_space import PlanSpace, Units
