@@ -146,6 +146,31 @@ def evaluate_recognition(
             console.print(f"wrote {path}", soft_wrap=True)
 
 
+@evaluate_app.command("prediction")
+def evaluate_prediction(
+    data: Annotated[
+        Path, typer.Option(help="Folder of recordings with segments, one subject or several.")
+    ],
+    json_file: Json = None,
+) -> None:
+    """Foresee the next block of new recordings and new subjects, over how much was seen of it."""
+    from besman.cli.progress_bars import stage_display
+    from besman.cli.terminal import open_terminal
+    from besman.evaluation import prediction
+    from besman.io.atomic_files import write_json
+
+    with stage_display() as display:
+        progress, end = display("prediction")
+        result = prediction.evaluate_prediction(data, progress)
+        end(True)
+    console = open_terminal()
+    for table in prediction.prediction_tables(result):
+        console.print(table)
+    console.print(prediction.prediction_note(result), soft_wrap=True)
+    if json_file is not None:
+        write_json(json_file, result)
+
+
 @evaluate_app.command("mapping")
 def evaluate_mapping(
     data: Annotated[

@@ -96,15 +96,20 @@ def follow(
     ] = None,
     json_file: Json = None,
 ) -> None:
-    """Keep blocks and actions current sample by sample; print what changes."""
-    from besman.following.files import Replay, describe_change
+    """Keep blocks and actions current sample by sample; print what changes and what comes next."""
+    from besman.following.files import Replay, describe_change, describe_forecast
+    from besman.following.foreseeing import BlockForecast
     from besman.following.plans import make_plan
     from besman.io.atomic_files import write_json
 
     plan = make_plan(run, models or [], markers, calibration)
     replay = Replay(recording, plan, speed, horizon or None, steady)
-    for at, change in replay.run():
-        say(describe_change(at, change, replay.recording.rate_hz))
+    rate_hz = replay.recording.rate_hz
+    for at, news in replay.run():
+        if isinstance(news, BlockForecast):
+            say(describe_forecast(news, rate_hz))
+        else:
+            say(describe_change(at, news, rate_hz))
     say(replay.summary())
     if json_file is not None:
         write_json(json_file, replay.content())

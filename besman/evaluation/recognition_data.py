@@ -166,7 +166,7 @@ def _without_rest(segments: LabelledSegments) -> LabelledSegments:
 
 def _load_set(folder: Path) -> LabelledSet:
     inputs = read_inputs([str(folder)])
-    recordings = [_fill(name_parts(recording)) for recording in inputs.recordings]
+    recordings = [bridge_gaps(name_parts(recording)) for recording in inputs.recordings]
     truth = [segments for segments in inputs.truth if segments is not None]
     source = "synthetic" if is_synthetic(folder) else "real"
     return _make_set(folder.name, source, recordings, truth, RecognizeConfig().idle_s)
@@ -236,8 +236,8 @@ def name_parts(recording: Recording) -> LabelledRecording:
     )
 
 
-def _fill(recording: LabelledRecording) -> LabelledRecording:
-    """Fill short gaps."""
+def bridge_gaps(recording: LabelledRecording) -> LabelledRecording:
+    """Fill gaps up to `LONGEST_GAP_S`."""
     if np.isfinite(recording.positions).all():
         return recording
     longest = round(LONGEST_GAP_S * recording.rate_hz)

@@ -11,6 +11,8 @@ import numpy.typing as npt
 
 from besman.classifiers.novelty import UNKNOWN
 from besman.exceptions import SegmentationError
+from besman.following.foreseeing import BlockForeseer
+from besman.following.foresight import Foresight
 from besman.following.frames import FrameBuffer
 from besman.following.pieces import Change, Ledger, Piece
 from besman.following.steadiness import SteadyBorders
@@ -40,12 +42,15 @@ class FollowedArm:
     scaling : Scaling, optional
         Of earlier movements of `hands`, at the rate of the segmentation. If not given, it is
         measured on the first seconds of the stream, which are segmented once they are over.
+    foresight : Foresight, optional
+        Tells what comes next; nothing is foreseen if not given.
     """
 
     name: str
     hands: tuple[str, ...]
     model: RecognitionModel
     scaling: Scaling | None = None
+    foresight: Foresight | None = None
 
 
 class ArmStream:
@@ -88,6 +93,11 @@ class ArmStream:
         self._steady = SteadyBorders(round(steady_s * frames.rate_hz))
         self.ledger = Ledger()
         self._done = False
+        self.foreseer: BlockForeseer | None = None
+        if arm.foresight is not None:
+            self.foreseer = BlockForeseer(
+                arm.name, arm.foresight, frames.markers, frames.rate_hz, frames.source
+            )
 
     @property
     def final_row(self) -> int:
@@ -128,6 +138,20 @@ class ArmStream:
         pieces += [self._name(*rows, False) for rows in pairwise([known[-1], *self._open])]
         self._names = {(one.start, one.end): (one.label, one.uncertainty) for one in pieces}
         return self.ledger.update(pieces)
+
+    def foresee(self) -> bool:
+        """Look ahead; tell whether something else is expected than before."""
+        n_rows, pieces = self._frames.n_rows, self.ledger.pieces
+        if self.foreseer is None or self._done or not self.foreseer.is_due(len(pieces), n_rows):
+            return False
+        start = pieces[-1].end if pieces else 0
+        if n_rows <= start:
+            return False
+        blocks = [(piece.start, piece.end, piece.label) for piece in pieces]
+        positions = self._frames.cut(start, n_rows).positions
+        if self._frames.was_lost(start, n_rows, np.array(self.foreseer.columns)):
+            positions = positions[:0]
+        return self.foreseer.update(blocks, n_rows, positions, start)
 
     def _pending(self) -> list[int]:
         """Return borders that are not final, at least two rows apart and before the present."""

@@ -11,6 +11,7 @@ import numpy as np
 
 from besman.exceptions import ConfigError
 from besman.following.follower import Follower
+from besman.following.foreseeing import BlockForecast
 from besman.following.pieces import Change, Piece
 from besman.following.plans import FollowPlan, label_stream, make_follower
 from besman.io.recordings.formats import read_recording
@@ -40,6 +41,8 @@ class Replay:
         Time that each sample took.
     changes : list of (float, Change)
         What changed so far, with the time since the start of the recording, seconds.
+    forecasts : list of BlockForecast
+        Whenever something else was expected to come next.
 
     Raises
     ------
@@ -63,10 +66,11 @@ class Replay:
         self.follower: Follower = make_follower(plan, self.recording, horizon_blocks, steady_s)
         self.seconds: list[float] = []
         self.changes: list[tuple[float, Change]] = []
+        self.forecasts: list[BlockForecast] = []
         self._speed = speed
 
-    def run(self) -> Iterator[tuple[float, Change]]:
-        """Give every sample, then the end; yield what changes, with the time, seconds."""
+    def run(self) -> Iterator[tuple[float, Change | BlockForecast]]:
+        """Give every sample, then the end; yield what changes or is foreseen, with the time, s."""
         rate_hz, begin = self.recording.rate_hz, time.perf_counter()
         for row, sample in enumerate(self._samples()):
             if self._speed is not None:
@@ -74,8 +78,12 @@ class Replay:
                 time.sleep(max(0.0, due - time.perf_counter()))
             start = time.perf_counter()
             changes = self.follower.push(sample)
+            forecasts = self.follower.look_ahead()
             self.seconds.append(time.perf_counter() - start)
             yield from self._keep((row + 1) / rate_hz, changes)
+            self.forecasts += forecasts
+            for forecast in forecasts:
+                yield (row + 1) / rate_hz, forecast
         yield from self._keep(len(self.recording.time) / rate_hz, self.follower.finish())
 
     def content(self) -> dict[str, Any]:
@@ -95,6 +103,7 @@ class Replay:
                 {"time_s": at, "status": change.status, **self._describe(change.piece)}
                 for at, change in self.changes
             ],
+            "forecasts": [self._tell(forecast) for forecast in self.forecasts],
             "seconds_per_sample": {
                 "median": float(np.median(self.seconds)),
                 "p99_9": float(np.percentile(self.seconds, 99.9)),
@@ -125,6 +134,19 @@ class Replay:
     def _keep(self, at: float, changes: tuple[Change, ...]) -> Iterator[tuple[float, Change]]:
         self.changes += [(at, change) for change in changes]
         yield from self.changes[len(self.changes) - len(changes) :]
+
+    def _tell(self, forecast: BlockForecast) -> dict[str, Any]:
+        rate_hz, next_row = self.recording.rate_hz, forecast.next_row
+        return {
+            "time_s": forecast.row / rate_hz,
+            "of": forecast.of,
+            "start_s": forecast.start / rate_hz,
+            "label": forecast.label,
+            "probability": forecast.probability,
+            "next_label": forecast.next_label,
+            "next_probability": forecast.next_probability,
+            "next_start_s": None if next_row is None else next_row / rate_hz,
+        }
 
     def _describe(self, piece: Piece) -> dict[str, Any]:
         rate_hz, first = self.recording.rate_hz, self.recording.first_frame
@@ -166,4 +188,16 @@ def describe_change(at: float, change: Change, rate_hz: float) -> str:
     return (
         f"{at:8.2f} s  {change.status:7}  {name:12} {piece.start / rate_hz:8.2f} to "
         f"{piece.end / rate_hz:8.2f} s  {piece.label} ({piece.uncertainty:.2f}){was}"
+    )
+
+
+def describe_forecast(forecast: BlockForecast, rate_hz: float) -> str:
+    """Return what comes next as a line: what goes on, what follows, when and how probably."""
+    when = ""
+    if forecast.next_row is not None:
+        when = f" at {forecast.next_row / rate_hz:.2f} s"
+    return (
+        f"{forecast.row / rate_hz:8.2f} s  next     block {forecast.of:6} {forecast.label} "
+        f"({forecast.probability:.0%}) goes on, then {forecast.next_label} "
+        f"({forecast.next_probability:.0%}){when}"
     )

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from besman.exceptions import RecognitionError, RecordingError, nearest
 from besman.following.actions import ActionStream
 from besman.following.arms import ArmStream, FollowedArm
+from besman.following.foreseeing import BlockForecast
 from besman.following.frames import FrameBuffer
 from besman.following.pieces import Change, Piece
 from besman.stages.compose.actions import LevelModel
@@ -32,12 +33,15 @@ class FollowState:
         Actions of each level, the lowest first.
     fitness : tuple of float
         Minus the mean uncertainty of the actions of each level.
+    forecasts : tuple of BlockForecast
+        What comes next, of each arm for which something can be foreseen.
     """
 
     n_samples: int
     blocks: dict[str, tuple[Piece, ...]]
     actions: tuple[tuple[Piece, ...], ...]
     fitness: tuple[float, ...]
+    forecasts: tuple[BlockForecast, ...] = ()
 
 
 class Follower:
@@ -138,6 +142,22 @@ class Follower:
             {arm.arm.name: arm.ledger.pieces for arm in self._arms},
             tuple(ledger.pieces for ledger in actions.ledgers) if actions else (),
             actions.fitness if actions else (),
+            tuple(
+                arm.foreseer.forecast
+                for arm in self._arms
+                if arm.foreseer is not None and arm.foreseer.forecast is not None
+            ),
+        )
+
+    def look_ahead(self) -> tuple[BlockForecast, ...]:
+        """Return what comes next of each arm of which something else is expected than before.
+
+        To be asked after every `push`; it looks again after every block, and every tenth of a
+        second. What goes on when the stream ends has no forecast.
+        """
+        changed = [arm.foreseer for arm in self._arms if arm.foresee()]
+        return tuple(
+            one.forecast for one in changed if one is not None and one.forecast is not None
         )
 
     def push(self, samples: npt.ArrayLike) -> tuple[Change, ...]:

@@ -7,17 +7,19 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from besman.classifiers.novelty import UNKNOWN
 from besman.exceptions import ConfigError, RunError
 from besman.following.arms import FollowedArm
 from besman.following.follower import Follower
+from besman.following.foresight import Foresight
 from besman.person.body import find_body
 from besman.person.marker_set import MarkerSet, load_marker_set
 from besman.person.mirror import mirror_recording
 from besman.pipeline.config import learn_from
 from besman.pipeline.finished_run import read_recipe, trained_model
 from besman.pipeline.stored_run import open_run
-from besman.records import LabelledRecording, Recording
-from besman.records.layers import side_of
+from besman.records import LabelledRecording, LabelledSegments, Recording
+from besman.records.layers import IDLE, side_of
 from besman.stages.compose.actions import LevelModel
 from besman.stages.compose.borders import measure_brisk
 from besman.stages.label.derive_markers import derive_markers
@@ -54,6 +56,8 @@ class FollowPlan:
         Hands where actions may begin and end when they are slow.
     earlier : tuple of LabelledRecording
         Earlier movements, to measure scalings and brisk speeds on.
+    blocks : tuple of LabelledSegments
+        Blocks of some of them as the first model named them; what comes next is learnt from them.
     """
 
     models: tuple[tuple[RecognitionModel, tuple[str, ...]], ...]
@@ -64,6 +68,7 @@ class FollowPlan:
     longest_blocks: int | None = None
     slow_hands: tuple[str, ...] = ()
     earlier: tuple[LabelledRecording, ...] = ()
+    blocks: tuple[LabelledSegments, ...] = ()
 
 
 def make_plan(
@@ -134,6 +139,7 @@ def _plan_of_run(run: Path) -> FollowPlan:
         None if compose is None else compose.longest_blocks,
         () if compose is None else compose.hands,
         tuple(recording for name in stages for recording in stored.record(name)),
+        tuple(stored.record("recognize")) if "recognize" in stored.stages else (),
     )
 
 
@@ -200,12 +206,13 @@ def make_follower(
         As `Follower`.
     """
     arms = []
-    for model, hands in plan.models:
+    for index, (model, hands) in enumerate(plan.models):
         if not hands:
             body = find_body(recording.markers, recording.source)
             hands = tuple(arm.hand for arm in body.arms_of(model.recipe.markers))
         scaling = _measure_scaling(plan, hands, recording.rate_hz)
-        arms.append(FollowedArm(_name(hands), hands, model, scaling))
+        foresight = _learn_foresight(plan, model) if index == 0 else None
+        arms.append(FollowedArm(_name(hands), hands, model, scaling, foresight))
     brisk: Mapping[str, float] = {
         hand: measure_brisk(plan.earlier, hand) for hand in plan.slow_hands if plan.levels
     }
@@ -228,6 +235,14 @@ def make_follower(
 def _name(hands: tuple[str, ...]) -> str:
     """Name the arm, or the arms, that hands are of."""
     return "+".join(dict.fromkeys(side_of((hand,)) for hand in hands))
+
+
+def _learn_foresight(plan: FollowPlan, model: RecognitionModel) -> Foresight | None:
+    """Learn what comes next from named blocks; None if there are none that move."""
+    movements = {label for found in plan.blocks for label in found.labels} - {IDLE, UNKNOWN}
+    if not movements:
+        return None
+    return Foresight(plan.earlier, plan.blocks, model.recipe)
 
 
 def _measure_scaling(

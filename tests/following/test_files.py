@@ -96,7 +96,15 @@ def test_a_run_is_followed_to_what_it_found_itself(monkeypatch, tmp_path, capsys
         uncertainty = [piece["uncertainty"] for piece in pieces]
         np.testing.assert_allclose(uncertainty, expected.distances, atol=1e-6)
     assert found["fitness"] == pytest.approx(actions.fitness.tolist(), abs=1e-6)
-    assert len(lines) == len(found["changes"]) + 1
+    assert len(lines) == len(found["changes"]) + len(found["forecasts"]) + 1
+    assert any("  next     block right" in line for line in lines)
+    # What the run found in this recording is foreseen again: most blocks that follow do.
+    starts = {round(piece["start_s"], 6): k for k, piece in enumerate(found["blocks"]["right"])}
+    labels = [piece["label"] for piece in found["blocks"]["right"]]
+    last = {round(told["start_s"], 6): told["label"] for told in found["forecasts"]}
+    told = [label == labels[starts[start]] for start, label in last.items() if start in starts]
+    assert len(told) > 5
+    assert np.mean(told) > 0.7
     assert any(" final    block right" in line and "throw (" in line for line in lines)
     assert any(" final    action 1" in line and "toss (" in line for line in lines)
 

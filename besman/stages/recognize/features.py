@@ -229,10 +229,9 @@ def extract_features(
         n_points,
     )._replace(arms=arms)
     try:
-        channels = [_FEATURES[name][0](stretch, markers, objects) for name in features]
+        values = stretch_features(stretch, features, markers, objects)
     except LabellingError as error:
         raise RecognitionError(f"{recording.source}: {error}") from None
-    values = np.concatenate(channels, axis=2)
     expected = sum(count_channels(features, markers))
     if values.shape[2] != expected:
         raise RecognitionError(
@@ -240,6 +239,32 @@ def extract_features(
             f"of {', '.join(markers)} only that of {arms[0].hand} is complete"
         )
     return values
+
+
+def stretch_features(
+    stretch: Stretch, features: Sequence[str], markers: Sequence[str], objects: Sequence[str]
+) -> FloatArray:
+    """Compute the features of segments that are cut out, see `extract_features`.
+
+    Parameters
+    ----------
+    stretch : Stretch
+        With its arms.
+    features, markers, objects : sequence of str
+        Known names; all markers are in the stretch.
+
+    Returns
+    -------
+    array, shape (S, P, C)
+
+    Raises
+    ------
+    LabellingError
+        If markers of a hand stand in one line.
+    """
+    return np.concatenate(
+        [_FEATURES[name][0](stretch, markers, objects) for name in features], axis=2
+    )
 
 
 def needed_markers(
