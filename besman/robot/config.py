@@ -49,6 +49,9 @@ class JointConfig(Config):
         Greatest absolute values, above zero: degrees/s, rad/s^2, Nm.
     home_deg : float
         Angle of the home configuration, degrees.
+    origin : dict of str
+        Where the numbers come from, by the names above, in words; what is not among them is in
+        ``SOURCES.md``.
     """
 
     name: PartName
@@ -57,6 +60,7 @@ class JointConfig(Config):
     acceleration_rad_s2: float
     torque_nm: float
     home_deg: float
+    origin: dict[str, str] = Field(default_factory=dict)
 
 
 class InertiaConfig(Config):

@@ -20,6 +20,7 @@ from besman.robot.collision import distances
 from besman.robot.config import RobotConfig
 from besman.robot.files.arm_chain import find_chain, find_tip, held_joints
 from besman.robot.files.joint_limits import assume_torques, parse_limit_list, read_joints
+from besman.robot.files.known_limits import find_known_arm
 from besman.robot.files.mesh_folders import (
     MeshFolders,
     find_mesh_folders,
@@ -41,6 +42,9 @@ from besman.robot.urdf_file import place_meshes, read_urdf_text
 from besman.work.display import Display, no_display
 
 _RESERVED = ("add", "check", "show", "try")
+DESCRIPTIONS = (".urdf", ".xml", ".mjcf", ".xacro")
+"""Endings of files that describe arms."""
+
 _HEADER = """\
 # Written by besman robots add from {urdf}. Look at every number, above all at those under assumed.
 """
@@ -126,7 +130,7 @@ def _bring(file: Path, wishes: Wishes, show: Display, made: list[Path]) -> Path:
     """Write all files of an arm; each that is made is added to a list."""
     arm = read_mjcf(file) if is_mjcf(file.read_bytes()[:_HEAD_BYTES]) else None
     tree = read_urdf_text(file) if arm is None else arm.tree
-    name = _check_name(wishes.name or _usable_name(str(tree.get("name", ""))), file)
+    name = _check_name(wishes.name or _free_name(str(tree.get("name", ""))), file)
     folder = wishes.folder or file.parent
     path = folder / f"{name}.yaml"
     if path.exists():
@@ -205,9 +209,10 @@ def _write_new(path: Path, text: str) -> None:
         raise RobotError(f"{path}: cannot be written: {error.strerror}") from None
 
 
-def _usable_name(name: str) -> str:
-    """Return a name with what no file may be called replaced by "_"."""
-    return re.sub(r"[\s/\\:]+", "_", name.strip())[:_LONGEST_NAME]
+def _free_name(name: str) -> str:
+    """Return a name with what no file may be called replaced by "_", and another than robots here."""
+    usable = re.sub(r"[\s/\\:]+", "_", name.strip())[:_LONGEST_NAME]
+    return f"my_{usable}" if usable in (*list_robots(), *_RESERVED) else usable
 
 
 def _check_name(name: str, urdf: Path) -> str:
@@ -230,12 +235,17 @@ def _describe(
     chain = find_chain(tree, tip, urdf)
     held = _held_values(tree, tip, urdf)
     names = [str(joint.get("name")) for joint in chain]
+    known = find_known_arm(_titles(tree, urdf), len(chain))
     joints, assumed = read_joints(
         chain,
         urdf,
         parse_limit_list(wishes.velocity, "--velocity", names),
         parse_limit_list(wishes.torque, "--torque", names),
+        known,
     )
+    used = [joint["origin"][key] for joint in joints for key in joint["origin"]]
+    if known is not None and known.arm in used:
+        assumed.append(f"limits that the file does not give: {known.arm}'s, from {known.source}")
     refuse_faults(tree, urdf)
     notes = [] if wishes.tip else [f"tip: {tip}, the end of the longest chain"]
     folders, faults = _place_meshes(tree, urdf, wishes)
@@ -253,6 +263,12 @@ def _describe(
     notes += [f"joint {key} is held at {value:g}" for key, value in held.items()]
     notes += [*folders.guessed, *faults]
     return _complete(content, tree, urdf, path, [*notes, *assumed], show)
+
+
+def _titles(tree: ElementTree.Element, urdf: Path) -> list[str]:
+    """Return what an arm may be called by: its name, its file's, and its first joint's."""
+    first = next((str(joint.get("name")) for joint in tree.findall("joint")), "")
+    return [str(tree.get("name", "")), urdf.stem, first]
 
 
 def _relative(folder: Path, base: Path) -> str:

@@ -9,8 +9,9 @@ import numpy.typing as npt
 import pinocchio
 
 from besman.robot.collision import distances
-from besman.robot.kinematics import forward_kinematics, jacobian
+from besman.robot.kinematics import forward_kinematics
 from besman.robot.model import Robot
+from besman.robot.workspace import least_singular_values
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -176,11 +177,7 @@ def _cost(
 
 def _nearness_to_singular(robot: Robot, poses: FloatArray, reach: float) -> FloatArray:
     """Return 0 where an arm turns and moves in every direction, 1 where in one it does not."""
-    matrices = jacobian(robot.chain, poses)
-    matrices[:, :3] /= max(reach, 1e-6)
-    if robot.n < 6:
-        matrices = matrices[:, :3]
-    least = np.linalg.svd(matrices, compute_uv=False)[:, -1]
+    least = least_singular_values(robot, poses, reach)
     nearness: FloatArray = np.maximum(1.0 - least / 0.15, 0.0)
     return nearness
 
