@@ -37,7 +37,6 @@ from besman.robot.model import (
     mount_tool,
     read_robot_urdf,
 )
-from besman.robot.tool_shelf import tools_of
 from besman.robot.urdf_file import place_meshes, read_urdf_text
 from besman.work.display import Display, no_display
 
@@ -210,7 +209,7 @@ def _write_new(path: Path, text: str) -> None:
 
 
 def _free_name(name: str) -> str:
-    """Return a name with what no file may be called replaced by "_", and another than robots here."""
+    """Return a name that a file may bear, and that no robot here has."""
     usable = re.sub(r"[\s/\\:]+", "_", name.strip())[:_LONGEST_NAME]
     return f"my_{usable}" if usable in (*list_robots(), *_RESERVED) else usable
 
@@ -320,14 +319,20 @@ def _complete(
 ) -> dict[str, Any]:
     """Add what is computed: capsules, masses, torques, mounting, home, ignored pairs."""
     from besman.robot.files.fitted_shapes import assume_masses, fit_shapes, use_visual_shapes
-    from besman.robot.files.standing import arm_reach, assume_mounting, find_home, flange_rotation
+    from besman.robot.files.standing import (
+        SHORT_ARM_M,
+        arm_reach,
+        assume_mounting,
+        find_home,
+        flange_rotation,
+    )
     from besman.robot.files.touching_links import find_ignored_pairs, mesh_contacts
     from besman.robot.link_shapes import collision_shapes
     from besman.robot.pinocchio_model import build_model
 
     def model_now() -> Any:
         config = _as_config(content)
-        tool = mount_tool("none", tools_of(config)["none"], config.flange_wxyz)
+        tool = mount_tool("none", config)
         return config, build_model(config, tool, joint_limits(config.joints), tree, urdf, path)[0]
 
     visual = use_visual_shapes(tree)
@@ -362,6 +367,11 @@ def _complete(
     end(True)
     notes += [*said, *weights, *([flange] if flange else []), *ignored]
     notes.append("home: found by a search" + ("" if is_clear else ", nothing clear was found"))
+    if reach < SHORT_ARM_M:
+        content["tool_scale"] = max(round(reach / SHORT_ARM_M, 2), 0.01)
+        notes.append(
+            f"tools: {content['tool_scale']:.0%} of their length at least, for so short an arm"
+        )
     height = content["mounting"]["height_m"]
     notes.append(f"mounting: base {height:g} m above the floor, for a reach of {reach:.2f} m")
     content["assumed"] = notes

@@ -17,9 +17,14 @@ FloatArray = npt.NDArray[np.float64]
 
 # Shoulders of people and of the arms that come with besman are about this high.
 _SHOULDER_M = 1.1
+SHORT_ARM_M = 0.5
+"""Reach below which an arm gets shorter tools."""
+
 _LEAST_PEDESTAL_M = 0.05
 _PEDESTAL_SHARE = 0.1
-_ALONG_AXIS = 0.99
+ALONG_AXIS = 0.99
+"""Cosine of what counts as along an axis."""
+
 # The search for a home: how many at once, how often, and how fast it narrows.
 _CANDIDATES = 400
 _BEST = 40
@@ -85,6 +90,31 @@ def flange_rotation(model: Any, tip: str) -> tuple[FloatArray, str]:
     note : str
         "" where z does so already.
     """
+    outwards = outward_axis(model, tip)
+    z = np.array([0.0, 0.0, 1.0])
+    if outwards is None or outwards[2] > ALONG_AXIS or np.abs(outwards).max() < ALONG_AXIS:
+        return np.array([1.0, 0.0, 0.0, 0.0]), ""
+    quaternion = pinocchio.Quaternion.FromTwoVectors(z, outwards)
+    found = np.array([quaternion.w, quaternion.x, quaternion.y, quaternion.z])
+    letter = "xyz"[int(np.argmax(np.abs(outwards)))]
+    sign = "-" if outwards[np.argmax(np.abs(outwards))] < 0 else ""
+    return found, f"flange: {sign}{letter} of link {tip} points away from the arm, taken as its z"
+
+
+def outward_axis(model: Any, tip: str) -> FloatArray | None:
+    """Return where the last axis points away from the arm, in a link's frame, shape (3,).
+
+    Parameters
+    ----------
+    model : pinocchio.Model
+    tip : str
+        Link of the flange.
+
+    Returns
+    -------
+    array or None
+        A unit vector; None where neither way along the axis leads away.
+    """
     flange = model.frames[model.getFrameId(tip, pinocchio.FrameType.BODY)].placement
     axis = _last_axis(model)
     out = float(axis @ flange.translation)
@@ -92,15 +122,10 @@ def flange_rotation(model: Any, tip: str) -> tuple[FloatArray, str]:
         # The flange is at the joint: the way that led there points out.
         before = list(model.jointPlacements)[-1]
         out = float(axis @ (before.rotation.T @ before.translation))
-    outwards = flange.rotation.T @ (axis if out >= 0 else -axis)
-    z = np.array([0.0, 0.0, 1.0])
-    if abs(out) < 1e-3 or outwards[2] > _ALONG_AXIS or np.abs(outwards).max() < _ALONG_AXIS:
-        return np.array([1.0, 0.0, 0.0, 0.0]), ""
-    quaternion = pinocchio.Quaternion.FromTwoVectors(z, outwards)
-    found = np.array([quaternion.w, quaternion.x, quaternion.y, quaternion.z])
-    letter = "xyz"[int(np.argmax(np.abs(outwards)))]
-    sign = "-" if outwards[np.argmax(np.abs(outwards))] < 0 else ""
-    return found, f"flange: {sign}{letter} of link {tip} points away from the arm, taken as its z"
+    if abs(out) < 1e-3:
+        return None
+    outwards: FloatArray = flange.rotation.T @ (axis if out >= 0 else -axis)
+    return outwards
 
 
 def _last_axis(model: Any) -> FloatArray:

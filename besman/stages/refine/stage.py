@@ -252,10 +252,14 @@ def _seed_of(plan: AnyPlan) -> int:
 
 def check_tool(robot: Robot, task: Task) -> None:
     """Refuse a robot and a task that do not belong together: a RefinementError."""
-    if robot.tool.name != task.tool:
+    check_tool_name(robot.name, robot.tool.name, task)
+
+
+def check_tool_name(robot: str, tool: str, task: Task) -> None:
+    """Refuse a tool, by its name, that is not the task's: a RefinementError."""
+    if tool != task.tool:
         raise RefinementError(
-            f"task {task.kind}: robot {robot.name} carries tool {robot.tool.name!r}, "
-            f"expected {task.tool!r}"
+            f"task {task.kind}: robot {robot} carries tool {tool!r}, expected {task.tool!r}"
         )
 
 
