@@ -28,6 +28,11 @@ Cluster = Annotated[
 ]
 
 
+ToolName = Annotated[
+    str | None, typer.Option("--tool", help="A tool of the robot, or of tools/.", metavar="NAME")
+]
+
+
 ALL_CORES = os.cpu_count() or 1
 
 

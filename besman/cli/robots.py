@@ -8,6 +8,8 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
+from besman.cli.options import ALL_CORES, Jobs
+
 
 class _RobotsGroup(TyperGroup):
     """What is no command of ``robots`` is the name of a robot to show."""
@@ -19,13 +21,13 @@ class _RobotsGroup(TyperGroup):
 
 
 robots = typer.Typer(
-    cls=_RobotsGroup, invoke_without_command=True, subcommand_metavar="[NAME | add | check]"
+    cls=_RobotsGroup, invoke_without_command=True, subcommand_metavar="[NAME | add | check | try]"
 )
 
 
 @robots.callback()
 def _robots(context: typer.Context) -> None:
-    """Show which robots there are, or one in full; add and check your own."""
+    """Show which robots there are, or one in full; add, check and try your own."""
     if context.invoked_subcommand is None:
         from besman.cli.terminal import open_terminal
         from besman.report.robot_tables import robots_table
@@ -42,23 +44,30 @@ def _show_robot(name: Annotated[str, typer.Argument(help="A robot.")]) -> None:
     open_terminal().print(robot_table(name))
 
 
+Tip = Annotated[
+    str | None, typer.Option(help="Link that tools are mounted on; default the last one.")
+]
+Name = Annotated[str | None, typer.Option(help="Name; default the one in the file.")]
+Package = Annotated[
+    list[str] | None, typer.Option(help="NAME=FOLDER of package://NAME; repeatable.")
+]
+Velocity = Annotated[
+    str | None, typer.Option(help="Degrees/s where none is given: one, or one a joint, by ','.")
+]
+Torque = Annotated[
+    str | None, typer.Option(help="Nm where none is given: one, or one a joint, by ','.")
+]
+
+
 @robots.command("add")
 def _add_robot(
-    urdf: Annotated[Path, typer.Argument(help="URDF or MJCF of your arm.")],
-    tip: Annotated[
-        str | None, typer.Option(help="Link that tools are mounted on; default the last one.")
-    ] = None,
-    name: Annotated[str | None, typer.Option(help="Name; default the URDF's.")] = None,
-    out: Annotated[Path | None, typer.Option(help="Folder; default beside the URDF.")] = None,
-    package: Annotated[
-        list[str] | None, typer.Option(help="NAME=FOLDER of package://NAME; repeatable.")
-    ] = None,
-    velocity: Annotated[
-        str | None, typer.Option(help="Degrees/s where none is given: one, or one a joint, by ','.")
-    ] = None,
-    torque: Annotated[
-        str | None, typer.Option(help="Nm where none is given: one, or one a joint, by ','.")
-    ] = None,
+    file: Annotated[Path, typer.Argument(help="URDF, xacro or MJCF of your arm.")],
+    tip: Tip = None,
+    name: Name = None,
+    out: Annotated[Path | None, typer.Option(help="Folder; default beside the file.")] = None,
+    package: Package = None,
+    velocity: Velocity = None,
+    torque: Torque = None,
 ) -> None:
     """Write NAME.yaml for your own arm, and say what to look at in it."""
     from besman.cli.progress_bars import stage_display
@@ -68,7 +77,7 @@ def _add_robot(
 
     with stage_display() as show:
         path = add_robot(
-            urdf,
+            file,
             tip,
             name,
             out,
@@ -79,6 +88,47 @@ def _add_robot(
         )
     open_terminal().print(f"wrote {path}", soft_wrap=True)
     _print_doubts(str(path))
+
+
+@robots.command("try")
+def _try_robot(
+    robot: Annotated[
+        str, typer.Argument(help="A robot, a robot.yaml, or the URDF, xacro or MJCF of an arm.")
+    ],
+    tool: Annotated[str, typer.Option(help="What it carries.")] = "stick_holder",
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of page and run; default runs/try_NAME.")
+    ] = None,
+    tip: Tip = None,
+    name: Name = None,
+    package: Package = None,
+    velocity: Velocity = None,
+    torque: Torque = None,
+    jobs: Jobs = ALL_CORES,
+) -> None:
+    """Take the embedded throws to an arm and write a page: what it is, what it can do, why not."""
+    from besman.cli.progress_bars import stage_display
+    from besman.cli.terminal import open_terminal
+    from besman.robot.files.mesh_folders import parse_packages
+    from besman.robot.new_robot import Wishes
+    from besman.view.try_robot import try_robot
+
+    console = open_terminal()
+    wishes = Wishes(tip, name, None, parse_packages(package or []), velocity, torque)
+    with stage_display() as show:
+        tried = try_robot(
+            robot,
+            wishes,
+            tool,
+            out,
+            jobs=jobs,
+            show=show,
+            say=lambda line: console.print(line, soft_wrap=True),
+        )
+    for line in tried.said:
+        console.print(line, soft_wrap=True)
+    console.print(f"robot: {tried.robot}", soft_wrap=True)
+    console.print(f"page: {tried.page}", soft_wrap=True)
 
 
 @robots.command("check")

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from besman.cli.options import ALL_CORES, Cluster, Jobs, Json, Out, Recordings
+from besman.cli.options import ALL_CORES, Cluster, Jobs, Json, Out, Recordings, ToolName
 from besman.cli.run_folders import say_check
 from besman.exceptions import ConfigError
 
@@ -30,6 +30,7 @@ def run(
     settings: Annotated[
         list[str] | None, typer.Option("--set", help="KEY=VALUE, e.g. select.label=throw.")
     ] = None,
+    tool: ToolName = None,
     fresh: Annotated[str | None, typer.Option(help="Stage to compute anew.")] = None,
     jobs: Jobs = ALL_CORES,
     cluster: Cluster = None,
@@ -41,7 +42,8 @@ def run(
     from besman.pipeline.config import load_pipeline
     from besman.pipeline.pipeline import run_pipeline
 
-    config = load_pipeline(find_resource("pipelines", pipeline), tuple(settings or ()))
+    chosen = [*(settings or ()), *([] if tool is None else [f"tool={tool}"])]
+    config = load_pipeline(find_resource("pipelines", pipeline), tuple(chosen))
     folder = out or Path("runs") / config.name
     if video:
         from besman.report.video import check_video
@@ -128,6 +130,7 @@ def retarget(
         list[str] | None,
         typer.Option("--robot", help="Another robot than the run's; may be given several times."),
     ] = None,
+    tool: ToolName = None,
     out: Annotated[
         Path | None,
         typer.Option(help="Run folder, of several robots the folder of their run folders."),
@@ -142,7 +145,7 @@ def retarget(
     from besman.report.page import write_page
     from besman.report.robots import retargeted_table
 
-    plans = plan_retargeting(run, recordings, tuple(robots or ()), out)
+    plans = plan_retargeting(run, recordings, tuple(robots or ()), out, tool)
     with stage_display() as display:
         done = retarget_robots(plans, run, jobs=jobs, cluster=cluster, display=display)
     if len(done) == 1 and done[0].error is None:

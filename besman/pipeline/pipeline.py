@@ -20,7 +20,7 @@ from besman.pipeline.finished_run import trained_model
 from besman.pipeline.run_folder import Run
 from besman.records import JointTrajectory, LabelledRecording, LabelledSegments
 from besman.records.layers import side_of
-from besman.robot.model import Robot, find_robot, load_robot
+from besman.robot.model import Robot, find_tool, load_robot
 from besman.simulation.tasks.kinds import load_task
 from besman.stages.compose.actions import LevelModel
 from besman.stages.compose.stage import leave_out_actions, pick_level
@@ -30,6 +30,7 @@ from besman.stages.recognize.model import RecognitionModel
 from besman.stages.recognize.model_files import load_model
 from besman.stages.recognize.one_throw import OneThrowConfig
 from besman.stages.recognize.stage import RecognizeMethod
+from besman.stages.refine.stage import check_tool_name
 from besman.work.display import Display
 from besman.work.outcome import describe_error
 from besman.work.stopping import last_words
@@ -88,8 +89,8 @@ def run_pipeline(
         with _ends_in_order(run):
             run.start(pipeline_yaml(config), inputs.checksums)
             run.record_time(clock.row("read", Items(len(inputs.recordings), "recordings")))
-            # A name that leads nowhere is said before the first stage.
-            find_robot(config.robot)
+            # What leads nowhere is said before the first stage.
+            _check_arms(config)
             if config.recognize.model is not None:
                 load_model(Path(config.recognize.model))
             # Many small matrices: threads inside BLAS cost more than they bring.
@@ -173,6 +174,15 @@ def _learn_motions(
         run.step(f"robustness{arm}", refine.robustness, motions, robot, task)
         run.results[f"refine{arm}"]["robustness"] = run.results.pop(f"robustness{arm}")
     run.export(f"exports{arm}", motions, robot)
+
+
+def _check_arms(config: PipelineConfig) -> None:
+    """Refuse robots and tools that are not there, and tools that are not the task's."""
+    task = load_task(config.task)
+    for arm in (config, config.second_arm):
+        if arm is not None:
+            robot = find_tool(arm.robot, arm.tool)
+            check_tool_name(robot.name, arm.tool, task)
 
 
 def _known_truth(config: PipelineConfig, inputs: Inputs) -> Truth:

@@ -52,7 +52,11 @@ class Retargeted:
 
 
 def plan_retargeting(
-    run: Path, recordings: list[Path], robots: tuple[str, ...], out: Path | None
+    run: Path,
+    recordings: list[Path],
+    robots: tuple[str, ...],
+    out: Path | None,
+    tool: str | None = None,
 ) -> tuple[RetargetPlan, ...]:
     """Return what is to be done for each robot.
 
@@ -66,6 +70,8 @@ def plan_retargeting(
         Names or paths of robot.yaml; none: the run's own robot.
     out : Path, optional
         The run folder of one robot, the folder of the run folders of several.
+    tool : str, optional
+        Another tool than the run's.
 
     Raises
     ------
@@ -74,7 +80,7 @@ def plan_retargeting(
     """
     plans = []
     for robot in robots or (None,):
-        config = retarget_pipeline(run, recordings, robot)
+        config = retarget_pipeline(run, recordings, robot, tool)
         name = robot_title(config.robot)
         folder = out or run.with_name(f"{run.name}_{name}_{recordings[0].stem}")
         if out is not None and len(robots) > 1:
@@ -87,7 +93,7 @@ def plan_retargeting(
 
 
 def retarget_pipeline(
-    folder: Path, recordings: list[Path], robot: str | None = None
+    folder: Path, recordings: list[Path], robot: str | None = None, tool: str | None = None
 ) -> PipelineConfig:
     """Return a finished run's recipe for other recordings, and maybe another robot.
 
@@ -99,6 +105,8 @@ def retarget_pipeline(
         Files or folders.
     robot : str, optional
         A robot's name or the path of a robot.yaml.
+    tool : str, optional
+        One of its tools.
 
     Raises
     ------
@@ -114,6 +122,8 @@ def retarget_pipeline(
     }
     if robot is not None:
         changes["robot"] = own_file(robot, Path.cwd())
+    if tool is not None:
+        changes["tool"] = tool
     return config.model_copy(update=changes)
 
 

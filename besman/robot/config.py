@@ -22,6 +22,7 @@ PartName = Annotated[str, AfterValidator(_check_part_name)]
 """Name of a robot, joint, link or tool: it names columns of tables and bodies in other programs."""
 
 Triple = tuple[float, float, float]
+Share = Annotated[float, Field(gt=0, le=1)]
 
 
 _LONGEST_QUATERNION = 1000.0
@@ -56,6 +57,9 @@ class JointConfig(Config):
         Greatest absolute values, above zero: degrees/s, rad/s^2, Nm.
     home_deg : float
         Angle of the home configuration, degrees.
+    origin : dict of str
+        Where the numbers come from, by the names above, in words; what is not among them is in
+        ``SOURCES.md``.
     """
 
     name: PartName
@@ -64,6 +68,7 @@ class JointConfig(Config):
     acceleration_rad_s2: float
     torque_nm: float
     home_deg: float
+    origin: dict[str, str] = Field(default_factory=dict)
 
 
 class InertiaConfig(Config):
@@ -107,6 +112,9 @@ class ToolConfig(Config):
         Ends of the axis of a capsule that encloses the tool, in the flange's frame, metres.
     capsule_radius_m : float
         Its radius; no capsule if it is 0.
+    least_scale : float
+        How short it may be made for a small arm: its lengths, not the radius, and its mass with
+        them; 1 for a tool whose size is what it holds.
     """
 
     translation_m: Triple = (0.0, 0.0, 0.0)
@@ -116,6 +124,7 @@ class ToolConfig(Config):
     mass_kg: NotNegative = 0.0
     capsule_ends_m: tuple[Triple, Triple] = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     capsule_radius_m: NotNegative = 0.0
+    least_scale: Share = 1.0
 
 
 class MountingConfig(Config):
@@ -188,6 +197,8 @@ class RobotConfig(Config):
         a link's capsules alone.
     tools : dict of ToolConfig
         By name; a robot that names none has all of ``tools/NAME.yaml``.
+    tool_scale : float
+        Factor by which tools are made shorter for a small arm, as far as each may be.
     default_tool : str
         Used where none is named.
     assumed : tuple of str
@@ -207,5 +218,6 @@ class RobotConfig(Config):
     capsules: tuple[CapsuleConfig, ...] = ()
     ignored_pairs: tuple[tuple[PartName, PartName], ...] = ()
     tools: dict[PartName, ToolConfig] = Field(default_factory=dict)
+    tool_scale: Share = 1.0
     default_tool: str = "none"
     assumed: tuple[str, ...] = ()

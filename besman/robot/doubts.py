@@ -15,6 +15,7 @@ from besman.robot.collision import distances
 from besman.robot.config import RobotConfig
 from besman.robot.kinematics import manipulability
 from besman.robot.model import Robot, find_robot, load_robot, read_robot_urdf
+from besman.robot.shape_doubts import flange_doubts, overlap_doubts, shape_doubts
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -65,16 +66,17 @@ def check_robot(name_or_path: str | Path) -> list[Doubt]:
     path = find_robot(name_or_path)
     config = load_config(path, RobotConfig)
     doubts = [Doubt("assumed", text) for text in config.assumed]
-    if not path.with_name("SOURCES.md").is_file():
+    told = all(joint.origin for joint in config.joints)
+    if not told and not path.with_name("SOURCES.md").is_file():
         doubts.append(Doubt("doubtful", "no SOURCES.md beside it: no number has an origin"))
     missing = _zero_limits(config) + _missing_meshes(config, path)
     try:
         robot = load_robot(path)
     except BesmanError as error:
         return [*missing, *([] if missing else [Doubt("missing", str(error))]), *doubts]
-    return (
-        missing + _fast_limits(robot) + _inertias(robot) + _capsules(robot) + _home(robot) + doubts
-    )
+    found = missing + _fast_limits(robot) + _inertias(robot) + _capsules(robot)
+    found += _shapes(robot, config, path) + _home(robot)
+    return found + doubts
 
 
 def _zero_limits(config: RobotConfig) -> list[Doubt]:
@@ -158,6 +160,14 @@ def _capsules(robot: Robot) -> list[Doubt]:
     if len(bare) == robot.n:
         return [Doubt("doubtful", "no capsules: collisions are not seen")]
     return [Doubt("doubtful", f"no capsule on what joint {name} moves") for name in bare]
+
+
+def _shapes(robot: Robot, config: RobotConfig, path: Path) -> list[Doubt]:
+    """Find capsules that do not fit, links that always touch, and a flange that looks aside."""
+    unusable: dict[str, str] = {}
+    tree, urdf = read_robot_urdf(config, path, unusable)
+    said = flange_doubts(robot) + overlap_doubts(robot) + shape_doubts(robot, tree, urdf)
+    return [Doubt("doubtful", text) for text in said]
 
 
 def _home(robot: Robot) -> list[Doubt]:

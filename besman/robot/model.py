@@ -19,7 +19,7 @@ from besman.foreign.names import fault_of_characters
 from besman.foreign.paths import is_file
 from besman.geometry.frames import quaternion_to_rotation
 from besman.records.files import digest
-from besman.robot.config import JointConfig, Quaternion, RobotConfig, ToolConfig
+from besman.robot.config import JointConfig, RobotConfig
 from besman.robot.parts import Chain, FloatArray, JointLimits, Tool, read_only
 from besman.robot.tool_shelf import tools_of
 from besman.robot.urdf_file import read_urdf
@@ -129,18 +129,36 @@ def load_robot(name_or_path: str | Path, tool: str | None = None) -> Robot:
         If the robot.yaml is not valid.
     """
     path = find_robot(name_or_path)
-    config = load_config(path, RobotConfig)
+    config = find_tool(path, tool)
     _check_name(config.name, path)
     tool_name = config.default_tool if tool is None else tool
-    tools = tools_of(config)
-    if tool_name not in tools:
-        raise RobotError(f"{path}: no tool {tool_name!r}; {nearest(tool_name, tools)}")
     for joint in config.joints:
         _check_limits(joint, path)
     own = path.parent == resource_folder("robots") / config.name
     source = config.name if own else str(path.resolve())
     tree, urdf = read_robot_urdf(config, path)
     return build_robot(config, tool_name, tree, urdf, path, source)
+
+
+def find_tool(name_or_path: str | Path, tool: str | None = None) -> RobotConfig:
+    """Return the config of a robot that has a tool; nothing more is looked at.
+
+    Parameters
+    ----------
+    name_or_path, tool
+        As of `load_robot`.
+
+    Raises
+    ------
+    RobotError, ConfigError
+        If robot or tool is not there, or the robot.yaml is not valid.
+    """
+    path = find_robot(name_or_path)
+    config = load_config(path, RobotConfig)
+    name, tools = config.default_tool if tool is None else tool, tools_of(config)
+    if name not in tools:
+        raise RobotError(f"{path}: no tool {name!r}; {nearest(name, tools)}")
+    return config
 
 
 @lru_cache(maxsize=8)
@@ -305,7 +323,7 @@ def build_robot(
         ) from None
 
     limits = joint_limits(config.joints)
-    tool = mount_tool(tool_name, tools_of(config)[tool_name], config.flange_wxyz)
+    tool = mount_tool(tool_name, config)
     model, tip_frame = pinocchio_model.build_model(config, tool, limits, tree, urdf, path)
     chain = pinocchio_model.build_chain(model, tip_frame, config, tool, tree, urdf, path)
     content = {
@@ -341,21 +359,32 @@ def joint_limits(joints: tuple[JointConfig, ...]) -> JointLimits:
     )
 
 
-def mount_tool(name: str, config: ToolConfig, flange_wxyz: Quaternion) -> Tool:
-    """Turn a tool's config into matrices, in the frame of the link it is mounted on."""
+def mount_tool(name: str, config: RobotConfig) -> Tool:
+    """Turn a tool's config into matrices, in the frame of the link it is mounted on.
+
+    Parameters
+    ----------
+    name : str
+        One of the robot's tools.
+    config : RobotConfig
+        Says how the flange is turned, and how small tools are.
+    """
+    tool = tools_of(config)[name]
+    scale = max(config.tool_scale, tool.least_scale)
     flange = np.eye(4)
-    flange[:3, :3] = quaternion_to_rotation(flange_wxyz)
+    flange[:3, :3] = quaternion_to_rotation(config.flange_wxyz)
     tcp2flange = np.eye(4)
-    tcp2flange[:3, :3] = quaternion_to_rotation(config.rotation_wxyz)
-    tcp2flange[:3, 3] = config.translation_m
+    tcp2flange[:3, :3] = quaternion_to_rotation(tool.rotation_wxyz)
+    tcp2flange[:3, 3] = scale * np.array(tool.translation_m)
     tcp2hand = np.eye(4)
-    tcp2hand[:3, :3] = quaternion_to_rotation(config.hand_to_tcp_wxyz)
-    tcp2hand[:3, 3] = config.hand_to_tcp_m
+    tcp2hand[:3, :3] = quaternion_to_rotation(tool.hand_to_tcp_wxyz)
+    tcp2hand[:3, 3] = tool.hand_to_tcp_m
     return Tool(
         name=name,
         tcp2flange=read_only(flange @ tcp2flange),
         tcp2hand=read_only(tcp2hand),
-        mass=config.mass_kg,
-        capsule_ends=read_only(np.array(config.capsule_ends_m) @ flange[:3, :3].T),
-        capsule_radius=config.capsule_radius_m,
+        mass=scale * tool.mass_kg,
+        capsule_ends=read_only(scale * np.array(tool.capsule_ends_m) @ flange[:3, :3].T),
+        capsule_radius=tool.capsule_radius_m,
+        scale=scale,
     )

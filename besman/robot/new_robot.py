@@ -20,6 +20,7 @@ from besman.robot.collision import distances
 from besman.robot.config import RobotConfig
 from besman.robot.files.arm_chain import find_chain, find_tip, held_joints
 from besman.robot.files.joint_limits import assume_torques, parse_limit_list, read_joints
+from besman.robot.files.known_limits import find_known_arm
 from besman.robot.files.mesh_folders import (
     MeshFolders,
     find_mesh_folders,
@@ -36,11 +37,13 @@ from besman.robot.model import (
     mount_tool,
     read_robot_urdf,
 )
-from besman.robot.tool_shelf import tools_of
 from besman.robot.urdf_file import place_meshes, read_urdf_text
 from besman.work.display import Display, no_display
 
 _RESERVED = ("add", "check", "show", "try")
+DESCRIPTIONS = (".urdf", ".xml", ".mjcf", ".xacro")
+"""Endings of files that describe arms."""
+
 _HEADER = """\
 # Written by besman robots add from {urdf}. Look at every number, above all at those under assumed.
 """
@@ -126,7 +129,7 @@ def _bring(file: Path, wishes: Wishes, show: Display, made: list[Path]) -> Path:
     """Write all files of an arm; each that is made is added to a list."""
     arm = read_mjcf(file) if is_mjcf(file.read_bytes()[:_HEAD_BYTES]) else None
     tree = read_urdf_text(file) if arm is None else arm.tree
-    name = _check_name(wishes.name or _usable_name(str(tree.get("name", ""))), file)
+    name = _check_name(wishes.name or _free_name(str(tree.get("name", ""))), file)
     folder = wishes.folder or file.parent
     path = folder / f"{name}.yaml"
     if path.exists():
@@ -205,9 +208,10 @@ def _write_new(path: Path, text: str) -> None:
         raise RobotError(f"{path}: cannot be written: {error.strerror}") from None
 
 
-def _usable_name(name: str) -> str:
-    """Return a name with what no file may be called replaced by "_"."""
-    return re.sub(r"[\s/\\:]+", "_", name.strip())[:_LONGEST_NAME]
+def _free_name(name: str) -> str:
+    """Return a name that a file may bear, and that no robot here has."""
+    usable = re.sub(r"[\s/\\:]+", "_", name.strip())[:_LONGEST_NAME]
+    return f"my_{usable}" if usable in (*list_robots(), *_RESERVED) else usable
 
 
 def _check_name(name: str, urdf: Path) -> str:
@@ -230,12 +234,17 @@ def _describe(
     chain = find_chain(tree, tip, urdf)
     held = _held_values(tree, tip, urdf)
     names = [str(joint.get("name")) for joint in chain]
+    known = find_known_arm(_titles(tree, urdf), len(chain))
     joints, assumed = read_joints(
         chain,
         urdf,
         parse_limit_list(wishes.velocity, "--velocity", names),
         parse_limit_list(wishes.torque, "--torque", names),
+        known,
     )
+    used = [joint["origin"][key] for joint in joints for key in joint["origin"]]
+    if known is not None and known.arm in used:
+        assumed.append(f"limits that the file does not give: {known.arm}'s, from {known.source}")
     refuse_faults(tree, urdf)
     notes = [] if wishes.tip else [f"tip: {tip}, the end of the longest chain"]
     folders, faults = _place_meshes(tree, urdf, wishes)
@@ -253,6 +262,12 @@ def _describe(
     notes += [f"joint {key} is held at {value:g}" for key, value in held.items()]
     notes += [*folders.guessed, *faults]
     return _complete(content, tree, urdf, path, [*notes, *assumed], show)
+
+
+def _titles(tree: ElementTree.Element, urdf: Path) -> list[str]:
+    """Return what an arm may be called by: its name, its file's, and its first joint's."""
+    first = next((str(joint.get("name")) for joint in tree.findall("joint")), "")
+    return [str(tree.get("name", "")), urdf.stem, first]
 
 
 def _relative(folder: Path, base: Path) -> str:
@@ -304,14 +319,20 @@ def _complete(
 ) -> dict[str, Any]:
     """Add what is computed: capsules, masses, torques, mounting, home, ignored pairs."""
     from besman.robot.files.fitted_shapes import assume_masses, fit_shapes, use_visual_shapes
-    from besman.robot.files.standing import arm_reach, assume_mounting, find_home, flange_rotation
+    from besman.robot.files.standing import (
+        SHORT_ARM_M,
+        arm_reach,
+        assume_mounting,
+        find_home,
+        flange_rotation,
+    )
     from besman.robot.files.touching_links import find_ignored_pairs, mesh_contacts
     from besman.robot.link_shapes import collision_shapes
     from besman.robot.pinocchio_model import build_model
 
     def model_now() -> Any:
         config = _as_config(content)
-        tool = mount_tool("none", tools_of(config)["none"], config.flange_wxyz)
+        tool = mount_tool("none", config)
         return config, build_model(config, tool, joint_limits(config.joints), tree, urdf, path)[0]
 
     visual = use_visual_shapes(tree)
@@ -346,6 +367,11 @@ def _complete(
     end(True)
     notes += [*said, *weights, *([flange] if flange else []), *ignored]
     notes.append("home: found by a search" + ("" if is_clear else ", nothing clear was found"))
+    if reach < SHORT_ARM_M:
+        content["tool_scale"] = max(round(reach / SHORT_ARM_M, 2), 0.01)
+        notes.append(
+            f"tools: {content['tool_scale']:.0%} of their length at least, for so short an arm"
+        )
     height = content["mounting"]["height_m"]
     notes.append(f"mounting: base {height:g} m above the floor, for a reach of {reach:.2f} m")
     content["assumed"] = notes

@@ -51,6 +51,8 @@ class Tool:
         Ends of the axis of the capsule around the tool, in the flange's frame, metres.
     capsule_radius : float
         Metres; 0 for no capsule.
+    scale : float
+        Factor by which it is shorter than ``tools/NAME.yaml`` has it.
     """
 
     name: str
@@ -59,6 +61,7 @@ class Tool:
     mass: float
     capsule_ends: FloatArray
     capsule_radius: float
+    scale: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,9 +1,11 @@
 """New demonstrations for several robots: what is to be done, and what is said if it fails."""
 
+import sys
 from pathlib import Path
 
 import pytest
 
+from besman.cli import main
 from besman.exceptions import ConfigError, RobotError, RunError
 from besman.pipeline import retarget
 from besman.pipeline.retarget import (
@@ -34,6 +36,26 @@ def test_several_robots_have_folders_of_their_own(small_run, tmp_path):
         plan_retargeting(small_run, [FILE], ("ur10", "ur10"), None)
     with pytest.raises(RunError, match=r"not a run: pipeline\.yaml is missing"):
         plan_retargeting(tmp_path, [FILE], (), None)
+
+
+def test_a_tool_may_be_another(small_run):
+    (plan,) = plan_retargeting(small_run, [FILE], (), None, "scoop")
+    assert (plan.config.robot, plan.config.tool) == ("ur5", "scoop")
+
+
+def test_a_tool_is_refused_before_the_first_stage(tmp_path, monkeypatch, capsys):
+    out = tmp_path / "run"
+    for tool, message in (
+        ("scoop", "task stick_throw: robot ur5 carries tool 'scoop', expected 'stick_holder'"),
+        ("scop", "no tool 'scop'; did you mean 'scoop'"),
+    ):
+        arguments = ["besman", "run", "ur5_stick_throw", "--tool", tool, "--out", str(out)]
+        monkeypatch.setattr(sys, "argv", arguments)
+        with pytest.raises(SystemExit) as end:
+            main.main()
+        assert end.value.code == 2
+        assert message in " ".join(capsys.readouterr().err.split())
+        assert not list(out.glob("0*"))
 
 
 def test_what_fails_for_one_robot_does_not_stop_the_others(monkeypatch):

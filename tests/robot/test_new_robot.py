@@ -163,7 +163,6 @@ def test_a_hinge_without_end(tmp_path):
         ({"LIMIT": LIMIT.replace('"50"', '"0"')}, "assumed", "torque of a: "),
         ({"LIMIT": LIMIT.replace('"2"', '"50"')}, "doubtful", "joint a: a speed of 2865"),
         ({"LIMIT": LIMIT.replace('"50"', '"0.01"')}, "doubtful", "joint a would need"),
-        ({}, "doubtful", "no SOURCES.md"),
         ({}, "assumed", "accelerations of all joints"),
     ],
 )
@@ -196,6 +195,19 @@ def test_a_mesh_that_is_not_there(tmp_path):
     path = add_robot(write_urdf(tmp_path), "hand")
     write_urdf(tmp_path, SHAPE='<mesh filename="no.stl"/>')
     assert any("no.stl: no such file" in doubt.text for doubt in check_robot(path))
+
+
+def test_numbers_without_an_origin_are_doubtful(tmp_path):
+    path = add_robot(write_urdf(tmp_path), "hand")
+    content = yaml.safe_load(path.read_text())
+    assert {word for joint in content["joints"] for word in joint["origin"].values()} == {
+        "the file",
+        "assumed",
+    }
+    assert not any("SOURCES.md" in doubt.text for doubt in check_robot(path))
+    del content["joints"][0]["origin"]
+    path.write_text(yaml.safe_dump(content))
+    assert any("no SOURCES.md beside it" in doubt.text for doubt in check_robot(path))
 
 
 def test_robots_that_are_there_miss_nothing():

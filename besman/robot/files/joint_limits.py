@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -12,9 +12,12 @@ import numpy as np
 
 from besman.exceptions import RobotError
 from besman.foreign.numbers import parse_number
+from besman.robot.files.known_limits import KnownArm
 
 # URDF has no limits of acceleration; this is what planners take for arms of which nothing is known.
 ACCELERATION_RAD_S2 = 10.0
+FILE, WISHED, ASSUMED = "the file", "the command", "assumed"
+"""Where a limit comes from; what a maker publishes bears the arm's name."""
 _SPEED_RAD_S = math.radians(120.0)
 # A share above what gravity and the assumed acceleration ask for at most.
 _TORQUE_RESERVE = 1.5
@@ -52,10 +55,12 @@ def read_joints(
     urdf: Path,
     velocity_deg_s: Sequence[float] | None,
     torque_nm: Sequence[float] | None,
+    known: KnownArm | None = None,
 ) -> tuple[list[dict[str, Any]], list[str]]:
     """Return the joints of a robot.yaml and what is assumed in them.
 
-    Zero, or nothing, means that a limit is not given: it is taken from the options, else assumed.
+    Zero, or nothing, means that a limit is not given: it is taken from the options, else from what
+    the arm's maker publishes, else assumed.
     Torques that nobody gives are None here; see `assume_torques`.
 
     Parameters
@@ -66,37 +71,72 @@ def read_joints(
         Named in errors.
     velocity_deg_s, torque_nm : list of float, optional
         For each joint, used where the URDF has none.
+    known : KnownArm, optional
+        Published figures of as many joints.
 
     Raises
     ------
     RobotError
         If a limit is no number, or the lower one is not below the upper one.
     """
-    joints, assumed = [], []
+    joints: list[dict[str, Any]] = []
+    assumed: list[str] = []
     for index, joint in enumerate(chain):
         name = str(joint.get("name"))
         low, high, note = _range(joint, urdf)
         assumed += note
-        speed = _positive(joint, "velocity", urdf, _FASTEST_RAD_S)
-        if speed is None and velocity_deg_s is not None:
-            speed = math.radians(velocity_deg_s[index])
-        elif speed is None:
-            speed = _SPEED_RAD_S
-            assumed.append(f"speed of {name}: {math.degrees(speed):.0f} degrees/s, not given")
-        torque = _positive(joint, "effort", urdf, _STRONGEST_NM)
-        if torque is None and torque_nm is not None:
-            torque = torque_nm[index]
+        given = {
+            "velocity_deg_s": _in_degrees(_positive(joint, "velocity", urdf, _FASTEST_RAD_S)),
+            "torque_nm": _positive(joint, "effort", urdf, _STRONGEST_NM),
+            "acceleration_rad_s2": None,
+        }
+        wished = {"velocity_deg_s": velocity_deg_s, "torque_nm": torque_nm}
+        chosen, origin = _choose(given, wished, known, index)
+        origin["position_deg"] = ASSUMED if note else FILE
+        speed = chosen["velocity_deg_s"]
+        if speed is None:
+            speed = math.degrees(_SPEED_RAD_S)
+            assumed.append(f"speed of {name}: {speed:.0f} degrees/s, not given")
         joints.append(
             {
                 "name": name,
                 "position_deg": [round(low, 6), round(high, 6)],
-                "velocity_deg_s": round(math.degrees(speed), 6),
-                "acceleration_rad_s2": ACCELERATION_RAD_S2,
-                "torque_nm": torque,
+                "velocity_deg_s": round(speed, 6),
+                "acceleration_rad_s2": chosen["acceleration_rad_s2"] or ACCELERATION_RAD_S2,
+                "torque_nm": chosen["torque_nm"],
                 "home_deg": round(0.0 if low < 0.0 < high else (low + high) / 2, 6),
+                "origin": origin,
             }
         )
-    return joints, [*assumed, "accelerations of all joints"]
+    if all(joint["origin"]["acceleration_rad_s2"] == ASSUMED for joint in joints):
+        assumed.append("accelerations of all joints")
+    return joints, assumed
+
+
+def _choose(
+    given: Mapping[str, float | None],
+    wished: Mapping[str, Sequence[float] | None],
+    known: KnownArm | None,
+    index: int,
+) -> tuple[dict[str, float | None], dict[str, str]]:
+    """Take each limit of a joint from the file, the options or the published figures; say which."""
+    chosen, origin = dict(given), {}
+    for key, value in given.items():
+        own = wished.get(key)
+        published = known.limits.get(key) if known is not None else None
+        if value is not None:
+            origin[key] = FILE
+        elif own is not None:
+            chosen[key], origin[key] = own[index], WISHED
+        elif known is not None and published is not None:
+            chosen[key], origin[key] = published[index], known.arm
+        else:
+            origin[key] = ASSUMED
+    return chosen, origin
+
+
+def _in_degrees(angle: float | None) -> float | None:
+    return None if angle is None else math.degrees(angle)
 
 
 def _range(joint: ElementTree.Element, urdf: Path) -> tuple[float, float, list[str]]:

@@ -9,16 +9,22 @@ import numpy.typing as npt
 import pinocchio
 
 from besman.robot.collision import distances
-from besman.robot.kinematics import forward_kinematics, jacobian
+from besman.robot.kinematics import forward_kinematics
 from besman.robot.model import Robot
+from besman.robot.workspace import least_singular_values
 
 FloatArray = npt.NDArray[np.float64]
 
 # Shoulders of people and of the arms that come with besman are about this high.
 _SHOULDER_M = 1.1
+SHORT_ARM_M = 0.5
+"""Reach below which an arm gets shorter tools."""
+
 _LEAST_PEDESTAL_M = 0.05
 _PEDESTAL_SHARE = 0.1
-_ALONG_AXIS = 0.99
+ALONG_AXIS = 0.99
+"""Cosine of what counts as along an axis."""
+
 # The search for a home: how many at once, how often, and how fast it narrows.
 _CANDIDATES = 400
 _BEST = 40
@@ -84,6 +90,31 @@ def flange_rotation(model: Any, tip: str) -> tuple[FloatArray, str]:
     note : str
         "" where z does so already.
     """
+    outwards = outward_axis(model, tip)
+    z = np.array([0.0, 0.0, 1.0])
+    if outwards is None or outwards[2] > ALONG_AXIS or np.abs(outwards).max() < ALONG_AXIS:
+        return np.array([1.0, 0.0, 0.0, 0.0]), ""
+    quaternion = pinocchio.Quaternion.FromTwoVectors(z, outwards)
+    found = np.array([quaternion.w, quaternion.x, quaternion.y, quaternion.z])
+    letter = "xyz"[int(np.argmax(np.abs(outwards)))]
+    sign = "-" if outwards[np.argmax(np.abs(outwards))] < 0 else ""
+    return found, f"flange: {sign}{letter} of link {tip} points away from the arm, taken as its z"
+
+
+def outward_axis(model: Any, tip: str) -> FloatArray | None:
+    """Return where the last axis points away from the arm, in a link's frame, shape (3,).
+
+    Parameters
+    ----------
+    model : pinocchio.Model
+    tip : str
+        Link of the flange.
+
+    Returns
+    -------
+    array or None
+        A unit vector; None where neither way along the axis leads away.
+    """
     flange = model.frames[model.getFrameId(tip, pinocchio.FrameType.BODY)].placement
     axis = _last_axis(model)
     out = float(axis @ flange.translation)
@@ -91,15 +122,10 @@ def flange_rotation(model: Any, tip: str) -> tuple[FloatArray, str]:
         # The flange is at the joint: the way that led there points out.
         before = list(model.jointPlacements)[-1]
         out = float(axis @ (before.rotation.T @ before.translation))
-    outwards = flange.rotation.T @ (axis if out >= 0 else -axis)
-    z = np.array([0.0, 0.0, 1.0])
-    if abs(out) < 1e-3 or outwards[2] > _ALONG_AXIS or np.abs(outwards).max() < _ALONG_AXIS:
-        return np.array([1.0, 0.0, 0.0, 0.0]), ""
-    quaternion = pinocchio.Quaternion.FromTwoVectors(z, outwards)
-    found = np.array([quaternion.w, quaternion.x, quaternion.y, quaternion.z])
-    letter = "xyz"[int(np.argmax(np.abs(outwards)))]
-    sign = "-" if outwards[np.argmax(np.abs(outwards))] < 0 else ""
-    return found, f"flange: {sign}{letter} of link {tip} points away from the arm, taken as its z"
+    if abs(out) < 1e-3:
+        return None
+    outwards: FloatArray = flange.rotation.T @ (axis if out >= 0 else -axis)
+    return outwards
 
 
 def _last_axis(model: Any) -> FloatArray:
@@ -176,11 +202,7 @@ def _cost(
 
 def _nearness_to_singular(robot: Robot, poses: FloatArray, reach: float) -> FloatArray:
     """Return 0 where an arm turns and moves in every direction, 1 where in one it does not."""
-    matrices = jacobian(robot.chain, poses)
-    matrices[:, :3] /= max(reach, 1e-6)
-    if robot.n < 6:
-        matrices = matrices[:, :3]
-    least = np.linalg.svd(matrices, compute_uv=False)[:, -1]
+    least = least_singular_values(robot, poses, reach)
     nearness: FloatArray = np.maximum(1.0 - least / 0.15, 0.0)
     return nearness
 

@@ -65,6 +65,8 @@ class RefinementConfig(Stage):
     pool : bool
         All motions search side by side for the same target, that of the demonstration in the
         middle; the first that succeeds ends it, and the best alone is the result.
+    motions : int or None
+        Only so many are refined, those whose imitation comes nearest to the target; null for all.
     robustness : RobustnessConfig or None
         In which perturbed models the refined motions are tried; null for none. No part of the
         search.
@@ -79,6 +81,7 @@ class RefinementConfig(Stage):
     units: UnitsConfig = UnitsConfig()
     bound: Annotated[float, Field(gt=0)] | None = None
     pool: bool = False
+    motions: Annotated[int, Field(ge=1)] | None = None
     robustness: RobustnessConfig | None = RobustnessConfig()
 
     keeps_checkpoints: ClassVar[bool] = True
@@ -145,7 +148,7 @@ class RefinementConfig(Stage):
         -------
         tuple of RefinedMotion
             In the order of the plans. Each is what it would be if it were refined alone. Of a
-            pool the best alone.
+            pool the best alone; of `motions` those that were chosen.
 
         Raises
         ------
@@ -153,6 +156,11 @@ class RefinementConfig(Stage):
             If a plan and the task or the robot do not belong together.
         """
         check_tool(robot, task)
+        if self.motions is not None:
+            from besman.stages.refine.choice import nearest_plans
+
+            placed = [place_plan(plan, robot, task) for plan in plans]
+            plans = nearest_plans(placed, robot, task, self.motions, work.jobs)
         if self.pool:
             return (self._refine_side_by_side(plans, robot, task, work),)
         refine = partial(self._refine, robot=robot, task=task, folder=work.checkpoints)
@@ -244,10 +252,14 @@ def _seed_of(plan: AnyPlan) -> int:
 
 def check_tool(robot: Robot, task: Task) -> None:
     """Refuse a robot and a task that do not belong together: a RefinementError."""
-    if robot.tool.name != task.tool:
+    check_tool_name(robot.name, robot.tool.name, task)
+
+
+def check_tool_name(robot: str, tool: str, task: Task) -> None:
+    """Refuse a tool, by its name, that is not the task's: a RefinementError."""
+    if tool != task.tool:
         raise RefinementError(
-            f"task {task.kind}: robot {robot.name} carries tool {robot.tool.name!r}, "
-            f"expected {task.tool!r}"
+            f"task {task.kind}: robot {robot} carries tool {tool!r}, expected {task.tool!r}"
         )
 
 

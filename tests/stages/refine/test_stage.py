@@ -12,6 +12,7 @@ from besman.robot.mujoco_model import matrix_to_quaternion
 from besman.simulation.perturbed_trials import finer_task
 from besman.simulation.tasks.kinds import load_task
 from besman.simulation.trial import try_plans
+from besman.stages.refine.choice import nearest_plans
 from besman.stages.refine.stage import CmaEsConfig, refine_results
 
 THROW, REACH = load_task("stick_throw"), load_task("reach")
@@ -151,6 +152,17 @@ def test_results(motions):
     assert results["success_radius_m"] == 0.05
     assert results["miss_m"]["max"] == max(motion.miss for motion in motions)
     assert results["episodes"]["median"] == np.median([len(m.returns) for m in motions])
+
+
+def test_of_many_motions_those_are_refined_that_land_nearest(robot, plans):
+    trials = try_plans(robot, THROW, plans)
+    assert trials[1].miss < trials[0].miss
+    never = replace(plans[0], target=plans[0].target + [9.0, 0, 0], name="c")
+    (motion,) = CmaEsConfig(episodes=1, motions=1).run((never, *plans), robot, THROW)
+    assert motion.plan.name == "b"
+    found = nearest_plans((never, *plans), robot, THROW, 2)
+    assert [plan.name for plan in found] == ["a", "b"]
+    assert nearest_plans(plans, robot, THROW, 2) == plans
 
 
 def test_what_does_not_belong_together_is_refused(robot, make_plan):

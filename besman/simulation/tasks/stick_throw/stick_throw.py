@@ -116,7 +116,7 @@ def stick_throw_model(robot: Robot, task: StickThrowConfig) -> mujoco.MjModel:
     spec.option.solver = mujoco.mjtSolver.mjSOL_CG
     spec.option.tolerance = 1e-7
     holder = add_tool_body(last, robot, "holder")
-    _add_holder(holder, task)
+    _add_holder(holder, task, _holder_length(robot, task))
     stick = spec.worldbody.add_body(name="stick")
     stick.add_freejoint()
     _add_stick(stick, task)
@@ -133,7 +133,12 @@ def _contact(task: StickThrowConfig) -> dict[str, list[float]]:
     return contact(task.simulation.contact_time_s, task.holder.friction)
 
 
-def _add_holder(holder: Any, task: StickThrowConfig) -> None:
+def _holder_length(robot: Robot, task: StickThrowConfig) -> float:
+    """Return how long the tube is, metres: a small arm's is shorter."""
+    return task.holder.length_m * robot.tool.scale
+
+
+def _add_holder(holder: Any, task: StickThrowConfig, length: float) -> None:
     """Add a square tube: plates that the stick's tail meets, and a lip that its shaft meets.
 
     A rod that is longer than its tube touches it with its tail and at the opening only. Both are
@@ -143,7 +148,7 @@ def _add_holder(holder: Any, task: StickThrowConfig) -> None:
     import mujoco
 
     inner = task.stick.radius_m + task.holder.clearance_m
-    length, outer = task.holder.length_m, inner + 2 * _WALL_M
+    outer = inner + 2 * _WALL_M
     plates = [([0.0, 0.0, -_WALL_M], [outer, outer, _WALL_M])]
     for axis, side in product((0, 1), (-1.0, 1.0)):
         position, size = [0.0, 0.0, length / 2], [outer, outer, length / 2]
@@ -221,7 +226,7 @@ def simulate_stick_throws(
     """
     model = stick_throw_model(robot, task)
     initial = lay_in_tool(model, movements.positions[:, 0], task.stick.length_m / 2)
-    length = task.holder.length_m
+    length = _holder_length(robot, task)
 
     def is_clear(tail: FloatArray) -> npt.NDArray[np.bool_]:
         ahead = tail[..., 2] - length
