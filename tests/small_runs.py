@@ -9,9 +9,22 @@ from besman.config.stage import Stage, Work
 from besman.motion.dmp import roll_out
 from besman.pipeline.run_folder import Run
 from besman.records import RefinedMotion, Segments
+from besman.stages.select.stage import SelectConfig
 
 CALLS = []
 START = Segments([[0, 9]], 0.0, 1.0, "x")
+
+
+def keep_demonstrations(monkeypatch, n):
+    """Have only the first n demonstrations go on to the robot; return a list of all, once found."""
+    select, found = SelectConfig.run, []
+
+    def select_some(*arguments, **options):
+        found[:] = select(*arguments, **options)
+        return tuple(found[:n])
+
+    monkeypatch.setattr(SelectConfig, "run", select_some)
+    return found
 
 
 class Cut(Stage):

@@ -2,14 +2,14 @@
 
 import importlib.util
 import json
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from command_line import besman
 from rich.console import Console
 from scipy.spatial.distance import cdist
+from small_runs import keep_demonstrations
 
 from besman.cli import main as cli
 from besman.evaluation import mapping as study
@@ -35,6 +35,7 @@ from besman.robot.kinematics import forward_kinematics
 from besman.robot.model import load_robot
 from besman.stages.map.stage import MapConfig
 from besman.synthetic.datasets import write_synthetic
+from besman.work.in_worker import peak_rss_mb
 
 UR5 = load_robot("ur5", "stick_holder")
 QUICK = MapConfig(evaluations=20, yaw=False)
@@ -289,27 +290,13 @@ def test_bad_requests(tmp_path):
         evaluate_mapping([own], ["ur5", "ur5"])
 
 
-# The command, but with fewer placements to try than usual.
-COMMAND = """
-import sys
-
-from besman.cli.main import main
-from besman.evaluation import mapping
-from besman.stages.map.stage import MapConfig
-
-few = MapConfig(evaluations=20, yaw=False)
-mapping.evaluate_mapping.__kwdefaults__["config"] = few
-main()
-"""
-
-
 @pytest.mark.slow
-def test_the_study_by_its_command(tmp_path):
+def test_the_study_by_its_command(tmp_path, monkeypatch, capsys):
+    # Fewer placements to try than usual.
+    monkeypatch.setitem(evaluate_mapping.__kwdefaults__, "config", QUICK)
     arguments = ["--subjects", "2", "--repetitions", "1", "--robot", "ur5", "--robot", "ur10"]
     out = ["--json", str(tmp_path / "rows.json"), "--figures", str(tmp_path / "figures")]
-    # In a process of its own, whose memory is the study's.
-    command = [sys.executable, "-c", COMMAND, "evaluate", "mapping", *arguments, *out]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert besman(monkeypatch, "evaluate", "mapping", *arguments, *out) == 0
     content = json.loads((tmp_path / "rows.json").read_text())
     assert content["experiment"] == "mapping"
     assert [row["robot"] for row in content["rows"]] == ["ur5", "ur10"]
@@ -318,18 +305,19 @@ def test_the_study_by_its_command(tmp_path):
         assert row["position_error_m"]["p95"] < 0.03
         assert row["limit_violations"] == row["self_collisions"] == 0
         assert row["dtw_m"]["max"] < 0.03
-        assert 0 < row["peak_rss_mb"] < 1000
+        assert 0.5 < row["peak_rss_mb"] / peak_rss_mb() <= 1.0
     names = sorted(path.name for path in (tmp_path / "figures").iterdir())
     assert names == [
         f"stick_throw_throw_{kind}.png" for kind in ("spread", "subject", "workspaces")
     ]
-    printed = " ".join(done.stdout.split())
+    printed = " ".join(capsys.readouterr().out.split())
     assert "2/2" in printed
     assert "682 of 697" in printed
 
 
 @pytest.mark.slow
 def test_an_exoskeleton_s_recording_becomes_a_robot_s_movement(tmp_path, monkeypatch):
+    found = keep_demonstrations(monkeypatch, 2)
     write_synthetic("circle_drawing", tmp_path / "exo", 1, 3)
     settings = (
         f"recordings={tmp_path / 'exo'}", "label.markers=exoskeleton", "select.label=null",
@@ -344,6 +332,7 @@ def test_an_exoskeleton_s_recording_becomes_a_robot_s_movement(tmp_path, monkeyp
         cli.main()
     assert not stop.value.code
     mapped = json.loads((tmp_path / "run" / "results.json").read_text())["map"]
-    assert mapped["n_transferred"] == mapped["n_demonstrations"] > 0
+    assert len(found) > 1
+    assert mapped["n_transferred"] == mapped["n_demonstrations"] == 2
     assert mapped["position_error_m"]["p95"] < 0.01
     assert mapped["limit_violations"] == mapped["self_collisions"] == 0

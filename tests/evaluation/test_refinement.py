@@ -74,9 +74,9 @@ def test_imitations_are_refined_as_in_the_stage(robot, make_plan):
     from dataclasses import replace
 
     plan = replace(plan, target=trial.outcome + np.array([-0.1, 0.1, 0]))
-    problem = TaskProblem("throw", (plan,), robot, task, CmaEsConfig(episodes=60))
+    problem = TaskProblem("throw", (plan,), robot, task, CmaEsConfig(episodes=20))
     (row,) = evaluate_refinement([problem], ["cma_es"], [0])["rows"]
-    (motion,) = CmaEsConfig(episodes=60).run((plan,), robot, task)
+    (motion,) = CmaEsConfig(episodes=20).run((plan,), robot, task)
     assert row["source"] == "simulation"
     assert row["final_reward"]["median"] == motion.returns.max()
     assert problem.attempt("cma_es", 0).rewards.tolist() == motion.returns.tolist()
@@ -138,7 +138,7 @@ def test_tables_say_when_nothing_succeeded(tmp_path):
 
 @pytest.mark.slow
 def test_a_task_is_the_name_of_a_pipeline():
-    problem = load_problem("grasp_box", episodes=30)
-    assert problem.episodes == 30
+    problem = load_problem("grasp_box", episodes=6)
+    assert problem.episodes == 6
     assert len(problem.plans) == 3
-    assert problem.attempt("pi2", 0).rewards.size <= 30
+    assert problem.attempt("pi2", 0).rewards.size <= 6

@@ -5,6 +5,7 @@ import sys
 
 import numpy as np
 import pytest
+from small_runs import keep_demonstrations
 
 from besman.cli import main as cli
 from besman.config.resources import resource_folder
@@ -65,6 +66,7 @@ def capture(tmp_path_factory):
 
 @pytest.mark.slow
 def test_a_run_is_followed_to_what_it_found_itself(monkeypatch, tmp_path, capsys, capture):
+    keep_demonstrations(monkeypatch, 1)
     run = tmp_path / "run"
     call(
         monkeypatch, "run", "ur5_stick_throw", "--out", run, "--set", f"recordings={capture}",

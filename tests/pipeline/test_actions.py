@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from small_runs import keep_demonstrations
 
 from besman.cli import main as cli
 from besman.config.resources import find_resource
@@ -44,6 +45,7 @@ def run(monkeypatch, *arguments):
 
 @pytest.mark.slow
 def test_an_action_is_retargeted(monkeypatch, tmp_path, capture):
+    keep_demonstrations(monkeypatch, 2)
     code = run(
         monkeypatch, "run", "ur5_stick_throw", "--out", tmp_path / "run",
         "--set", f"recordings={capture}", "--set", "recognize.examples_per_class=2",

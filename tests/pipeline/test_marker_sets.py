@@ -7,6 +7,7 @@ import shutil
 
 import numpy as np
 import pytest
+from small_runs import keep_demonstrations
 
 from besman.cli import main as cli
 from besman.config.resources import find_resource
@@ -152,6 +153,7 @@ def test_stages_look_at_the_arms_of_the_marker_set():
 @pytest.mark.slow
 @pytest.mark.parametrize(("markers", "name"), [("two_arms", "lift"), ("xsens", "stop")])
 def test_a_run_from_recordings_to_the_robot(folders, markers, name, tmp_path, monkeypatch):
+    found = keep_demonstrations(monkeypatch, 1)
     # A gesture has several bells, each of which is a block: as a whole it is an action.
     action = (
         "select.label=null",
@@ -170,7 +172,8 @@ def test_a_run_from_recordings_to_the_robot(folders, markers, name, tmp_path, mo
         cli.main()
     assert not stop.value.code
     results = json.loads((tmp_path / "run" / "results.json").read_text())
-    assert results["map"]["n_demonstrations"] > 0
+    assert len(found) > 1
+    assert results["map"]["n_demonstrations"] == 1
     assert results["segment"]["marker"] == HANDS[markers]
 
 

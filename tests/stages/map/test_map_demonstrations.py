@@ -85,10 +85,12 @@ def test_an_arm_too_weak_for_its_own_weight():
         AHEAD.run((throw(0),), weak)
 
 
-def test_without_a_change_of_path_time_is_stretched_more(mapping):
-    config = QUICK.model_copy(update={"greatest_change_m": 0.0})
-    plain = config.run(tuple(throw(i) for i in range(3)), ROBOT)
-    for one, other in zip(mapping.trajectories, plain.trajectories, strict=True):
+def test_without_a_change_of_path_time_is_stretched_more():
+    slow = replace(ROBOT, limits=replace(ROBOT.limits, velocity=0.7 * ROBOT.limits.velocity))
+    throws = tuple(throw(i) for i in range(2))
+    changed = AHEAD.run(throws, slow)
+    plain = AHEAD.model_copy(update={"greatest_change_m": 0.0}).run(throws, slow)
+    for one, other in zip(changed.trajectories, plain.trajectories, strict=True):
         assert one.time_stretch < other.time_stretch
         assert other.position_error.max() < 0.001
         assert one.position_error.max() < 0.0055
@@ -223,7 +225,9 @@ def test_real_reaching_movements_are_transferred():
         )  # fmt: skip
         segments.append(read_segments(find_segments(path), raw))
     hands = SelectConfig(label="approach_forward").run(tuple(recordings), tuple(segments))
-    mapping = MapConfig(evaluations=100).run(hands, load_robot("ur5", "gripper"), Work(jobs=2))
+    mapping = MapConfig(evaluations=40, yaw=False).run(
+        hands, load_robot("ur5", "gripper"), Work(jobs=2)
+    )
     results = map_results(mapping)
     assert results["n_transferred"] == len(hands) == 4
     assert results["position_error_m"]["p95"] < 0.005
