@@ -161,8 +161,10 @@ class SignalPyramids:
         for marker in range(self.n_markers):
             x, y, z = self._velocities(marker)
             speeds[marker] = np.sqrt(x * x + y * y + z * z)
-        seen = np.isfinite(speeds[:-1])
-        count = seen.sum(axis=0)
-        total = np.where(seen, speeds[:-1], 0).sum(axis=0)
-        speeds[-1] = np.where(count > 0, total / np.maximum(count, 1) * self.n_markers, np.nan)
+        for start in range(0, self.n_samples, CHUNK):
+            some = speeds[:, start : start + CHUNK]
+            seen = np.isfinite(some[:-1])
+            count = seen.sum(axis=0)
+            total = np.where(seen, some[:-1], 0).sum(axis=0)
+            some[-1] = np.where(count > 0, total / np.maximum(count, 1) * self.n_markers, np.nan)
         return speeds

@@ -183,8 +183,9 @@ def read_throws(path: Path) -> tuple[ThrowEvent, ...]:
         return tuple(_read_throw(ThrowEvent(**row)) for row in rows)
     except (KeyError, TypeError, ValueError):
         raise RecordingError(
-            f"{path}: events: expected 'throws', a list of objects with {', '.join(names)}: frame, "
-            f"times in s that rise by {_LONGEST_FLIGHT_S:g} s at most, places within {FARTHEST_M:g} m"
+            f"{path}: events: expected 'throws', a list of objects with {', '.join(names)}: a "
+            f"frame, times in s that rise by {_LONGEST_FLIGHT_S:g} s at most, places within "
+            f"{FARTHEST_M:g} m"
         ) from None
 
 

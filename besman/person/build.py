@@ -8,6 +8,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from besman.geometry.row_blocks import by_rows, measure_apart
+
 FloatArray = npt.NDArray[np.float64]
 
 HEIGHTS_M = (1.1, 2.2)
@@ -107,7 +109,7 @@ def measure_limbs(points: Mapping[str, FloatArray]) -> list[LimbLength]:
     for limb in LIMBS:
         if limb.first not in points or limb.second not in points:
             continue
-        apart = np.linalg.norm(points[limb.first] - points[limb.second], axis=1)
+        apart = measure_apart(points[limb.first], points[limb.second])
         apart = apart[np.isfinite(apart)]
         if apart.size:
             length = float(np.median(apart))
@@ -153,8 +155,13 @@ def measure_upright(top: FloatArray, left: FloatArray, right: FloatArray) -> flo
         Angle between the back and the vertical that it stays below for a tenth of the time,
         degrees; NaN if the three are never seen together.
     """
-    up = top - 0.5 * (left + right)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        lean = np.degrees(np.arccos(np.clip(up[:, 2] / np.linalg.norm(up, axis=1), -1.0, 1.0)))
+
+    def measure(top: FloatArray, left: FloatArray, right: FloatArray) -> FloatArray:
+        up = top - 0.5 * (left + right)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            cosine = np.clip(up[:, 2] / np.linalg.norm(up, axis=1), -1.0, 1.0)
+            return np.asarray(np.degrees(np.arccos(cosine)))
+
+    lean = by_rows(measure, top, left, right)
     lean = lean[np.isfinite(lean)]
     return float(np.quantile(lean, _UPRIGHT_SHARE)) if lean.size else float("nan")

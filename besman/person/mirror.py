@@ -8,7 +8,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from besman.records import LabelledRecording, Recording
+from besman.records import FloatArray, LabelledRecording, Recording
 
 Shown = TypeVar("Shown", bound=Recording | LabelledRecording)
 
@@ -34,6 +34,11 @@ def mirror_name(name: str) -> str:
     return pattern.sub(lambda found: _like(found.group(), _SIDES[found.group().lower()]), name)
 
 
+def mirror_positions(positions: FloatArray) -> FloatArray:
+    """Return positions (..., 3) with y turned round."""
+    return positions * np.array([1.0, -1.0, 1.0])
+
+
 def mirror_recording(recording: Shown) -> Shown:
     """Return a recording as a mirror shows it; names stay.
 
@@ -48,7 +53,7 @@ def mirror_recording(recording: Shown) -> Shown:
         y is turned round, in positions and in orientations (their axes too, so that they remain
         rotations).
     """
-    positions = recording.positions * np.array([1.0, -1.0, 1.0])
+    positions = mirror_positions(recording.positions)
     orientations = recording.orientations
     if orientations is not None:
         orientations = orientations * np.array([1.0, -1.0, 1.0, -1.0])

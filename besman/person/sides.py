@@ -12,10 +12,12 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from besman.geometry.gaps import find_runs
+from besman.geometry.gaps import find_runs, find_seen
+from besman.geometry.row_blocks import by_rows
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
+IntArray = npt.NDArray[np.int64]
 
 # Between two frames no body turns so far: half a turn is an exchange.
 _HALF_TURN_COSINE = -0.7
@@ -47,10 +49,14 @@ def weigh_back(
         Cosine between the line to the shoulder and where it should lead: -1 to 1, negative where
         it lies on the wrong side; NaN where not seen.
     """
-    across = _unit(left - right)
-    to_shoulder = _unit(shoulder - 0.5 * (left + right))
-    weight: FloatArray = side * np.sum(across * to_shoulder, axis=1)
-    return weight
+
+    def weigh(left: FloatArray, right: FloatArray, shoulder: FloatArray) -> FloatArray:
+        across = _unit(left - right)
+        to_shoulder = _unit(shoulder - 0.5 * (left + right))
+        weight: FloatArray = side * np.sum(across * to_shoulder, axis=1)
+        return weight
+
+    return by_rows(weigh, left, right, shoulder)
 
 
 def weigh_hand(
@@ -76,12 +82,21 @@ def weigh_hand(
         Cosine between where the back of the hand faces and where it does with the thumb up: -1 to
         1, negative where no forearm turns it; NaN where not seen or where the arm is stretched.
     """
-    top, left, right = hand
-    out = _unit(np.cross(top - 0.5 * (left + right), left - right))
-    bend = np.cross(_unit(elbow - shoulder), _unit(top - elbow))
-    bend[~(np.linalg.norm(bend, axis=1) >= _LEAST_BEND)] = np.nan
-    weight: FloatArray = -side * np.sum(out * _unit(bend), axis=1)
-    return weight
+
+    def weigh(
+        top: FloatArray,
+        left: FloatArray,
+        right: FloatArray,
+        elbow: FloatArray,
+        shoulder: FloatArray,
+    ) -> FloatArray:
+        out = _unit(np.cross(top - 0.5 * (left + right), left - right))
+        bend = np.cross(_unit(elbow - shoulder), _unit(top - elbow))
+        bend[~(np.linalg.norm(bend, axis=1) >= _LEAST_BEND)] = np.nan
+        weight: FloatArray = -side * np.sum(out * _unit(bend), axis=1)
+        return weight
+
+    return by_rows(weigh, *hand, elbow, shoulder)
 
 
 def find_exchanged(
@@ -108,13 +123,16 @@ def find_exchanged(
         False where one of the two is not seen.
     """
     exchanged = np.zeros(len(left), dtype=np.bool_)
-    across = left - right
-    seen = np.flatnonzero(np.isfinite(across).all(axis=1))
+    seen = np.flatnonzero(by_rows(lambda one, two: find_seen(one - two), left, right))
     if not seen.size:
         return exchanged
     steps = np.diff(seen)
-    unit = _unit(across[seen])
-    flips = np.sum(unit[1:] * unit[:-1], axis=1) < _HALF_TURN_COSINE
+
+    def turns(before: IntArray, after: IntArray) -> BoolArray:
+        units = _unit(left[after] - right[after]) * _unit(left[before] - right[before])
+        return np.asarray(np.sum(units, axis=1) < _HALF_TURN_COSINE)
+
+    flips = by_rows(turns, seen[:-1], seen[1:])
     broken = steps > _LONGEST_STEP_S * rate_hz + 1.0
     known = np.nan_to_num(evidence)
     for stretch in np.split(np.arange(len(seen)), np.flatnonzero(broken) + 1):

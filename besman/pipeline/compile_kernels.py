@@ -68,7 +68,7 @@ def _compile_branches() -> None:
     path = np.sin(2 * np.pi * time)[:, None, None] * np.ones((1, 2, 3))
     find_movements(time, path)
     rows = np.zeros(1, dtype=np.int64)
-    compile_average()(rows, rows, rows, rows + 1, rows, path[0], 1)
+    compile_average()(rows, rows, rows, rows + 1, rows, path[0], 1, 1)
 
 
 _HALVES = (_compile_descent, _compile_branches)

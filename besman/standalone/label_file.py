@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from besman.exceptions import LabellingError
-from besman.geometry.gaps import BoolArray
 from besman.io.atomic_files import check_file, written_aside
+from besman.io.recordings.format import Columns
 from besman.io.recordings.formats import find_writer, read_recording, write_recording
 from besman.person.marker_set import load_marker_set
-from besman.person.mirror import mirror_name, mirror_recording
+from besman.person.mirror import mirror_name, mirror_positions, mirror_recording
 from besman.records import Recording
 from besman.records.frozen import FloatArray, hand_over
-from besman.stages.label.gather import found_markers, gather_all
+from besman.stages.label.gather import LeftOver, found_markers, gather_markers
 from besman.stages.label.methods import DefaultLabelConfig
-from besman.stages.label.named_recording import NameDecision, NamedRecording
+from besman.stages.label.named_recording import NamedRecording
 from besman.stages.label.person_check import check_person
 from besman.stages.label.results import TrajectoryNames, review_rows
 from besman.stages.label.trajectories import decide_names, fill_in_place
@@ -83,43 +83,44 @@ def label_file(
         recording = mirror_recording(recording)
     decisions = decide_names(recording, marker_set, model, config.threshold, given)
     found = found_markers(decisions, marker_set)
-    positions, names = gather_all(recording, decisions, found)
-    # What was read goes here: of an hour one array has hundreds of megabytes.
-    read_names, recording = recording.names, _without_samples(recording)
+    positions = gather_markers(recording, decisions, found)
+    read_names = recording.names
+    left: Columns = LeftOver(recording, decisions)
+    recording = _without_samples(recording)
     filled = np.zeros((len(positions), len(found)), dtype=np.bool_)
     if fill:
         longest = config.fill_samples(recording.rate_hz)
-        filled = fill_in_place(positions, found, marker_set, *longest)[:, : len(found)]
-    named = _take_markers(recording, positions, found, filled, decisions, config.threshold)
+        filled = fill_in_place(positions, found, marker_set, *longest)
+    named = NamedRecording(
+        time=recording.time,
+        positions=hand_over(positions),
+        markers=found,
+        filled=filled,
+        rate_hz=recording.rate_hz,
+        source=recording.source,
+        first_frame=recording.first_frame,
+        decisions=decisions,
+        threshold=config.threshold,
+    )
     check_person(named, marker_set)
-    written = replace(recording, positions=hand_over(positions), names=names)
+    written = replace(recording, positions=named.positions, names=found)
     if is_mirrored:
         own = tuple(mirror_name(name) for name in found)
-        written = replace(mirror_recording(written), names=(*own, *names[len(found) :]))
-    write_recording(written, out)
+        written = replace(mirror_recording(written), names=own)
+        left = _Mirrored(left)
+    # Of an hour one array has hundreds of megabytes: what is left is put together as it is written.
+    write_recording(written, out, left)
     return read_names, named
 
 
-def _take_markers(
-    frames: Recording,
-    positions: FloatArray,
-    markers: tuple[str, ...],
-    filled: BoolArray,
-    decisions: tuple[NameDecision, ...],
-    threshold: float,
-) -> NamedRecording:
-    """Return the markers, which stand first in positions, as a record."""
-    return NamedRecording(
-        time=frames.time,
-        positions=hand_over(np.array(positions[:, : len(markers)], order="C")),
-        markers=markers,
-        filled=filled,
-        rate_hz=frames.rate_hz,
-        source=frames.source,
-        first_frame=frames.first_frame,
-        decisions=decisions,
-        threshold=threshold,
-    )
+class _Mirrored:
+    """What is left of trajectories, as it was before it was mirrored."""
+
+    def __init__(self, left: Columns) -> None:
+        self.names, self._left = left.names, left
+
+    def rows(self, start: int, stop: int) -> FloatArray:
+        return mirror_positions(self._left.rows(start, stop))
 
 
 def _without_samples(recording: Recording) -> Recording:

@@ -1,5 +1,6 @@
 import json
 import os
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -191,7 +192,23 @@ def test_missing_and_unreadable(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "events", [{}, {"throws": 3}, {"throws": [{"release_frame": 3}]}, {"throws": [3]}]
+    "events",
+    [
+        {},
+        {"throws": 3},
+        {"throws": [{"release_frame": 3}]},
+        {"throws": [3]},
+        *(
+            {"throws": [asdict(replace(THROW, **change))]}
+            for change in (
+                {"touchdown_time_s": 1_000_001},
+                {"touchdown_time_s": -1.0},
+                {"release_time_s": 2e5, "touchdown_time_s": 2e5 + 1},
+                {"release_frame": -1},
+                {"release_m": [0.0, 0.0, 1e4]},
+            )
+        ),
+    ],
 )
 def test_bad_events(tmp_path, events):
     with pytest.raises(RecordingError, match="events: expected 'throws', a list of objects with"):

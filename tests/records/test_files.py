@@ -120,6 +120,26 @@ def test_a_file_cannot_name_other_code(tmp_path, name):
         load_record(tmp_path / "evil.npz")
 
 
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"names": ("a", "a")}, "names must be names, none empty and none twice"),
+        ({"names": (" ", "a")}, "names must be names, none empty"),
+        ({"first_frame": -1}, r"first_frame must be 0 to 1e\+09"),
+        ({"first_frame": 10**9}, "first_frame must be"),
+        ({"orientations": np.full((2, 2, 4), 1e300)}, "orientations must be unit quaternions"),
+        ({"orientations": np.zeros((2, 2, 4))}, "orientations must be unit quaternions"),
+    ],
+)
+def test_a_recording_that_no_camera_delivers_is_refused(tmp_path, change, message):
+    good = Recording(np.arange(2.0), np.zeros((2, 2, 3)), ("a", None), 1.0, "a.tsv")
+    save_record(good, tmp_path / "good.npz")
+    assert load_record(tmp_path / "good.npz").names == ("a", None)
+    save_record(dataclasses.replace(good, **change), tmp_path / "r.npz")
+    with pytest.raises(RunError, match=message):
+        load_record(tmp_path / "r.npz")
+
+
 def test_what_is_no_record_is_refused(tmp_path):
     with pytest.raises(RunError, match="a set is no part of a record"):
         save_record({1}, tmp_path / "r.npz")

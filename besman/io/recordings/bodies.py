@@ -61,7 +61,7 @@ def hold_orientations(orientations: FloatArray) -> FloatArray:
 
 
 def from_matrices(matrices: FloatArray) -> FloatArray:
-    """Return unit quaternions (..., 4), w first, of rotation matrices (..., 3, 3); NaN of others."""
+    """Return unit quaternions (..., 4), w first, of rotations (..., 3, 3); NaN of what is none."""
     from scipy.spatial.transform import Rotation
 
     flat = matrices.reshape(-1, 3, 3)

@@ -12,12 +12,14 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
 from pkgutil import resolve_name
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeVar, get_args
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol, TypeVar, get_args
 
 from besman.exceptions import RecordingError, one_of
 from besman.foreign.numbers import parse_number
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from besman.records import Axis, Recording
 
 Units = Literal["m", "cm", "mm", "in", "ft"]
@@ -92,6 +94,24 @@ def _one_of_names(text: str | None, known: tuple[Name, ...], option: str) -> Nam
     return found
 
 
+class Columns(Protocol):
+    """Trajectories that are put together when they are written.
+
+    Attributes
+    ----------
+    names : tuple of (str or None), length K
+    """
+
+    @property
+    def names(self) -> tuple[str | None, ...]:
+        """How they are called."""
+        ...
+
+    def rows(self, start: int, stop: int) -> NDArray[Any]:
+        """Return some of the frames, shape (stop - start, K, 3), metres; NaN where not seen."""
+        ...
+
+
 @dataclass(frozen=True)
 class Format:
     """A format of recordings: one entry of `besman.io.recordings.formats.FORMATS`.
@@ -114,6 +134,9 @@ class Format:
     writer : str, optional
         Takes a recording and a path. Only of formats that can hold any recording: trajectories
         without a name, and gaps.
+    takes_columns : bool
+        Whether the writer takes `Columns` besides, a keyword ``beside``, so that a long recording
+        need not be put together.
     companions : str, optional
         Takes a path and returns the further files that a recording is read with.
     takes_units : bool
@@ -132,6 +155,7 @@ class Format:
     reader: str
     about: str
     writer: str | None = None
+    takes_columns: bool = False
     companions: str | None = None
     takes_units: bool = False
     takes_partial: bool = False
@@ -176,15 +200,40 @@ class Format:
         up_by = origin.up_by or (BY_FORMAT if self.has_one_up else "")
         return replace(recording, origin=replace(origin, format=self.name, up_by=up_by))
 
-    def write(self, recording: Recording, path: Path) -> None:
-        """Write a file; only of formats that have a `writer`."""
+    def write(self, recording: Recording, path: Path, beside: Columns | None = None) -> None:
+        """Write a file; only of formats that have a `writer`.
+
+        Parameters
+        ----------
+        recording : Recording
+        path : Path
+        beside : Columns, optional
+            Trajectories of the same frames that follow those of the recording.
+        """
         assert self.writer is not None
-        _function(self.writer)(recording, path)
+        options: dict[str, Any] = {}
+        if beside is not None and self.takes_columns:
+            options["beside"] = beside
+        elif beside is not None:
+            recording = _join(recording, beside)
+        _function(self.writer)(recording, path, **options)
 
     def find_companions(self, path: Path) -> tuple[Path, ...]:
         """Return the further files that a recording is read with."""
         found = () if self.companions is None else _function(self.companions)(path)
         return tuple(found)
+
+
+def _join(recording: Recording, beside: Columns) -> Recording:
+    """Put further trajectories behind those of a recording."""
+    from dataclasses import replace
+
+    import numpy as np
+
+    more = beside.rows(0, len(recording.time))
+    positions = np.concatenate([recording.positions, more], axis=1)
+    names = (*recording.names, *beside.names)
+    return replace(recording, positions=positions, names=names, orientations=None)
 
 
 def _function(name: str) -> Any:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 from besman.exceptions import RecordingError, RecordingWarning, one_of, see_look
 from besman.io.recordings.format import (
     READING,
+    Columns,
     Format,
     Units,
     is_bag,
@@ -39,6 +40,7 @@ FORMATS = (
         "qtm_tsv:read_tsv",
         "Qualisys Track Manager, old and new header; markers, 6D bodies, skeletons",
         writer="qtm_tsv:write_tsv",
+        takes_columns=True,
         takes_partial=True,
         writes_zeros=True,
     ),
@@ -256,7 +258,9 @@ def find_companions(path: Path) -> tuple[Path, ...]:
     return () if found is None else found.find_companions(path)
 
 
-def write_recording(recording: Recording | LabelledRecording, path: Path) -> None:
+def write_recording(
+    recording: Recording | LabelledRecording, path: Path, beside: Columns | None = None
+) -> None:
     """Write a recording; the path's ending chooses the format.
 
     Parameters
@@ -265,6 +269,8 @@ def write_recording(recording: Recording | LabelledRecording, path: Path) -> Non
         What to write. Gaps are written the way the format defines them.
     path : Path
         It ends in one of `WRITTEN_SUFFIXES`; replaced if it exists.
+    beside : Columns, optional
+        Trajectories of the same frames that are written behind those of the recording.
 
     Raises
     ------
@@ -289,7 +295,7 @@ def write_recording(recording: Recording | LabelledRecording, path: Path) -> Non
             orientations=recording.orientations,
         )
     entry = find_writer(path)
-    entry.write(recording, path)
+    entry.write(recording, path, beside)
     if recording.orientations is not None:
         warnings.warn(
             f"{path.name}: {entry.name} holds positions alone; orientations are left out",

@@ -258,9 +258,7 @@ def _find_rate(about: Mapping[str, Any]) -> float | None:
     return float(said) if _is_number(said) else parse_rate(str(said))
 
 
-def _column(
-    frames: list[dict[str, Any]], keys: tuple[str, ...], path: Path
-) -> FloatArray | None:
+def _column(frames: list[dict[str, Any]], keys: tuple[str, ...], path: Path) -> FloatArray | None:
     """Return a number of every frame, None if not all have it; say so where some have it."""
     for key in keys:
         have = [_is_number(frame.get(key)) for frame in frames]

@@ -87,7 +87,7 @@ def _read_cell(
     while text[at] == _BLANK:
         at += 1
     code = text[at]
-    if code == separator or code == _NEWLINE:
+    if code in (separator, _NEWLINE):
         return at, np.nan, _EMPTY
     first, is_negative = at, code == _MINUS
     if is_negative or code == _PLUS:

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from besman.exceptions import RecordingError, RecordingWarning
 from besman.foreign.numbers import has_odd_digits, parse_number
 from besman.io.atomic_files import written_aside
-from besman.io.recordings.format import READING
+from besman.io.recordings.format import READING, Columns
 from besman.io.recordings.number_cells import parse_cells, parse_table
 from besman.io.recordings.qtm_bodies import has_bodies, read_bodies
 from besman.io.recordings.qtm_header import QtmHeader, read_header
@@ -90,7 +90,7 @@ def read_tsv(path: Path, partial: bool = False) -> Recording:
     )
 
 
-def write_tsv(recording: Recording, path: Path) -> None:
+def write_tsv(recording: Recording, path: Path, beside: Columns | None = None) -> None:
     """Write a Qualisys TSV file; the same recording gives the same bytes.
 
     Parameters
@@ -99,19 +99,21 @@ def write_tsv(recording: Recording, path: Path) -> None:
         What to write; positions are rounded to a micrometre, gaps are written as ``nan``.
     path : Path
         The file; replaced if it exists.
+    beside : Columns, optional
+        Trajectories of the same frames that are written behind those of the recording.
 
     Raises
     ------
     RecordingError
         If it cannot be written.
     """
-    n_samples, n_markers = recording.positions.shape[:2]
-    names = [name or "" for name in recording.names]
+    n_samples = len(recording.time)
+    names = [name or "" for name in (*recording.names, *(beside.names if beside else ()))]
     columns = ["Frame", "Time"] + [f"{name} {axis}" for name in names for axis in "XYZ"]
     header = [
         f"NO_OF_FRAMES\t{n_samples}",
         "NO_OF_CAMERAS\t0",
-        f"NO_OF_MARKERS\t{n_markers}",
+        f"NO_OF_MARKERS\t{len(names)}",
         f"FREQUENCY\t{recording.rate_hz:.12g}",
         "NO_OF_ANALOG\t0",
         "ANALOG_FREQUENCY\t0",
@@ -121,7 +123,7 @@ def write_tsv(recording: Recording, path: Path) -> None:
         "\t".join([*columns, ""]),
     ]
     flat = recording.positions.reshape(n_samples, -1)
-    line = "\t".join(["%d", "%.5f"] + ["%.3f"] * (3 * n_markers)) + "\n"
+    line = "\t".join(["%d", "%.5f"] + ["%.3f"] * (3 * len(names))) + "\n"
     with (
         written_aside(path, kind=RecordingError) as temporary,
         temporary.open("w", encoding="utf-8", newline="\n") as file,
@@ -129,6 +131,9 @@ def write_tsv(recording: Recording, path: Path) -> None:
         file.write("\n".join(header) + "\n")
         for start in range(0, n_samples, _ROWS_AT_ONCE):
             rows = flat[start : start + _ROWS_AT_ONCE]
+            if beside is not None:
+                more = beside.rows(start, start + len(rows))
+                rows = np.concatenate([rows, more.reshape(len(rows), -1)], axis=1)
             frames = recording.first_frame + start + np.arange(len(rows))
             # Adding zero turns a rounded -0.0 into 0.0.
             values = np.round(rows * 1000.0, 3) + 0.0

@@ -45,7 +45,8 @@ def check_recording(recording: Recording, path: Path) -> Recording:
     Raises
     ------
     RecordingError
-        If a name has control characters or is there twice, or frames, rate or coordinates are out of all sense.
+        If a name has control characters or is there twice, or frames, rate or coordinates are out
+        of all sense.
 
     Warns
     -----

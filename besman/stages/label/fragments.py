@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from besman.geometry.gaps import find_seen
+from besman.geometry.row_blocks import by_rows
 from besman.stages.label.pair_distances import average_distances
 
 FloatArray = npt.NDArray[np.float64]
@@ -27,7 +29,9 @@ class Fragments:
     offset : int array, shape (N,)
         Row of the fragment's first sample in `samples`.
     samples : array, shape (S, 3)
-        Positions of all fragments one after the other, metres, laboratory frame.
+        The positions that the fragments are pieces of, metres, laboratory frame: frame after frame.
+    step : int
+        Rows from one sample of a fragment to the next.
     n_frames : int
         Length of the recording.
     rate_hz : float
@@ -39,6 +43,7 @@ class Fragments:
     column: IntArray
     offset: IntArray
     samples: FloatArray
+    step: int
     n_frames: int
     rate_hz: float
 
@@ -54,7 +59,8 @@ class Fragments:
 
     def position(self, fragment: IntArray, frame: IntArray) -> FloatArray:
         """Return the positions of fragments at frames inside them, shape (..., 3), metres."""
-        positions: FloatArray = self.samples[self.offset[fragment] + frame - self.start[fragment]]
+        after = frame - self.start[fragment]
+        positions: FloatArray = self.samples[self.offset[fragment] + self.step * after]
         return positions
 
 
@@ -98,7 +104,7 @@ def split_fragments(positions: FloatArray, rate_hz: float) -> Fragments:
         Sorted by first frame, then by trajectory.
     """
     n_frames = len(positions)
-    seen = np.isfinite(positions).all(axis=2)
+    seen = by_rows(find_seen, positions)
     edges = np.zeros((n_frames + 1, seen.shape[1]), dtype=np.int8)
     edges[:-1] = seen
     edges[1:] -= seen
@@ -106,14 +112,11 @@ def split_fragments(positions: FloatArray, rate_hz: float) -> Fragments:
     _, stop = np.nonzero(edges.T == -1)
     order = np.lexsort((column, start))
     start, stop, column = start[order], stop[order], column[order]
-    length = stop - start
-    offset = np.concatenate(([0], np.cumsum(length)))
-    samples = np.empty((offset[-1], 3))
-    for begin, end, first, last, trajectory in zip(
-        offset[:-1], offset[1:], start, stop, column, strict=True
-    ):
-        samples[begin:end] = positions[first:last, trajectory]
-    return Fragments(start, stop, column, offset[:-1], samples, n_frames, rate_hz)
+    # Of an hour they have hundreds of megabytes, so that no sample is copied.
+    n_columns = positions.shape[1]
+    samples = np.ascontiguousarray(positions).reshape(-1, 3)
+    offset = start * n_columns + column
+    return Fragments(start, stop, column, offset, samples, n_columns, n_frames, rate_hz)
 
 
 def measure_pairs(fragments: Fragments, stride_s: float = 0.05) -> FragmentPairs:
@@ -144,6 +147,7 @@ def measure_pairs(fragments: Fragments, stride_s: float = 0.05) -> FragmentPairs
         fragments.stop,
         fragments.offset,
         fragments.samples,
+        fragments.step,
         max(1, round(stride_s * fragments.rate_hz)),
     )
     overlap = np.minimum(fragments.stop[first], fragments.stop[second]) - fragments.start[second]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +13,9 @@ from besman.records import Recording
 from besman.stages.label.named_recording import NameDecision
 
 FloatArray = npt.NDArray[np.float64]
+
+# Frames that are put together at once.
+_ROWS_AT_ONCE = 4096
 
 
 def found_markers(decisions: Sequence[NameDecision], marker_set: MarkerSet) -> tuple[str, ...]:
@@ -43,6 +46,80 @@ def gather_markers(
     return positions
 
 
+class NamedPaths(Mapping[str, FloatArray]):
+    """The paths of markers, each put together when it is asked for: an hour of one has 40 MB.
+
+    Parameters
+    ----------
+    recording : Recording
+    decisions : sequence of NameDecision
+        Of its fragments.
+    markers : sequence of str
+        Those that there are.
+    """
+
+    def __init__(
+        self, recording: Recording, decisions: Sequence[NameDecision], markers: Sequence[str]
+    ) -> None:
+        self._recording, self._markers = recording, tuple(markers)
+        self._decisions = decisions
+
+    def __getitem__(self, marker: str) -> FloatArray:
+        if marker not in self._markers:
+            raise KeyError(marker)
+        own = [one for one in self._decisions if one.marker == marker]
+        return gather_markers(self._recording, own, (marker,))[:, 0]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._markers)
+
+    def __len__(self) -> int:
+        return len(self._markers)
+
+
+class LeftOver:
+    """What is left of trajectories besides what got a name, as they are called.
+
+    Parameters
+    ----------
+    recording : Recording
+    decisions : sequence of NameDecision
+        Of its fragments.
+
+    Attributes
+    ----------
+    columns : tuple of int, length K
+        Those trajectories of the recording that have samples left, whole or not.
+    names : tuple of (str or None), length K
+        How these are called.
+    """
+
+    def __init__(self, recording: Recording, decisions: Sequence[NameDecision]) -> None:
+        self._positions = recording.positions
+        self.columns = tuple(
+            column
+            for column in range(len(recording.names))
+            if _has_rest(recording, column, decisions)
+        )
+        self.names = tuple(recording.names[column] for column in self.columns)
+        self._kept = np.array(self.columns, dtype=np.int64)
+        places = {column: k for k, column in enumerate(self.columns)}
+        taken = [
+            (one.start, one.stop, places[one.trajectory])
+            for one in decisions
+            if one.named and one.trajectory in places
+        ]
+        self._taken = np.array(taken, dtype=np.int64).reshape(-1, 3)
+
+    def rows(self, start: int, stop: int) -> FloatArray:
+        """Return some of the frames, shape (stop - start, K, 3), metres; NaN where not seen."""
+        some = np.take(self._positions[start:stop], self._kept, axis=1)
+        first, last, _ = self._taken.T
+        for begin, end, column in self._taken[(first < stop) & (last > start)].tolist():
+            some[max(0, begin - start) : end - start, column] = np.nan
+        return some
+
+
 def gather_all(
     recording: Recording, decisions: Sequence[NameDecision], markers: Sequence[str]
 ) -> tuple[FloatArray, tuple[str | None, ...]]:
@@ -61,19 +138,14 @@ def gather_all(
         Metres; NaN where not seen.
     names : tuple of (str or None), length M + K
     """
-    kept = [
-        column for column in range(len(recording.names)) if _has_rest(recording, column, decisions)
-    ]
-    positions = np.empty((len(recording.time), len(markers) + len(kept), 3))
+    left, n_frames = LeftOver(recording, decisions), len(recording.time)
+    positions = np.empty((n_frames, len(markers) + len(left.names), 3))
     positions[:, : len(markers)] = np.nan
     _put_markers(positions, recording, decisions, markers)
-    places = {column: len(markers) + k for k, column in enumerate(kept)}
-    for column, place in places.items():
-        positions[:, place] = recording.positions[:, column]
-    for one in decisions:
-        if one.named and one.trajectory in places:
-            positions[one.start : one.stop, places[one.trajectory]] = np.nan
-    return positions, (*markers, *(recording.names[column] for column in kept))
+    for start in range(0, n_frames, _ROWS_AT_ONCE):
+        stop = min(start + _ROWS_AT_ONCE, n_frames)
+        positions[start:stop, len(markers) :] = left.rows(start, stop)
+    return positions, (*markers, *left.names)
 
 
 def _put_markers(
@@ -92,7 +164,8 @@ def _put_markers(
 
 def _has_rest(recording: Recording, column: int, decisions: Sequence[NameDecision]) -> bool:
     """Tell whether a trajectory has a sample, whole or not, that got no name."""
-    seen: BoolArray = np.asarray(np.isfinite(recording.positions[:, column]).any(axis=1))
+    x, y, z = np.isfinite(recording.positions[:, column]).T
+    seen: BoolArray = np.asarray(x | y | z)
     for one in decisions:
         if one.named and one.trajectory == column:
             seen[one.start : one.stop] = False

@@ -25,6 +25,7 @@ def average_distances(
     stop: IntArray,
     offset: IntArray,
     samples: FloatArray,
+    step: int,
     stride: int,
 ) -> tuple[FloatArray, FloatArray]:
     """Average the distance of each pair of fragments over the frames that both are seen in.
@@ -33,7 +34,7 @@ def average_distances(
     ----------
     first, second : int array, shape (E,)
         The fragments of each pair; they share a frame.
-    start, stop, offset, samples
+    start, stop, offset, samples, step
         As in `besman.stages.label.fragments.Fragments`.
     stride : int
         Frames between two compared instants.
@@ -44,7 +45,7 @@ def average_distances(
         Metres and metres squared.
     """
     function = _average_by_rows if len(first) < _FEW_PAIRS else compile_average()
-    return function(first, second, start, stop, offset, samples, stride)
+    return function(first, second, start, stop, offset, samples, step, stride)
 
 
 def _average_by_rows(
@@ -54,6 +55,7 @@ def _average_by_rows(
     stop: IntArray,
     offset: IntArray,
     samples: FloatArray,
+    step: int,
     stride: int,
 ) -> tuple[FloatArray, FloatArray]:
     """Add up one instant of many pairs at a time, in the order of `_average_plain`, compiled."""
@@ -64,11 +66,11 @@ def _average_by_rows(
         begin = np.maximum(start[i], start[j])
         common = np.minimum(stop[i], stop[j]) - begin
         n = np.minimum(common, np.clip(common // stride, 4, _MAX_SAMPLES))
-        row_i, row_j = (offset[k] + begin - start[k] for k in (i, j))
+        row_i, row_j = (offset[k] + step * (begin - start[k]) for k in (i, j))
         total, squares = np.zeros(len(i)), np.zeros(len(i))
         for instant in range(int(n.max())):
             on = np.flatnonzero(instant < n)
-            frame = (2 * instant + 1) * common[on] // (2 * n[on])
+            frame = step * ((2 * instant + 1) * common[on] // (2 * n[on]))
             steps = (samples[row_i[on] + frame] - samples[row_j[on] + frame]) ** 2
             square = steps[:, 0] + steps[:, 1] + steps[:, 2]
             squares[on] += square
@@ -85,6 +87,7 @@ def _average_plain(
     stop: IntArray,
     offset: IntArray,
     samples: FloatArray,
+    step: int,
     stride: int,
 ) -> tuple[FloatArray, FloatArray]:
     """Return mean and variance of the distance of each pair; compiled below."""
@@ -95,12 +98,12 @@ def _average_plain(
         begin = max(start[i], start[j])
         common = min(stop[i], stop[j]) - begin
         n = min(common, max(4, min(_MAX_SAMPLES, common // stride)))
-        row_i = offset[i] + begin - start[i]
-        row_j = offset[j] + begin - start[j]
+        row_i = offset[i] + step * (begin - start[i])
+        row_j = offset[j] + step * (begin - start[j])
         total = 0.0
         squares = 0.0
         for k in range(n):
-            frame = (2 * k + 1) * common // (2 * n)
+            frame = step * ((2 * k + 1) * common // (2 * n))
             square = 0.0
             for axis in range(3):
                 square += (samples[row_i + frame, axis] - samples[row_j + frame, axis]) ** 2

@@ -8,6 +8,8 @@ from itertools import combinations
 import numpy as np
 import numpy.typing as npt
 
+from besman.geometry.gaps import find_seen
+from besman.geometry.row_blocks import by_rows, measure_apart
 from besman.person.marker_set import MarkerSet
 from besman.stages.label.model import MarkerModel
 from besman.stages.label.person_check import find_exchanges, limbs_of_arms, say_limbs
@@ -73,7 +75,7 @@ def _find_broken_cluster(
     for cluster, markers in marker_set.clusters.items():
         there = [marker for marker in markers if marker in paths and marker in model.markers]
         for one, two in combinations(there, 2):
-            apart = np.linalg.norm(paths[one] - paths[two], axis=1)
+            apart = measure_apart(paths[one], paths[two])
             apart = apart[np.isfinite(apart)]
             if not apart.size:
                 continue
@@ -107,7 +109,7 @@ def _find_wrong_side(
 ) -> str | None:
     """Tell which markers lie on the wrong side of the body for most of the time."""
     for (one, two), exchanged, why in find_exchanges(paths, rate_hz, ""):
-        seen = np.isfinite(paths[one] - paths[two]).all(axis=1)
+        seen = by_rows(lambda a, b: find_seen(a - b), paths[one], paths[two])
         if 2 * exchanged.sum() > seen.sum() and not {one, two} & set(given):
             return f"{one} and {two} lie the wrong way round: {why}"
     return None

@@ -14,7 +14,7 @@ from besman.person.marker_set import MarkerSet
 from besman.records import Recording
 from besman.records.frozen import hand_over
 from besman.stages.label.fragments import split_fragments
-from besman.stages.label.gather import found_markers, gather_markers
+from besman.stages.label.gather import NamedPaths, found_markers, gather_markers
 from besman.stages.label.learning import learn_marker_model
 from besman.stages.label.model import MarkerModel
 from besman.stages.label.named_recording import NameDecision, NamedRecording
@@ -165,8 +165,7 @@ def decide_names(
             )
         )
     markers = found_markers(decisions, marker_set)
-    seen = gather_markers(recording, decisions, markers)
-    paths = {marker: seen[:, index] for index, marker in enumerate(markers)}
+    paths = NamedPaths(recording, decisions, markers)
     _refuse_misfit(recording, marker_set, model, paths, tuple(given or ()))
     return tuple(decisions)
 

@@ -10,6 +10,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from besman.geometry.row_blocks import by_rows
+
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
@@ -38,11 +40,11 @@ def take_from_person(paths: FloatArray, back: FloatArray, rate_hz: float) -> Flo
         Of one who walks: relative to the middle of the back, beginning where they began; turned
         with the back too, if that turns farther than anybody does who faces one thing.
     """
-    seen = np.flatnonzero(np.isfinite(back).all(axis=(1, 2)))
+    seen = np.flatnonzero(by_rows(lambda some: np.isfinite(some).all(axis=(1, 2)), back))
     if seen.size < 2:
         return paths
     rows = np.arange(len(back))
-    middle = _interpolate(rows, seen, back[seen].mean(axis=1))
+    middle = _interpolate(rows, seen, by_rows(lambda some: back[some].mean(axis=1), seen))
     if np.ptp(_mean_over(middle[:, :2], rate_hz), axis=0).max() <= _FARTHEST_LEAN_M:
         return paths
     relative = paths - middle[:, np.newaxis]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from besman.exceptions import RecordingError, RecordingWarning
-from besman.io.recordings.clock import settle_clock, whole_if_near
+from besman.io.recordings.clock import parse_rate, settle_clock, whole_if_near
 
 PATH = Path("a.x")
 
@@ -37,6 +37,21 @@ def test_uneven_times_are_said():
         RecordingWarning, match=r"1 times do not rise evenly, first in line 8: 0.09 s"
     ):
         assert settle(times=[0, 0.02, 0.04, 0.09, 0.11, 0.13]).rate_hz == 50.0
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [("1_000", "no number"), ("\u0663", "no number"), ("0", "0 frames"), ("1e9", r"1e\+09 frames")],
+)
+def test_a_rate_of_the_header_that_is_none_is_said(text, said):
+    with pytest.warns(RecordingWarning, match=f"the header has {said}.*; 50, as the times show"):
+        assert settle(times=[0, 0.02, 0.04], rate_hz=parse_rate(text)).rate_hz == 50.0
+    with pytest.raises(RecordingError, match="neither the header"):
+        settle(frames=[1, 2, 3], rate_hz=parse_rate(text))
+
+
+def test_rates_of_headers():
+    assert [parse_rate(text) for text in ("", " EXT", "59.94 ")] == [None, None, 59.94]
 
 
 @pytest.mark.parametrize(

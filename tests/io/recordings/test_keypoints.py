@@ -104,6 +104,27 @@ def test_a_frame_that_lacks_a_name(tmp_path):
     assert np.isnan(found.positions[7, 0]).all()
 
 
+def test_a_name_that_is_empty_is_none(tmp_path):
+    frames = keypoint_frames(throw())
+    for frame in frames:
+        frame["keypoints"][""] = frame["keypoints"].pop("NOSE")
+    path = write({"fps": 30, "units": "m", "frames": frames}, tmp_path / "a.json")
+    assert None in read_recording(path).names
+    assert "" not in read_recording(path).names
+
+
+def test_a_time_or_rate_that_is_no_number_is_said(tmp_path):
+    frames = keypoint_frames(throw())
+    frames[4]["time"] = "1e3"
+    path = write({"fps": 30, "units": "m", "frames": frames}, tmp_path / "a.json")
+    with pytest.warns(RecordingWarning, match="time of frame 5 is '1e3', no number; time is left"):
+        read_recording(path)
+    frames = keypoint_frames(throw())
+    path = write({"fps": "3_0", "units": "m", "frames": frames}, tmp_path / "b.json")
+    with pytest.warns(RecordingWarning, match="no number where the rate stands; 30, as"):
+        assert read_recording(path).rate_hz == 30.0
+
+
 @CONCLUDING
 @pytest.mark.parametrize(
     ("content", "message"),

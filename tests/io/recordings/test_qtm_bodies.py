@@ -114,12 +114,35 @@ def test_na_in_cells_of_markers(tmp_path):
             r"NO_OF_FRAMES is 12 and 10 .*is the file cut\? --partial takes",
         ),
         (lambda lines: [*lines[:-1], lines[-1] + "\t1\t2\t3"], "columns, expected"),
+        (
+            lambda lines: ["NO_OF_FRAMES\t1_2", *lines[1:]],
+            "NO_OF_FRAMES is '1_2'; expected a whole number",
+        ),
     ],
 )
 def test_what_is_wrong_is_one_line(tmp_path, change, message):
     path = write_lines(change(six_d_lines(take())), tmp_path / "a.tsv")
     with pytest.raises(RecordingError, match=message):
         read_recording(path)
+
+
+@pytest.mark.parametrize("entry", ["1e308", "1.2", "-1", "7"])
+def test_a_matrix_that_is_no_rotation_is_left_out_in_words(tmp_path, entry):
+    lines = six_d_lines(take())
+    rows = [k for k, line in enumerate(lines) if line.startswith("7\t")]
+    cells = lines[rows[0]].split("\t")
+    cells[10] = entry
+    lines[rows[0]] = "\t".join(cells)
+    with pytest.warns(RecordingWarning, match="1 orientations of 'Hand' are no rotations"):
+        found = read_recording(write_lines(lines, tmp_path / "a.tsv"))
+    # As it was last.
+    np.testing.assert_array_equal(found.orientations[2, 0], found.orientations[1, 0])
+
+
+def test_a_rate_that_is_no_number_is_said(tmp_path):
+    lines = [line.replace("FREQUENCY\t100", "FREQUENCY\t1_00") for line in six_d_lines(take())]
+    with pytest.warns(RecordingWarning, match="no number where the rate stands; 100, as the times"):
+        assert read_recording(write_lines(lines, tmp_path / "a.tsv")).rate_hz == 100.0
 
 
 def test_more_frames_than_are_said(tmp_path):

@@ -57,6 +57,7 @@ def test_a_step_that_is_not_taken_back_is_named():
     [
         (lambda: recording(n=1), "a recording of one frame; expected at least two"),
         (lambda: recording(names=("a\x1b", None)), r"trajectory 1: name .* U\+001B"),
+        (lambda: recording(names=("a", "a")), "2 trajectories are named 'a'; expected each name"),
         (lambda: recording(first_frame=-1), "frames -1 to 38; expected 0 to"),
         (lambda: recording(1000.0 + recording().positions), "half of all coordinates are beyond"),
         (lambda: recording(rate_hz=0.001), "0.001 frames a second; expected"),
@@ -65,6 +66,11 @@ def test_a_step_that_is_not_taken_back_is_named():
 def test_what_no_camera_delivers_is_refused(one, message):
     with pytest.raises(RecordingError, match=message):
         check_recording(one(), PATH)
+
+
+def test_what_has_an_empty_name_has_none():
+    assert check_recording(recording(names=("", "Hand")), PATH).names == (None, "Hand")
+    assert check_recording(recording(names=(" ", "")), PATH).names == (None, None)
 
 
 def test_the_name_of_the_file_is_one_too():

@@ -49,6 +49,14 @@ def test_a_file_is_read_by_parts(tmp_path, monkeypatch):
     assert list(TextLines.of(path)) == ["one", "two and a half", "", "four"]
 
 
+def test_the_last_of_many_lines(monkeypatch):
+    monkeypatch.setattr(text_lines, "_MOST_BACKWARDS", 2)
+    content = "\n".join(map(str, range(9))).encode()
+    found = TextLines(lambda first: [content[first:]])
+    for count in range(1, 10):
+        assert found.last(count) == list(map(str, range(9)))[-count:]
+
+
 def test_there_is_no_line_beyond_the_last():
     for index in (2, -3, 10):
         with pytest.raises(IndexError, match="no line"):

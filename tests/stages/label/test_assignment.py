@@ -16,7 +16,7 @@ def make_fragments(start, stop):
     n = stop - start
     return Fragments(
         start[order], stop[order], np.arange(len(n)), np.cumsum(n) - n,
-        np.zeros((n.sum(), 3)), int(stop.max()), 100.0,
+        np.zeros((n.sum(), 3)), 1, int(stop.max()), 100.0,
     )  # fmt: skip
 
 

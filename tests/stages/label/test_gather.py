@@ -8,7 +8,13 @@ from hypothesis import strategies as st
 from besman.person.marker_set import load_marker_set
 from besman.records import Recording
 from besman.stages.label.fragments import split_fragments
-from besman.stages.label.gather import found_markers, gather_all, gather_markers
+from besman.stages.label.gather import (
+    LeftOver,
+    NamedPaths,
+    found_markers,
+    gather_all,
+    gather_markers,
+)
 from besman.stages.label.named_recording import NameDecision
 
 MARKERS = ("hand_top", "elbow", "shoulder")
@@ -57,6 +63,14 @@ def test_every_sample_is_where_its_decision_puts_it(marker_set, seed):
     np.testing.assert_array_equal(whole, np.concatenate((named, rest[:, kept]), axis=1))
     assert names == (*markers, *(recording.names[k] for k in kept))
     np.testing.assert_array_equal(gather_markers(recording, decisions, markers), named)
+    paths = NamedPaths(recording, decisions, markers)
+    assert tuple(paths) == markers
+    for k, marker in enumerate(markers):
+        np.testing.assert_array_equal(paths[marker], named[:, k])
+    left = LeftOver(recording, decisions)
+    assert (left.columns, left.names) == (tuple(kept), names[len(markers) :])
+    for start, stop in ((0, 80), (0, 1), (13, 60), (79, 80)):
+        np.testing.assert_array_equal(left.rows(start, stop), rest[start:stop][:, kept])
 
 
 def test_markers_are_in_the_order_of_the_set(marker_set):

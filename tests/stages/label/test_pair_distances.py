@@ -17,7 +17,7 @@ def make_pairs(seed, n_frames=400):
     first, second = np.triu_indices(fragments.n_fragments, 1)
     start = np.maximum(fragments.start[first], fragments.start[second])
     together = start < np.minimum(fragments.stop[first], fragments.stop[second])
-    places = (fragments.start, fragments.stop, fragments.offset, fragments.samples)
+    places = (fragments.start, fragments.stop, fragments.offset, fragments.samples, fragments.step)
     return (first[together], second[together], *places, 5), fragments
 
 
@@ -62,5 +62,5 @@ def test_many_pairs_are_compiled_with_the_same_result(monkeypatch):
 
 def test_no_pair_is_no_distance():
     none = np.empty(0, dtype=np.int64)
-    mean, variance = average_distances(none, none, none, none, none, np.empty((0, 3)), 1)
+    mean, variance = average_distances(none, none, none, none, none, np.empty((0, 3)), 1, 1)
     assert mean.shape == variance.shape == (0,)
