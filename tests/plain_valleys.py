@@ -77,13 +77,14 @@ def weigh(movement, rest):
     return np.minimum(np.exp(forward + backward - forward[-1]), 1.0)
 
 
-def find_valleys(speed, shape):
+def find_valleys(speed, shape, ahead=None):
     """Find the valleys; of all hills and minima that are left, the one to go is looked for anew."""
+    steady, speed = speed, speed if ahead is None else ahead
     inner = (speed[1:-1] <= speed[:-2]) & (speed[1:-1] < speed[2:])
     minima = list(np.flatnonzero(inner) + 1)
     if speed.size < 2 or not speed.any():
         return []
-    least = shape.hill * typical_speed(speed)
+    least = shape.hill * typical_speed(steady)
     while minima:
         peaks = [max(speed[a : b + 1]) for a, b in pairwise([0, *minima, len(speed) - 1])]
         hill = int(np.argmin(peaks))
@@ -97,4 +98,4 @@ def find_valleys(speed, shape):
         if max(share) < shape.depth:
             break
         minima.pop(int(np.argmax(share)))
-    return _find_rests(speed, np.array(minima, dtype=np.int64), shape)
+    return _find_rests(steady, np.array(minima, dtype=np.int64), shape)

@@ -6,7 +6,8 @@ movement. Here the speed says where a border may be, and the evidence of vMCI wh
 are borders.
 
 1. The positions are low-passed and their speed is taken on a grid of 100 Hz, whatever the rate of
-   the recording (`besman.stages.segment.valleys`). Its valleys are the candidates. A valley whose
+   the recording (`besman.stages.segment.valleys`). The valleys of the speed with which the path
+   gets on, lower where it turns (`besman.stages.segment.straightness`), are candidates. One whose
    floor is slower than a share of both peaks beside it, for long enough, holds a rest from sample
    a_k to b_k; any other is a turning point, a_k = b_k.
 2. A movement runs from the end of one valley to the beginning of a later one. Its log-evidence is
@@ -71,13 +72,15 @@ from besman.stages.segment.signals import prepare_signals, resample
 from besman.stages.segment.span_evidence import SpanEvidence
 from besman.stages.segment.spans import Spans
 from besman.stages.segment.stillness import least_speed
+from besman.stages.segment.straightness import speed_ahead
 from besman.stages.segment.valleys import (
     GRID_HZ,
     Valley,
     ValleyShape,
     find_sure,
     find_valleys,
-    smooth_speed,
+    path_speed,
+    smooth_path,
 )
 from besman.stages.segment.vmci import VmciModel, length_factor, tabulate_lengths
 from besman.stages.segment.ways import Ways
@@ -167,18 +170,20 @@ def find_movements(
     signals = prepare_signals(samples)
     if not signals.moves:
         return still
-    speed = smooth_speed(t, x, shape.smoothing_s)
+    path = smooth_path(t, x, shape.smoothing_s)
+    speed = path_speed(path)
     shape = shape._replace(least=max(shape.least, least_speed(t, x, shape.smoothing_s)))
     # Where the bell reaches beyond the recording, noise is faster.
     edge = min(round(2 * shape.smoothing_s * GRID_HZ), (len(speed) - 1) // 2)
     if speed[edge : len(speed) - edge].max() < shape.least:
         return still
-    valleys = find_valleys(speed, shape)
+    ahead = speed_ahead(path, speed, GRID_HZ)
+    valleys = find_valleys(speed, shape, ahead)
     n_grid = len(speed)
     longest = None if longest_s is None else max(2, round(longest_s * rate_hz))
     # A marker that stands still says nothing.
     speeds = signals.speeds[:, signals.speeds.any(axis=0)]
-    sure = find_sure(speed, valleys, shape.sure)
+    sure = find_sure(ahead, valleys, shape.sure)
     ways = Ways(_find_spans(speeds, valleys, sure, n_grid, rate_hz, longest, model or MODEL))
     borders, rests = [0.0], []
     for first, last in (valleys[k - 1] for k in ways.best[1:-1]):

@@ -83,6 +83,30 @@ def smooth_speed(time: npt.ArrayLike, paths: npt.ArrayLike, smoothing_s: float) 
     array, shape (G,)
         Root of the sum of the markers' squared speeds at time[0] + g / GRID_HZ, m/s.
     """
+    return path_speed(smooth_path(time, paths, smoothing_s))
+
+
+def path_speed(path: FloatArray) -> FloatArray:
+    """Return the speed, shape (G,), along a path (G, n) on the grid of `GRID_HZ`."""
+    if len(path) < 2:
+        return np.zeros(len(path))
+    speed: FloatArray = np.linalg.norm(np.gradient(path, axis=0), axis=1) * GRID_HZ
+    return speed
+
+
+def smooth_path(time: npt.ArrayLike, paths: npt.ArrayLike, smoothing_s: float) -> FloatArray:
+    """Low-pass paths and bring them to the grid of `GRID_HZ`.
+
+    Parameters
+    ----------
+    time, paths, smoothing_s
+        As of `smooth_speed`.
+
+    Returns
+    -------
+    array, shape (G, 3 m)
+        From the first place on, metres.
+    """
     t = np.asarray(time, dtype=np.float64)
     x = np.asarray(paths, dtype=np.float64).reshape(len(t), -1)
     x = x - x[0]
@@ -94,11 +118,7 @@ def smooth_speed(time: npt.ArrayLike, paths: npt.ArrayLike, smoothing_s: float) 
     else:
         n_grid = int(np.floor((len(t) - 1) / rate_hz * GRID_HZ + 1e-6)) + 1
         grid = interpolate_cubic(np.arange(len(t)) / rate_hz, x, np.arange(n_grid) / GRID_HZ)
-    smooth = _low_pass(grid, smoothing_s * GRID_HZ)
-    if len(smooth) < 2:
-        return np.zeros(len(smooth))
-    speed: FloatArray = np.linalg.norm(np.gradient(smooth, axis=0), axis=1) * GRID_HZ
-    return speed
+    return _low_pass(grid, smoothing_s * GRID_HZ)
 
 
 def _low_pass(values: FloatArray, deviation: float) -> FloatArray:
@@ -123,7 +143,9 @@ def typical_speed(speed: FloatArray) -> float:
     return float(rising[np.searchsorted(way, way[-1] / 2)])
 
 
-def find_valleys(speed: FloatArray, shape: ValleyShape | None = None) -> list[Valley]:
+def find_valleys(
+    speed: FloatArray, shape: ValleyShape | None = None, ahead: FloatArray | None = None
+) -> list[Valley]:
     """Find the valleys of the speed and the rests in them.
 
     Local minima are removed one by one: first those beside a hill that is too low for a movement
@@ -136,6 +158,8 @@ def find_valleys(speed: FloatArray, shape: ValleyShape | None = None) -> list[Va
         On a grid of `GRID_HZ`, not negative.
     shape : ValleyShape, optional
         What counts as a valley.
+    ahead : array, shape (G,), optional
+        The speed with which the path gets on, whose valleys are found; rests are those of `speed`.
 
     Returns
     -------
@@ -143,12 +167,13 @@ def find_valleys(speed: FloatArray, shape: ValleyShape | None = None) -> list[Va
         In their order in time.
     """
     shape = shape or ValleyShape()
-    inner = (speed[1:-1] <= speed[:-2]) & (speed[1:-1] < speed[2:])
+    ahead = speed if ahead is None else ahead
+    inner = (ahead[1:-1] <= ahead[:-2]) & (ahead[1:-1] < ahead[2:])
     minima = np.flatnonzero(inner) + 1
     if speed.size < 2 or not speed.any():
         return []
-    minima = _drop_low_hills(speed, minima, max(shape.hill * typical_speed(speed), shape.least))
-    minima = _drop_shallow(speed, minima, shape.depth)
+    minima = _drop_low_hills(ahead, minima, max(shape.hill * typical_speed(speed), shape.least))
+    minima = _drop_shallow(ahead, minima, shape.depth)
     return _find_rests(speed, minima, shape)
 
 
