@@ -58,6 +58,8 @@ Torque = Annotated[
     str | None, typer.Option(help="Nm where none is given: one, or one a joint, by ','.")
 ]
 
+Arg = Annotated[list[str] | None, typer.Option(help="NAME=VALUE of a xacro; repeatable.")]
+
 
 @robots.command("add")
 def _add_robot(
@@ -68,11 +70,13 @@ def _add_robot(
     package: Package = None,
     velocity: Velocity = None,
     torque: Torque = None,
+    arg: Arg = None,
 ) -> None:
     """Write NAME.yaml for your own arm, and say what to look at in it."""
     from besman.cli.progress_bars import stage_display
     from besman.cli.terminal import open_terminal
     from besman.robot.files.mesh_folders import parse_packages
+    from besman.robot.files.xacro_file import parse_arguments
     from besman.robot.new_robot import add_robot
 
     with stage_display() as show:
@@ -84,6 +88,7 @@ def _add_robot(
             packages=parse_packages(package or []),
             velocity=velocity,
             torque=torque,
+            arguments=parse_arguments(arg or []),
             show=show,
         )
     open_terminal().print(f"wrote {path}", soft_wrap=True)
@@ -104,17 +109,20 @@ def _try_robot(
     package: Package = None,
     velocity: Velocity = None,
     torque: Torque = None,
+    arg: Arg = None,
     jobs: Jobs = ALL_CORES,
 ) -> None:
     """Take the embedded throws to an arm and write a page: what it is, what it can do, why not."""
     from besman.cli.progress_bars import stage_display
     from besman.cli.terminal import open_terminal
     from besman.robot.files.mesh_folders import parse_packages
+    from besman.robot.files.xacro_file import parse_arguments
     from besman.robot.new_robot import Wishes
     from besman.view.try_robot import try_robot
 
     console = open_terminal()
-    wishes = Wishes(tip, name, None, parse_packages(package or []), velocity, torque)
+    packages, arguments = parse_packages(package or []), parse_arguments(arg or [])
+    wishes = Wishes(tip, name, None, packages, velocity, torque, arguments)
     with stage_display() as show:
         tried = try_robot(
             robot,

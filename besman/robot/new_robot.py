@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 import os
-import re
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -19,6 +18,7 @@ from besman.exceptions import RobotError
 from besman.robot.collision import distances
 from besman.robot.config import RobotConfig
 from besman.robot.files.arm_chain import find_chain, find_tip, held_joints
+from besman.robot.files.arm_files import check_name, free_name, write_arm, write_new
 from besman.robot.files.joint_limits import assume_torques, parse_limit_list, read_joints
 from besman.robot.files.known_limits import find_known_arm
 from besman.robot.files.mesh_folders import (
@@ -29,10 +29,10 @@ from besman.robot.files.mesh_folders import (
 )
 from besman.robot.files.mjcf_file import CompiledArm, is_mjcf, read_mjcf
 from besman.robot.files.second_reader import refuse_faults
+from besman.robot.files.xacro_file import is_xacro, read_xacro
 from besman.robot.model import (
     build_robot,
     joint_limits,
-    list_robots,
     load_robot,
     mount_tool,
     read_robot_urdf,
@@ -40,7 +40,6 @@ from besman.robot.model import (
 from besman.robot.urdf_file import place_meshes, read_urdf_text
 from besman.work.display import Display, no_display
 
-_RESERVED = ("add", "check", "show", "try")
 DESCRIPTIONS = (".urdf", ".xml", ".mjcf", ".xacro")
 """Endings of files that describe arms."""
 
@@ -49,8 +48,6 @@ _HEADER = """\
 """
 _MOST_LISTED = 3
 _HEAD_BYTES = 20_000
-# A file system takes 255 bytes with the ending.
-_LONGEST_NAME = 100
 
 
 @dataclass(frozen=True)
@@ -69,6 +66,8 @@ class Wishes:
         Folders of ``package://NAME``, by name.
     velocity, torque : str, optional
         Degrees/s and Nm, one number or one for each joint, where the file gives none.
+    arguments : dict of str
+        Of a xacro, by name.
     """
 
     tip: str | None = None
@@ -77,6 +76,7 @@ class Wishes:
     packages: Mapping[str, Path] | None = None
     velocity: str | None = None
     torque: str | None = None
+    arguments: Mapping[str, str] | None = None
 
 
 def add_robot(
@@ -88,6 +88,7 @@ def add_robot(
     packages: Mapping[str, Path] | None = None,
     velocity: str | None = None,
     torque: str | None = None,
+    arguments: Mapping[str, str] | None = None,
     show: Display = no_display,
 ) -> Path:
     """Write a robot.yaml for the arm that a file describes.
@@ -95,8 +96,8 @@ def add_robot(
     Parameters
     ----------
     urdf : Path
-        The URDF or MJCF; of a MJCF a URDF and its meshes are written, too.
-    tip, name, folder, packages, velocity, torque
+        The URDF, xacro or MJCF; of the latter two a URDF is written too, of a MJCF its meshes.
+    tip, name, folder, packages, velocity, torque, arguments
         See `Wishes`.
     show : Display, optional
         Shows how far it is.
@@ -112,9 +113,9 @@ def add_robot(
         If the file cannot be used, the link is not there, more than one could be meant, the name is
         taken, or there is such a file already. Nothing is left behind then.
     """
-    wishes = Wishes(tip, name, folder, packages, velocity, torque)
+    wishes = Wishes(tip, name, folder, packages, velocity, torque, arguments)
     if not urdf.is_file():
-        raise RobotError(f"{urdf}: no such file; expected a URDF or MJCF")
+        raise RobotError(f"{urdf}: no such file; expected a URDF, xacro or MJCF")
     made: list[Path] = []
     try:
         return _bring(urdf, wishes, show, made)
@@ -127,9 +128,9 @@ def add_robot(
 
 def _bring(file: Path, wishes: Wishes, show: Display, made: list[Path]) -> Path:
     """Write all files of an arm; each that is made is added to a list."""
-    arm = read_mjcf(file) if is_mjcf(file.read_bytes()[:_HEAD_BYTES]) else None
+    arm, wishes = _compile(file, wishes)
     tree = read_urdf_text(file) if arm is None else arm.tree
-    name = _check_name(wishes.name or _free_name(str(tree.get("name", ""))), file)
+    name = check_name(wishes.name or free_name(str(tree.get("name", ""))), file)
     folder = wishes.folder or file.parent
     path = folder / f"{name}.yaml"
     if path.exists():
@@ -138,7 +139,7 @@ def _bring(file: Path, wishes: Wishes, show: Display, made: list[Path]) -> Path:
         )
     urdf, home = file, None
     if arm is not None:
-        urdf, home = _write_arm(arm, folder, name, made), arm.home
+        urdf, home = write_arm(arm, folder, name, made), arm.home
         tree = read_urdf_text(urdf)
     content = _describe(tree, urdf, path, name, wishes, show)
     if arm is not None:
@@ -146,35 +147,23 @@ def _bring(file: Path, wishes: Wishes, show: Display, made: list[Path]) -> Path:
     if home and _set_home(content, home, urdf, path):
         content["assumed"] = [one for one in content["assumed"] if not one.startswith("home")]
     text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True, default_flow_style=None)
-    _write_new(path, _HEADER.format(urdf=file.name) + text)
+    write_new(path, _HEADER.format(urdf=file.name) + text)
     made.append(path)
     load_robot(path)
     return path
 
 
-def _write_arm(arm: CompiledArm, folder: Path, name: str, made: list[Path]) -> Path:
-    """Write the URDF and the meshes of a compiled MJCF; return the URDF."""
-    urdf, meshes = folder / f"{name}.urdf", folder / f"{name}_meshes"
-    for there in (urdf, meshes):
-        if there.exists():
-            raise RobotError(
-                f"{there}: is there already; nothing is overwritten, give another --name"
-            )
-    try:
-        if arm.meshes:
-            meshes.mkdir(parents=True)
-            made.append(meshes)
-        for one, content in arm.meshes.items():
-            made.append(meshes / one)
-            (meshes / one).write_bytes(content)
-    except OSError as error:
-        raise RobotError(f"{meshes}: cannot be written: {error.strerror}") from None
-    for mesh in arm.tree.iter("mesh"):
-        mesh.set("filename", f"{meshes.name}/{mesh.get('filename')}")
-    ElementTree.indent(arm.tree)
-    _write_new(urdf, ElementTree.tostring(arm.tree, encoding="unicode") + "\n")
-    made.append(urdf)
-    return urdf
+def _compile(file: Path, wishes: Wishes) -> tuple[CompiledArm | None, Wishes]:
+    """Read what is no URDF yet; return None for one that is, and the packages that were found."""
+    content = file.read_bytes()
+    if is_mjcf(content[:_HEAD_BYTES]):
+        return read_mjcf(file), wishes
+    if not is_xacro(file, content):
+        if wishes.arguments:
+            raise RobotError(f"{file}: --arg: a URDF takes no arguments; expected a xacro")
+        return None, wishes
+    found = read_xacro(file, wishes.arguments or {}, wishes.packages or {})
+    return CompiledArm(found.tree, notes=found.notes), replace(wishes, packages=found.packages)
 
 
 def _set_home(content: dict[str, Any], home: Mapping[str, float], urdf: Path, path: Path) -> bool:
@@ -191,39 +180,6 @@ def _set_home(content: dict[str, Any], home: Mapping[str, float], urdf: Path, pa
         return False
     content["joints"] = given
     return True
-
-
-def _write_new(path: Path, text: str) -> None:
-    """Write a file that is not there; one that came into being meanwhile is not overwritten."""
-    made = False
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("x", encoding="utf-8") as file:
-            made = True
-            file.write(text)
-    except OSError as error:
-        if made:
-            with suppress(OSError):
-                path.unlink()
-        raise RobotError(f"{path}: cannot be written: {error.strerror}") from None
-
-
-def _free_name(name: str) -> str:
-    """Return a name that a file may bear, and that no robot here has."""
-    usable = re.sub(r"[\s/\\:]+", "_", name.strip())[:_LONGEST_NAME]
-    return f"my_{usable}" if usable in (*list_robots(), *_RESERVED) else usable
-
-
-def _check_name(name: str, urdf: Path) -> str:
-    """Refuse names that cannot be used or are taken."""
-    if not re.fullmatch(r"[A-Za-z0-9][\w.-]*", name) or name in _RESERVED:
-        raise RobotError(
-            f"{urdf}: name: got {name!r}, expected letters, digits, '_', '.' and '-', and none of "
-            f"{', '.join(_RESERVED)}; give one with --name"
-        )
-    if name in list_robots():
-        raise RobotError(f"{urdf}: name: there is a robot {name!r} already; give another --name")
-    return name
 
 
 def _describe(

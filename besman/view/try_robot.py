@@ -110,6 +110,7 @@ def _bring(file: Path, wishes: Wishes, folder: Path, show: Display) -> Path:
         packages=wishes.packages,
         velocity=wishes.velocity,
         torque=wishes.torque,
+        arguments=wishes.arguments,
         show=show,
     )
 

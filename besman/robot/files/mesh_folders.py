@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree import ElementTree
@@ -119,7 +119,7 @@ def find_mesh_folders(
     folder : Path, optional
         What relative addresses must lie below; without it the URDF's package, or its folder.
     """
-    above = list(urdf.resolve().parents)[:_HIGHEST]
+    above = folders_above(urdf)
     addresses = {mesh.get("filename", "") for mesh in tree.iter("mesh")}
     packages: dict[str, Path] = {}
     guessed = []
@@ -134,12 +134,25 @@ def find_mesh_folders(
                 guessed.append(f"{inside[0]} is taken for the folder {found}")
         if found is not None:
             packages[inside[0]] = found.resolve()
-    home = folder.resolve() if folder is not None else _home(above, set(packages.values()))
+    home = folder.resolve() if folder is not None else home_of(above, set(packages.values()))
     return MeshFolders(home, packages, tuple(guessed))
 
 
-def _home(above: list[Path], packages: set[Path]) -> Path:
-    """Return the folder that relative addresses must lie below."""
+def folders_above(file: Path) -> list[Path]:
+    """Return the folders above a file that are looked through, nearest first."""
+    return list(file.resolve().parents)[:_HIGHEST]
+
+
+def home_of(above: list[Path], packages: Collection[Path] = ()) -> Path:
+    """Return the folder that relative addresses must lie below.
+
+    Parameters
+    ----------
+    above : list of Path
+        From `folders_above`.
+    packages : collection of Path
+        Folders of packages that are known.
+    """
     for one in above[:5]:
         if one in packages or is_file(one / "package.xml"):
             return one

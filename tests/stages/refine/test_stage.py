@@ -157,7 +157,7 @@ def test_results(motions):
 def test_of_many_motions_those_are_refined_that_land_nearest(robot, plans):
     trials = try_plans(robot, THROW, plans)
     assert trials[1].miss < trials[0].miss
-    never = replace(plans[0], target=plans[0].target + [9.0, 0, 0], name="c")
+    never = replace(plans[0], target=plans[0].target + np.array([9.0, 0, 0]), name="c")
     (motion,) = CmaEsConfig(episodes=1, motions=1).run((never, *plans), robot, THROW)
     assert motion.plan.name == "b"
     found = nearest_plans((never, *plans), robot, THROW, 2)
