@@ -148,8 +148,8 @@ def test_every_pipeline_key_is_described():
     missing = [
         f"{name}.{key}"
         for name, config in sections(PipelineConfig, {}).items()
-        for key in config.model_fields
-        if key != "method" and not described(config).get(key)
+        for key, field in config.model_fields.items()
+        if key != "method" and not described(config).get(field.alias or key)
     ]
     assert missing == []
 

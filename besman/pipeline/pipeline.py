@@ -19,7 +19,7 @@ from besman.pipeline.config import (
 from besman.pipeline.finished_run import trained_model
 from besman.pipeline.run_folder import Run
 from besman.records import JointTrajectory, LabelledRecording, LabelledSegments
-from besman.records.layers import side_of
+from besman.records.layers import actions_of, side_of
 from besman.robot.model import Robot, find_tool, load_robot
 from besman.simulation.tasks.kinds import load_task
 from besman.stages.compose.actions import LevelModel
@@ -31,6 +31,7 @@ from besman.stages.recognize.model_files import load_model
 from besman.stages.recognize.one_throw import OneThrowConfig
 from besman.stages.recognize.stage import RecognizeMethod
 from besman.stages.refine.stage import check_tool_name
+from besman.stages.select.block_steps import DivideActions, FindActions
 from besman.work.display import Display
 from besman.work.outcome import describe_error
 from besman.work.stopping import last_words
@@ -120,7 +121,9 @@ STAGES = (
     "recognize",
     "train_actions",
     "compose",
+    "actions",
     "select",
+    "blocks",
     "map",
     "imitate",
     "refine",
@@ -143,16 +146,24 @@ def _run_stages(config: PipelineConfig, run: Run, inputs: Inputs, trained_in: Pa
     if config.compose is not None:
         levels = _learn_actions(config, run, examples, trained_in)
         actions = run.step("compose", config.compose, labelled, found, levels)
-        if config.select.action is not None:
-            found = pick_level(actions, config.compose, config.select.action)
-    hands = run.step("select", config.select, labelled, found, inputs.landings)
+    whole = found
+    if config.select.action is not None:
+        if config.compose is not None and config.select.action not in config.select.actions:
+            whole = pick_level(actions, config.compose, config.select.action)
+        else:
+            whole = run.step("actions", FindActions(config.select), found, _by_hand(inputs))
+    hands = run.step("select", config.select, labelled, whole, inputs.landings)
+    if config.select.as_ == "blocks":
+        divide = DivideActions(config.select)
+        divided = run.step("blocks", divide, labelled, found, whole, hands, markers)
+        hands = tuple(one.hand for one in divided)
     robot = load_robot(config.robot, config.tool)
     if config.second_arm is None:
         mapping = run.step("map", config.map, hands, robot)
         _learn_motions(config, run, mapping.trajectories, robot)
         return
 
-    others = run.step("select_second", config.select.other_arm, labelled, found, ())
+    others = run.step("select_second", config.select.other_arm, labelled, whole, ())
     second = load_robot(config.second_arm.robot, config.second_arm.tool)
     both = run.step("map", MapBothArms(config.map), hands, others, robot, second)
     for mapping, arm, name in zip(both, (robot, second), ("", "_second"), strict=True):
@@ -183,6 +194,14 @@ def _check_arms(config: PipelineConfig) -> None:
         if arm is not None:
             robot = find_tool(arm.robot, arm.tool)
             check_tool_name(robot.name, arm.tool, task)
+
+
+def _by_hand(inputs: Inputs) -> tuple[LabelledSegments, ...]:
+    """Return the manual segments on layers of actions."""
+    manual = [one for one in inputs.truth if one is not None]
+    found = [actions_of(one) for one in manual]
+    # Where no layer is one of actions, what was given comes back.
+    return tuple(one for one, given in zip(found, manual, strict=True) if one is not given)
 
 
 def _known_truth(config: PipelineConfig, inputs: Inputs) -> Truth:

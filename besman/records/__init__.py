@@ -3,6 +3,7 @@
 Arrays are copied, made read-only and checked once, at construction.
 """
 
+from besman.records.block_demonstrations import BlockDemonstration
 from besman.records.failure import Failure
 from besman.records.frozen import FloatArray, Record, ShapeError, freeze
 from besman.records.landing import Landing
@@ -16,6 +17,7 @@ __all__ = [
     "Actions",
     "AnyPlan",
     "Axis",
+    "BlockDemonstration",
     "CartesianPlan",
     "Failure",
     "FloatArray",

@@ -24,6 +24,7 @@ _TREE = "__tree__"
 
 # The module in which the record of each name in files (`Record.stored_as`) stands today.
 _RECORDS = {
+    "BlockDemonstration": "besman.records.block_demonstrations",
     "besman.records:Failure": "besman.records.failure",
     "besman.records:Landing": "besman.records.landing",
     "besman.records:CartesianPlan": "besman.records.plans",
@@ -187,7 +188,7 @@ def _record_type(name: str) -> Any:
     """Find a record's class by its name in files, whatever else the file says."""
     if not isinstance(name, str) or name not in _RECORDS:
         raise ValueError(f"{name!r:.60} is not a record of besman")
-    return getattr(importlib.import_module(_RECORDS[name]), name.partition(":")[2])
+    return getattr(importlib.import_module(_RECORDS[name]), name.rpartition(":")[2])
 
 
 def _stored_name(kind: type[Any]) -> str:

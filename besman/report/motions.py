@@ -55,6 +55,8 @@ def overview_figure(records: dict[str, Any], config: dict[str, Any], arm: ArmRec
 
 def selected_segments(records: dict[str, Any], select: dict[str, Any], at: int) -> Any:
     """Return the segments that demonstrations of a recording were selected from."""
+    if "actions" in records:
+        return records["actions"][at]
     if select.get("action") is None:
         return records["recognize"][at]
     levels = records["compose"][at].levels

@@ -151,7 +151,8 @@ class Configuration(SphinxDirective):
         meanings = described(config)
         listed = nodes.definition_list()
         below = []
-        for key, field in config.model_fields.items():
+        for name, field in config.model_fields.items():
+            key = field.alias or name
             if key == "method" and get_origin(field.annotation) is Literal:
                 # The title of the section says it.
                 continue

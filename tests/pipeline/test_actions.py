@@ -10,7 +10,8 @@ from besman.cli import main as cli
 from besman.config.resources import find_resource
 from besman.exceptions import ConfigError
 from besman.io.segments_json import find_segments
-from besman.pipeline.config import load_pipeline
+from besman.pipeline.check import check_pipeline
+from besman.pipeline.config import load_pipeline, pipeline_yaml
 from besman.records.files import load_record
 from besman.synthetic.datasets import write_synthetic
 
@@ -76,6 +77,7 @@ def test_an_action_is_retargeted(monkeypatch, tmp_path, capture):
         (("select.label=null",), "expected one of label and action, got none"),
         (("select.label=null", "select.action=toss"), "'toss'; allowed: nothing"),
         (("select.label=null", "select.action=tos", COMPOSE), "did you mean 'toss'"),
+        (("select.as=blocks",), "expected action: NAME in place of label"),
         (("compose={levels: []}",), "levels"),
         (("compose={levels: [[]]}",), "at least 1 item"),
     ],
@@ -83,3 +85,20 @@ def test_an_action_is_retargeted(monkeypatch, tmp_path, capture):
 def test_refuses(settings, message):
     with pytest.raises(ConfigError, match=message):
         load_pipeline(find_resource("pipelines", "ur5_stick_throw"), settings)
+
+
+TOSS = ("select.label=null", "select.action=toss", "select.as=blocks")
+
+
+def test_a_sequence_is_checked_before_it_runs():
+    config = load_pipeline(
+        find_resource("pipelines", "ur5_stick_throw"),
+        (*TOSS, "select.actions={toss: [strike_out, throw, swing_out]}"),
+    )
+    assert config.select.actions == {"toss": PARTS}
+    assert "as: blocks" in pipeline_yaml(config)
+    assert any("labelled examples" in line for line in check_pipeline(
+        "ur5_stick_throw", (*TOSS, "select.actions={toss: [strike_out, throw, swing_out]}")
+    ))  # fmt: skip
+    with pytest.raises(ConfigError, match=r"actions.toss: got 'trow', .*did you mean 'throw'"):
+        check_pipeline("ur5_stick_throw", (*TOSS, "select.actions={toss: [strike_out, trow]}"))

@@ -17,7 +17,7 @@ from besman.exceptions import MappingError
 from besman.geometry.frames import back_frame, hand_frame, rotation_to_quaternion
 from besman.records import HandTrajectory, LabelledRecording, LabelledSegments
 from besman.records.layers import Side
-from besman.stages.select.body_points import GapLimits, find_body_points
+from besman.stages.select.body_points import BodyPoints, GapLimits, find_body_points
 from besman.stages.select.palm import turn_palm_to_push
 from besman.stages.select.release import HandPath
 from besman.stages.select.targets import Aim, find_target
@@ -184,9 +184,8 @@ def map_record(
     points = find_body_points(
         recording, bounds, side, name=name, margin_s=_FILTER_MARGIN_S, gaps=gaps
     )
-    back = _smooth(points.back, recording.rate_hz, cutoff_hz)[start - points.back_first]
     hand = _smooth(points.hand, recording.rate_hz, cutoff_hz)
-    rotation, origin = back_frame(*back)
+    rotation, origin = _back_at(points, start, recording.rate_hz, cutoff_hz)
     duration = float(recording.time[stop - 1] - recording.time[start])
     n_samples = max(int(np.ceil(duration * rate_hz - 1e-9)) + 1, 3)
     time = np.linspace(0.0, duration, n_samples)
@@ -211,6 +210,45 @@ def map_record(
         grasp=np.array(grasp),
         target_by=target_by,
     )
+
+
+def find_back_frame(
+    recording: LabelledRecording,
+    bounds: tuple[int, int],
+    side: Side,
+    name: str,
+    cutoff_hz: float,
+    gaps: GapLimits,
+) -> tuple[FloatArray, FloatArray]:
+    """Return the frame that `map_record` gives a movement in.
+
+    Parameters
+    ----------
+    recording, bounds, side, name, cutoff_hz, gaps
+        As of `map_record`.
+
+    Returns
+    -------
+    back2lab : array, shape (3, 3)
+    origin : array, shape (3,)
+        Metres, laboratory frame.
+
+    Raises
+    ------
+    MappingError
+        As `map_record`.
+    """
+    points = find_body_points(
+        recording, bounds, side, name=name, margin_s=_FILTER_MARGIN_S, gaps=gaps
+    )
+    return _back_at(points, bounds[0], recording.rate_hz, cutoff_hz)
+
+
+def _back_at(
+    points: BodyPoints, row: int, rate_hz: float, cutoff_hz: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return rotation and origin of the back frame at a row of the recording."""
+    return back_frame(*_smooth(points.back, rate_hz, cutoff_hz)[row - points.back_first])
 
 
 def _smooth(positions: FloatArray, rate_hz: float, cutoff_hz: float) -> FloatArray:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import field_validator, model_validator
+from pydantic import ConfigDict, Field, field_validator, model_validator
 
 from besman.config.stage import Items, NotNegative, Positive, Stage, Truth, Work
 from besman.records import HandTrajectory, LabelledRecording, LabelledSegments, Landing
@@ -14,6 +14,8 @@ from besman.records.layers import Side
 from besman.stages.select.body_points import GapLimits
 from besman.stages.select.hand_trajectory import Palm, Selected, map_record, select_segments
 from besman.stages.select.targets import Aim, TargetSource
+
+_LONGEST_S = {"movement": 10.0, "blocks": 60.0}
 
 
 class SelectConfig(Stage):
@@ -25,6 +27,13 @@ class SelectConfig(Stage):
         The class of a building block, e.g. ``throw``.
     action : str, optional
         In place of `label`: an action that stage ``compose`` finds.
+    as : "movement" or "blocks"
+        Of an action: the hand's way alone, or also the blocks that it is made of, and what objects
+        do in them. Objects are those of the marker set.
+    actions : mapping of str to sequence of str
+        Actions and the blocks that they are made of, in their order, for those that neither
+        ``compose`` knows nor segments on the layer ``actions`` name. Rests between them do not
+        matter; a movement that was cut in two counts once.
     object : str, optional
         Marker of an object that is thrown; where it comes down becomes the target.
     target : "object", "landing", "flight" or "release", optional
@@ -45,8 +54,10 @@ class SelectConfig(Stage):
         less far than the person.
     arm : "right" or "left"
         The arm whose hand is followed.
-    least_duration_s, greatest_duration_s : float
-        Shorter and longer segments are left out, seconds.
+    least_duration_s : float
+        Shorter segments are left out, seconds.
+    greatest_duration_s : float, optional
+        Longer ones are left out; if not given 10 s, of actions ``as: blocks`` 60 s.
     merge : bool
         Join segments of the class that touch: a movement that was cut in two.
     cutoff_hz : float
@@ -76,6 +87,10 @@ class SelectConfig(Stage):
     method: Literal["label"] = "label"
     label: str | None = None
     action: str | None = None
+    as_: Literal["movement", "blocks"] = Field(default="movement", alias="as")
+    actions: dict[str, Annotated[tuple[str, ...], Field(min_length=1)]] = Field(
+        default_factory=dict
+    )
     object: str | None = None
     target: TargetSource | None = None
     landing: str | None = None
@@ -83,7 +98,7 @@ class SelectConfig(Stage):
     target_scale: Positive = 1.0
     arm: Side = "right"
     least_duration_s: NotNegative = 0.0
-    greatest_duration_s: Positive = 10.0
+    greatest_duration_s: Positive | None = None
     merge: bool = False
     cutoff_hz: Positive = 10.0
     rate_hz: Positive = 100.0
@@ -92,6 +107,8 @@ class SelectConfig(Stage):
     object_in_hand_m: tuple[float, float, float] | None = None
     object_in_hand_wxyz: tuple[float, float, float, float] | None = None
     palm: Palm = "measured"
+
+    model_config = ConfigDict(serialize_by_alias=True)
 
     leaves_out: ClassVar[bool] = True
 
@@ -108,6 +125,10 @@ class SelectConfig(Stage):
             raise ValueError(
                 "expected one of label and action, got "
                 + ("none" if self.label is None else "both")
+            )
+        if self.action is None and (self.actions or self.as_ == "blocks"):
+            raise ValueError(
+                "as: blocks and actions are of an action; expected action: NAME in place of label"
             )
         return self
 
@@ -185,7 +206,7 @@ class SelectConfig(Stage):
             self.wanted,
             merge=self.merge,
             least_duration_s=self.least_duration_s,
-            greatest_duration_s=self.greatest_duration_s,
+            greatest_duration_s=self.greatest_duration_s or _LONGEST_S[self.as_],
         )
 
         def take(one: Selected) -> HandTrajectory:

@@ -1,0 +1,120 @@
+"""Whole tasks: real actions as sequences of blocks, and when the box is grasped and released.
+
+Run with ``python benchmarks/whole_tasks.py FOLDER``, the folder with the public pick-and-place
+recordings. Blocks are found by the default segmentation and recognition, examples drawn as in a
+run; what is right is what a person named. The box's own motion is told from the box alone: it moves
+while its speed, of positions smoothed over a tenth of a second, is above 2 cm/s.
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from besman.evaluation.recognition_data import bridge_gaps, name_parts
+from besman.person.marker_set import load_marker_set
+from besman.records.layers import drop_parts
+from besman.stages.read.read_inputs import read_inputs
+from besman.stages.recognize.stage import RecognizeConfig
+from besman.stages.segment.methods import DefaultSegmentConfig
+from besman.stages.select.block_steps import DivideActions, FindActions
+from besman.stages.select.stage import SelectConfig
+
+ACTIONS = {
+    "to_table": ("approach_forward", "move_obj_table", "move_to_rest_right"),
+    "to_shelf": ("approach_right", "move_obj_shelf", "move_to_rest_down"),
+}
+SLOW_M_S = 0.02
+SEEDS = 5
+
+
+def true_actions(truth):
+    """Rows of the actions that a person's blocks make, by their names."""
+    whole = drop_parts(truth)
+    order = [k for k in np.argsort(whole.bounds[:, 0]) if whole.labels[k] != "idle"]
+    labels = [whole.labels[k] for k in order]
+    found = []
+    for name, sequence in ACTIONS.items():
+        for k in range(len(labels) - len(sequence) + 1):
+            if tuple(labels[k : k + len(sequence)]) == sequence:
+                bounds = whole.bounds[order[k : k + len(sequence)]]
+                found.append((name, bounds))
+    return found
+
+
+def own_motion(recording, markers, start, stop):
+    """First and last row in which the box moves by itself, the longest stretch within rows."""
+    path = np.mean([recording.marker(name) for name in markers], axis=0)
+    n = max(1, round(0.1 * recording.rate_hz))
+    smooth = np.stack([np.convolve(one, np.ones(n) / n, mode="same") for one in path.T], axis=1)
+    speed = np.linalg.norm(np.gradient(smooth, axis=0), axis=1) * recording.rate_hz
+    speed[:n] = speed[-n:] = 0.0
+    moves = np.flatnonzero(np.diff(np.concatenate([[0], speed > SLOW_M_S, [0]])))
+    runs = [(a, b) for a, b in moves.reshape(-1, 2) if a < stop and b > start]
+    return max(runs, key=lambda run: run[1] - run[0])
+
+
+def compare(found, actions, recordings, truth, box):
+    """Offsets of borders, grasps and releases of the demonstrations that have the right blocks."""
+    border_s, grasp_s, release_s, right = [], [], [], 0
+    by_source = {own.source: k for k, own in enumerate(recordings)}
+    for one in found:
+        source, _, row = one.name.rpartition(":")
+        at = by_source[source]
+        start, stop = actions[at].bounds[int(row)]
+        rate_hz = recordings[at].rate_hz
+        for label, bounds in true_actions(truth[at]):
+            shared = min(stop, bounds[-1, 1]) - max(start, bounds[0, 0])
+            if one.hand.label != label or one.labels != ACTIONS[label]:
+                continue
+            if 2 * shared < bounds[-1, 1] - bounds[0, 0]:
+                continue
+            right += 1
+            border_s += np.abs(one.bounds_s - (bounds - start) / rate_hz).ravel().tolist()
+            moves = (np.array(own_motion(recordings[at], box, start, stop)) - start) / rate_hz
+            if len(one.holds_s) == 1:
+                grasp_s.append(float(one.holds_s[0, 0] - moves[0]))
+                release_s.append(float(one.holds_s[0, 1] - moves[1]))
+            else:
+                print(f"{one.name}: {len(one.holds_s)} holds; expected 1")
+    return right, border_s, grasp_s, release_s
+
+
+def main(folder):
+    inputs = read_inputs([str(folder)])
+    recordings = tuple(bridge_gaps(name_parts(one)) for one in inputs.recordings)
+    truth = tuple(one for one in inputs.truth if one is not None)
+    segments = DefaultSegmentConfig().run(recordings)
+    markers = load_marker_set("right_arm")
+    n_true = sum(len(true_actions(one)) for one in truth)
+    rights, figures = [], ([], [], [])
+    for seed in range(SEEDS):
+        recognize = RecognizeConfig(seed=seed)
+        blocks = recognize.run(recordings, segments, recognize.train(recordings, truth))
+        rights.append(0)
+        for name in ACTIONS:
+            config = SelectConfig(action=name, actions=ACTIONS, **{"as": "blocks"})
+            actions = FindActions(config).run(blocks, ())
+            hands = config.run(recordings, actions)
+            found = DivideActions(config).run(recordings, blocks, actions, hands, markers)
+            right, *offsets = compare(found, actions, recordings, truth, markers.objects["box"])
+            rights[-1] += right
+            for own, new in zip(figures, offsets, strict=True):
+                own += new
+    print(f"actions with the right blocks in the right order, of {n_true}, for {SEEDS} draws of")
+    print(f"examples: {', '.join(map(str, rights))} ({sum(rights) / n_true / SEEDS:.1%})")
+    print(
+        f"borders of their blocks: median off {np.median(figures[0]):.3f} s, "
+        f"95 % {np.percentile(figures[0], 95):.3f} s"
+    )
+    for what, off in zip(("grasp", "release"), figures[1:], strict=True):
+        away = np.abs(off)
+        print(
+            f"{what} against the box's own motion: median {np.median(away):.3f} s "
+            f"(signed {np.median(off):+.3f}), within 0.15 s {np.mean(away <= 0.15):.0%}, "
+            f"worst {away.max():.3f} s"
+        )
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

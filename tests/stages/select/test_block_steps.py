@@ -1,0 +1,181 @@
+"""Whole actions of a synthetic person, whose blocks and box are known."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from besman.evaluation.recognition_data import name_parts
+from besman.exceptions import MappingError
+from besman.geometry.frames import quaternion_to_rotation
+from besman.person.marker_set import load_marker_set
+from besman.pipeline.config import PipelineConfig
+from besman.records import BlockDemonstration, ShapeError
+from besman.records.files import load_record, save_record
+from besman.records.layers import building_blocks
+from besman.stages.select.block_steps import DivideActions, FindActions, hand_motion
+from besman.stages.select.stage import SelectConfig
+from besman.synthetic.datasets import captures
+
+GRAMMAR = {
+    "to_table": ("approach_forward", "move_obj_table", "move_to_rest_right"),
+    "to_shelf": ("approach_right", "move_obj_shelf", "move_to_rest_down"),
+}
+MARKERS = load_marker_set("right_arm")
+
+
+def make_config(action="to_table", actions=GRAMMAR, **more):
+    return SelectConfig(**{"action": action, "actions": actions, "as": "blocks", **more})
+
+
+@pytest.fixture(scope="module")
+def take():
+    """Recording and true blocks of one person (synthetic)."""
+    (capture,) = captures("pick_and_place", 1, 1, seed=0)
+    return name_parts(capture.recording), building_blocks(capture.segments)
+
+
+def divide(recording, blocks, config):
+    actions = FindActions(config).run((blocks,), ())
+    hands = config.run((recording,), actions)
+    return DivideActions(config).run((recording,), (blocks,), actions, hands, MARKERS)
+
+
+def test_an_action_has_its_blocks_its_box_and_its_grasp(take):
+    recording, blocks = take
+    for name, sequence in GRAMMAR.items():
+        (found,) = divide(recording, blocks, make_config(name))
+        rows = [blocks.labels.index(label) for label in sequence]
+        start = blocks.bounds[rows[0], 0]
+        assert found.labels == sequence
+        assert (found.name, found.hand.label) == (f"{recording.source}:{list(GRAMMAR).index(name)}",
+                                                  name)  # fmt: skip
+        true = (blocks.bounds[rows] - start) / recording.rate_hz
+        np.testing.assert_allclose(found.bounds_s, true, atol=1.01 / recording.rate_hz)
+        # The box moves during the second block, which it begins and ends.
+        assert found.held == ("box",)
+        np.testing.assert_allclose(found.holds_s[0], true[1], atol=0.1)
+        assert [found.block_at(when) for when in found.holds_s[0] + (0.05, -0.05)] == [1, 1]
+        assert np.nanmin(found.opening_m) > 0.0
+
+
+def test_the_box_is_in_the_frame_of_the_hands_way(take):
+    """What is near the hand in the laboratory is as near to it there."""
+    recording, blocks = take
+    (found,) = divide(recording, blocks, make_config())
+    start = blocks.bounds[blocks.labels.index("approach_forward"), 0]
+    row = blocks.bounds[blocks.labels.index("move_obj_table"), 0] - start + 20
+    k = int(np.argmin(np.abs(found.hand.time - row / recording.rate_hz)))
+    centre, hand2lab = hand_motion(recording, (0, len(recording.time)), "right")
+    box = np.mean([recording.marker(name) for name in MARKERS.objects["box"]], axis=0)
+    inside = hand2lab[start + row].T @ (box - centre)[start + row]
+    hand2back = quaternion_to_rotation(found.hand.poses[k, 3:])
+    here = hand2back.T @ (found.object_positions[k, 0] - found.hand.poses[k, :3])
+    np.testing.assert_allclose(here, inside, atol=0.01)
+    # It is turned as the line between its markers is, whatever frame that is seen from.
+    moved = found.object_headings[-1, 0] - found.object_headings[0, 0]
+    along = recording.marker("box_left") - recording.marker("box_back")
+    angle = np.unwrap(np.arctan2(along[:, 1], along[:, 0]))
+    stop = start + round(found.hand.time[-1] * recording.rate_hz)
+    assert moved == pytest.approx(angle[stop] - angle[start], abs=0.02)
+
+
+def test_it_is_stored_and_comes_back(take, tmp_path):
+    (found,) = divide(*take, make_config())
+    save_record((found,), tmp_path / "a.npz")
+    (again,) = load_record(tmp_path / "a.npz")
+    for one in dataclasses.fields(BlockDemonstration):
+        if isinstance(getattr(found, one.name), np.ndarray):
+            np.testing.assert_array_equal(getattr(again, one.name), getattr(found, one.name))
+    assert (again.labels, again.held, again.objects) == (found.labels, found.held, found.objects)
+    with pytest.raises(ShapeError, match=r"BlockDemonstration.labels must have 3 entries, got 2"):
+        dataclasses.replace(found, labels=found.labels[:2])
+    with pytest.raises(ShapeError, match=r"opening_m must have shape \(\d+\), got \(3,\)"):
+        dataclasses.replace(
+            found, opening_m=np.zeros(3), object_positions=np.zeros((3, 1, 3)),
+            object_headings=np.zeros((3, 1)),
+        )  # fmt: skip
+
+
+def test_actions_may_be_named_by_hand(take):
+    recording, blocks = take
+    start, stop = blocks.bounds[1, 0], blocks.bounds[5, 1]
+    manual = dataclasses.replace(
+        blocks, bounds=np.array([[start, stop]]), labels=("tidy",), distances=np.zeros(1),
+        layers=("actions",),
+    )  # fmt: skip
+    config = make_config("tidy", {})
+    (actions,) = FindActions(config).run((blocks,), (manual,))
+    assert actions.bounds.tolist() == [[start, stop]]
+    hands = config.run((recording,), (actions,))
+    (found,) = DivideActions(config).run((recording,), (blocks,), (actions,), hands, MARKERS)
+    assert found.labels == GRAMMAR["to_table"]
+    other = dataclasses.replace(blocks, source="b.tsv")
+    assert FindActions(config).run((other,), (manual,))[0].labels == ()
+    with pytest.raises(MappingError, match=r"select.action: got 'tiddy'; .*tidy"):
+        FindActions(make_config("tiddy", {})).run((blocks,), (manual,))
+
+
+def test_figures_say_what_was_found(take):
+    recording, blocks = take
+    config = make_config()
+    actions = FindActions(config).run((blocks,), ())
+    assert FindActions(config).figures(actions, None)["counts"] == {"to_shelf": 1, "to_table": 1}
+    found = divide(recording, blocks, config)
+    (told,) = DivideActions(config).figures(found, None)["demonstrations"].values()
+    assert told["blocks"] == list(GRAMMAR["to_table"])
+    assert told["holds"][0]["grasp_in"] == told["holds"][0]["release_in"] == "move_obj_table"
+
+
+def test_a_misspelt_block_and_an_order_that_nobody_shows_are_errors(take):
+    _, blocks = take
+    with pytest.raises(MappingError, match=r"to_table: no block is labelled 'aproach_forward'"):
+        FindActions(make_config(actions={"to_table": ("aproach_forward",)})).run((blocks,), ())
+    backwards = {"to_table": GRAMMAR["to_table"][::-1]}
+    with pytest.raises(MappingError, match="follow each other in none of 1 recordings"):
+        FindActions(make_config(actions=backwards)).run((blocks,), ())
+
+
+def test_what_goes_wrong_in_one_action_is_said(take):
+    recording, blocks = take
+    held = {"to_table": ("approach_forward", "move_obj_table")}
+    early = dataclasses.replace(
+        blocks,
+        bounds=np.where(
+            np.arange(len(blocks.labels))[:, np.newaxis] == 3,
+            blocks.bounds - [0, 20],
+            blocks.bounds,
+        ),
+    )
+    with pytest.raises(MappingError, match=r"box is grasped at .* and not released before"):
+        divide(recording, early, make_config(actions=held))
+    positions = recording.positions.copy()
+    positions[150:200, recording.markers.index("box_left")] = np.nan
+    gone = dataclasses.replace(recording, positions=positions)
+    with pytest.raises(MappingError, match=r"box: marker 'box_left' is not seen in frames .*leave"):
+        divide(gone, blocks, make_config())
+    config = make_config("tidy", {})
+    rest = blocks.take([0])
+    (actions,) = FindActions(config).run((blocks,), (_tidy(blocks),))
+    hands = config.run((recording,), (actions,))
+    with pytest.raises(MappingError, match="no block lies within the action 'tidy'"):
+        DivideActions(config).run((recording,), (rest,), (actions,), hands, MARKERS)
+    with pytest.raises(MappingError, match="the left arm is not complete"):
+        hand_motion(recording, (0, 5), "left")
+
+
+def _tidy(blocks):
+    return dataclasses.replace(
+        blocks, bounds=blocks.bounds[:3].reshape(-1)[[0, -1]].reshape(1, 2), labels=("tidy",),
+        distances=np.zeros(1), layers=("actions",),
+    )  # fmt: skip
+
+
+def test_blocks_are_of_actions():
+    with pytest.raises(ValidationError, match="expected action: NAME in place of label"):
+        SelectConfig(**{"label": "throw", "as": "blocks"})
+    with pytest.raises(ValidationError, match="as"):
+        SelectConfig(**{"action": "tidy", "as": "block"})
+    assert SelectConfig(action="tidy").model_dump(mode="json")["as"] == "movement"
+    assert "as" in PipelineConfig.model_json_schema()["$defs"]["SelectConfig"]["properties"]
