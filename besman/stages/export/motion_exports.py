@@ -24,6 +24,7 @@ from besman.records import FloatArray, RefinedMotion
 from besman.work.work import Work
 
 if TYPE_CHECKING:
+    from besman.motion.joint_move import Movement
     from besman.robot.model import Robot
 
 _LIMITS = "limits.json"
@@ -100,50 +101,67 @@ def is_export(path: Path) -> bool:
 
 
 def _export(motion: RefinedMotion, robot: Robot, folder: Path) -> tuple[str, dict[str, Any]]:
-    """Write one motion and the way to its start, read them back; return name and what it asks."""
+    """Write one motion; return its name and what it asks of the arm."""
     name = export_name(motion.plan.name)
+    movement = motion.time, motion.positions, motion.velocities, motion.accelerations
+    return name, write_movement(movement, robot, folder, name) | {"success": motion.success}
+
+
+def write_movement(movement: Movement, robot: Robot, folder: Path, name: str) -> dict[str, Any]:
+    """Write a movement, and the move from home to its start, in every format; read all back.
+
+    Parameters
+    ----------
+    movement : tuple of four arrays
+        Time (T,), positions, velocities, accelerations (T, n): s, rad, rad/s, rad/s^2, at 1 kHz.
+    robot : Robot
+    folder : Path
+        Which is there.
+    name : str
+        Of the files, without their endings.
+
+    Returns
+    -------
+    dict
+        What it asks of the arm, for ``limits.json``.
+
+    Raises
+    ------
+    RunError
+        If a file does not hold the movement.
+    """
     way: FloatArray | None = None
     approach: dict[str, Any] = {}
     try:
-        approach["approach"] = _write_approach(motion, robot, folder, name)
-        way = np.stack([robot.home, motion.positions[0]])
+        approach["approach"] = _write_approach(movement[1][0], robot, folder, name)
+        way = np.stack([robot.home, movement[1][0]])
     except PlanError as error:
         approach |= {"approach": None, "no_approach": f"from home: {error}"}
-    for path, held, every in _write_motion(motion, folder, name, way):
-        rows = np.minimum(np.arange(len(held)) * every, len(motion.time) - 1)
-        if np.max(np.abs(held - motion.positions[rows])) > _AGREEMENT_RAD:
+    time, positions, _, _ = movement
+    held = _write_tables(folder / name, *movement, robot.joint_names)
+    if robot.joint_names == UR_JOINTS:
+        path = folder / f"{name}.script"
+        write_urscript(path, name, time, positions, way)
+        held.append((path, read_urscript(path)[1], round(CYCLE_S / (time[1] - time[0]))))
+    for path, found, every in held:
+        rows = np.minimum(np.arange(len(found)) * every, len(time) - 1)
+        if np.max(np.abs(found - positions[rows])) > _AGREEMENT_RAD:
             raise RunError(f"{path}: does not hold the motion that was to be written")
-    return name, _report(robot, folder / f"{name}.csv") | {"success": motion.success} | approach
+    return _report(robot, folder / f"{name}.csv") | approach
 
 
-def _write_approach(motion: RefinedMotion, robot: Robot, folder: Path, name: str) -> dict[str, Any]:
-    """Write the move from home to a motion's start; return what it asks of the arm."""
+def _write_approach(start: FloatArray, robot: Robot, folder: Path, name: str) -> dict[str, Any]:
+    """Write the move from home to a movement's start; return what it asks of the arm."""
     from besman.motion.joint_move import move_straight
     from besman.robot.limits import check_limits
 
-    time, *movement = move_straight(robot, robot.home, motion.positions[0])
+    time, *movement = move_straight(robot, robot.home, start)
     every = round(RATE_HZ / _APPROACH_HZ)
     rows = np.unique(np.append(np.arange(0, len(time), every), len(time) - 1))
     positions, velocities, accelerations = (part[rows] for part in movement)
-    place, names = folder / f"{name}{_APPROACH}", motion.plan.joint_names
-    _write_tables(place, time[rows], positions, velocities, accelerations, names)
-    report = asdict(check_limits(robot, *movement))
-    return {"duration_s": float(time[-1])} | report
-
-
-def _write_motion(
-    motion: RefinedMotion, folder: Path, name: str, way: FloatArray | None
-) -> list[tuple[Path, FloatArray, int]]:
-    """Write one motion in every format; return what positions the files hold, every how many."""
-    names = motion.plan.joint_names
-    trajectory = motion.time, motion.positions, motion.velocities, motion.accelerations
-    held = _write_tables(folder / name, *trajectory, names)
-    if names == UR_JOINTS:
-        path = folder / f"{name}.script"
-        write_urscript(path, name, motion.time, motion.positions, way)
-        _, positions = read_urscript(path)
-        held.append((path, positions, round(CYCLE_S / (motion.time[1] - motion.time[0]))))
-    return held
+    place = folder / f"{name}{_APPROACH}"
+    _write_tables(place, time[rows], positions, velocities, accelerations, robot.joint_names)
+    return {"duration_s": float(time[-1])} | asdict(check_limits(robot, *movement))
 
 
 def _write_tables(
