@@ -58,6 +58,7 @@ for command in (
     run.check,
     run_folders.runs,
     run_folders.clean,
+    run_folders.join,
 ):
     app.command()(command)
 app.add_typer(evaluate_app, name="evaluate")

@@ -1,4 +1,4 @@
-"""Commands about run folders: runs, clean; and what check says of one."""
+"""Commands about run folders: runs, clean, join; and what check says of one."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from besman.cli.options import target_folder
 from besman.cli.terminal import open_terminal, say
 
 
@@ -58,3 +59,26 @@ def clean(
         say(f"removed: {total}")
     else:
         say(f"{total} in all; besman clean {run} --yes removes it")
+
+
+def join(
+    run: Annotated[Path, typer.Argument(help="A finished run.")],
+    motions: Annotated[list[str], typer.Argument(help="Names of its motions, in their order.")],
+    out: Annotated[
+        Path, typer.Option(help="Folder for the files and limits.json.", callback=target_folder)
+    ],
+    blend_s: Annotated[
+        float, typer.Option(min=0, max=5, help="How long before its end the next begins, at most.")
+    ] = 0.2,
+) -> None:
+    """Write motions of a run as one movement that does not stop between them."""
+    from besman.pipeline.joined_motions import join_motions
+
+    asked = join_motions(run, motions, out, blend_s)["joined"]
+    starts = ", ".join(f"{start:.2f}" for start in asked["starts_s"])
+    say(f"{len(motions)} motions in {asked['duration_s']:.2f} s, begun at {starts} s")
+    beyond = sum(asked[name] for name in ("position", "velocity", "acceleration", "torque", "jerk"))
+    say(f"{beyond} samples outside a limit, {asked['self_collisions']} in self-collision")
+    if asked["approach"] is None:
+        say(f"no move to its start: {asked['no_approach']}")
+    say(f"wrote {out}")

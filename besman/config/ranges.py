@@ -61,6 +61,7 @@ RANGES = (
     _within(1000.0, "m/rad", "an orientation that would weigh more than a room", "_m_rad"),
     _within(57_296.0, "degrees/s", "1000 rad/s", "_deg_s"),
     _within(1e5, "rad/s^2", "ten thousand times gravity at a metre", "_rad_s2"),
+    _within(1e8, "rad/s^3", "a thousand times that acceleration, in a second", "_rad_s3"),
     _within(1000.0, "m/s", "three times the speed of sound", "_m_s"),
     _within(57_296.0, "degrees", "1000 rad, or 159 turns", "_deg"),
     _within(1000.0, "rad", "159 turns", "_rad"),

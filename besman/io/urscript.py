@@ -1,7 +1,8 @@
 """Joint trajectories as programs for the arms of Universal Robots.
 
-The program brings the arm to the start with ``movej``, slowly, and then gives it one set-point per
-control cycle with ``servoj``. The controller of the CB3 series (UR5, UR10) has 125 cycles a second.
+The program brings the arm to the start with ``movej``, slowly, straight in joint space, and then
+gives it one set-point per control cycle with ``servoj``. The controller of the CB3 series (UR5,
+UR10) has 125 cycles a second.
 
 References
 ----------
@@ -32,12 +33,20 @@ UR_JOINTS = (
 # The least lag that the controller offers; a greater gain follows closer and is rougher.
 _LOOKAHEAD_S = 0.03
 _GAIN = 500
+# Rounded by less than `besman.robot.limits.check_limits` lets pass.
+_DECIMALS = 10
 _NUMBER = r"-?\d+\.\d+"
 _START = re.compile(rf"^  movej\(\[({_NUMBER}(?:, {_NUMBER}){{5}})\]", re.MULTILINE)
 _SET_POINT = re.compile(rf"^  servoj\(\[({_NUMBER}(?:, {_NUMBER}){{5}})\]", re.MULTILINE)
 
 
-def write_urscript(path: Path, name: str, time: FloatArray, positions: FloatArray) -> None:
+def write_urscript(
+    path: Path,
+    name: str,
+    time: FloatArray,
+    positions: FloatArray,
+    way: FloatArray | None = None,
+) -> None:
     """Write a movement as URScript.
 
     Parameters
@@ -50,6 +59,8 @@ def write_urscript(path: Path, name: str, time: FloatArray, positions: FloatArra
         Seconds, evenly spaced, a whole number of samples in 8 ms.
     positions : array, shape (T, 6)
         rad, in the order of `UR_JOINTS`; at rest at the start and at the end.
+    way : array, shape (W, 6), optional
+        rad; where the arm goes through on its way to the start, which is the last of them.
 
     Raises
     ------
@@ -73,7 +84,7 @@ def write_urscript(path: Path, name: str, time: FloatArray, positions: FloatArra
         f"  # {len(rows)} set-points, one each {CYCLE_S * 1000:g} ms. Try it slowly first.",
         f"  lookahead_time = {_LOOKAHEAD_S:g}",
         f"  gain = {_GAIN}",
-        f"  movej({_joints(positions[0])}, a=0.5, v=0.5)",
+        *_approach(positions[0] if way is None else way),
         *(
             f"  servoj({_joints(positions[row])}, 0, 0, {CYCLE_S:g}, lookahead_time, gain)"
             for row in rows
@@ -84,9 +95,19 @@ def write_urscript(path: Path, name: str, time: FloatArray, positions: FloatArra
     write_text(path, "\n".join(lines) + "\n", durable=False)
 
 
+def _approach(way: FloatArray) -> list[str]:
+    """Write the way to the start: one movej a place."""
+    places = np.atleast_2d(way)
+    lines = [f"  movej({_joints(place)}, a=0.5, v=0.5)" for place in places]
+    if len(places) > 1:
+        lines.insert(0, "  # From where the arm is to the first place: not checked for collisions.")
+        lines.insert(2, "  # From there to the start: checked.")
+    return lines
+
+
 def _joints(angles: FloatArray) -> str:
-    """Write six angles as URScript's list."""
-    return "[" + ", ".join(f"{angle:.6f}" for angle in angles) + "]"
+    """Write six angles as URScript's list, so exactly that none at its limit is beyond it."""
+    return "[" + ", ".join(f"{angle:.{_DECIMALS}f}" for angle in angles) + "]"
 
 
 def read_urscript(path: Path) -> tuple[FloatArray, FloatArray]:
@@ -99,7 +120,7 @@ def read_urscript(path: Path) -> tuple[FloatArray, FloatArray]:
     """
     text = path.read_text(encoding="utf-8")
     start, points = _START.findall(text), _SET_POINT.findall(text)
-    if len(start) != 1 or not points:
-        raise RecordingError(f"{path}: expected one movej and servoj commands of six joints")
-    rows = [[float(number) for number in point.split(", ")] for point in start + points]
+    if not start or not points:
+        raise RecordingError(f"{path}: expected movej and servoj commands of six joints")
+    rows = [[float(number) for number in point.split(", ")] for point in start[-1:] + points]
     return np.arange(len(rows), dtype=np.float64) * CYCLE_S, np.array(rows, dtype=np.float64)

@@ -226,7 +226,12 @@ def _fit(plan: AnyPlan, robot: Robot) -> AnyPlan:
             reserve = min(2.0 * reserve + _RESERVE, 1.0)
         elif report.position:
             raise _leaves_range(fitted, robot, time, positions)
-        elif report.velocity or report.acceleration or np.any(torques > robot.limits.torque):
+        elif (
+            report.velocity
+            or report.acceleration
+            or report.jerk
+            or np.any(torques > robot.limits.torque)
+        ):
             slack *= 1.0 + _RESERVE
         elif report.self_collisions:
             raise PlanError(

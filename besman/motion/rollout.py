@@ -161,7 +161,7 @@ def stretch_plan(plan: Plan, duration: float) -> Plan:
 
 
 def least_duration(plan: AnyPlan, limits: JointLimits, robot: Robot | None = None) -> float:
-    """Compute how long a plan must last to keep the limits of velocity and acceleration.
+    """Compute how long a plan must last to keep the limits of velocity, acceleration and jerk.
 
     Parameters
     ----------
@@ -180,17 +180,18 @@ def least_duration(plan: AnyPlan, limits: JointLimits, robot: Robot | None = Non
         parameters = np.column_stack([plan.start, plan.goal, plan.weights]).T
         # As if it lasted one second.
         _, velocity, acceleration = respond(parameters)
-        stretch = time_stretch(limits, velocity, acceleration)
+        stretch = time_stretch(limits, velocity, acceleration, 1.0 / (len(acceleration) - 1))
         return _MARGIN * stretch
     if isinstance(plan, CartesianPlan):
         from besman.motion.joint_path import greatest_rates, joint_nodes
 
-        rates = greatest_rates(*joint_nodes(plan, _own_arm(plan, robot)))
-        return _MARGIN_OF_PATHS * time_stretch(limits, *rates)
+        nodes = joint_nodes(plan, _own_arm(plan, robot))
+        stretch = time_stretch(limits, *nodes[1:], 1.0 / (len(nodes[0]) - 1))
+        return _MARGIN_OF_PATHS * max(stretch, time_stretch(limits, *greatest_rates(*nodes)))
     n_places = _PLACES_A_NODE * (count_nodes(plan.weights.shape[1]) - 1) + 1
     time = np.linspace(0.0, plan.duration, n_places)
     _, velocities, accelerations = roll_out_plans([plan], time)
-    stretch = time_stretch(limits, velocities[0], accelerations[0])
+    stretch = time_stretch(limits, velocities[0], accelerations[0], float(time[1]))
     return _MARGIN * stretch * plan.duration
 
 

@@ -15,7 +15,7 @@ from besman.report.run_records import ArmRecords
 
 # More would take longer to draw than to compute, and nobody looks at hundreds.
 _DRAWN = 60
-_FORMATS = ((".csv", "CSV"), (".ros.json", "ROS"), (".ros.yaml", "YAML"), (".script", "UR"))
+_FORMATS = ((".csv", "CSV"), (".ros.json", "ROS"), (".ros.yaml", "YAML"), (".script", "UR"), (".approach.csv", "way there"))
 
 
 def overview_figure(records: dict[str, Any], config: dict[str, Any], arm: ArmRecords) -> str:

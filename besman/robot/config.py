@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
-from besman.config.stage import Config, NotNegative
+from besman.config.stage import Config, NotNegative, Positive
 from besman.foreign.names import fault_of_part_name
 
 
@@ -57,6 +57,8 @@ class JointConfig(Config):
         Greatest absolute values, above zero: degrees/s, rad/s^2, Nm.
     home_deg : float
         Angle of the home configuration, degrees.
+    jerk_rad_s3 : float, optional
+        Greatest absolute jerk, rad/s^3; null where the maker states none: then it is not limited.
     origin : dict of str
         Where the numbers come from, by the names above, in words; what is not among them is in
         ``SOURCES.md``.
@@ -68,6 +70,7 @@ class JointConfig(Config):
     acceleration_rad_s2: float
     torque_nm: float
     home_deg: float
+    jerk_rad_s3: Positive | None = None
     origin: dict[str, str] = Field(default_factory=dict)
 
 

@@ -16,6 +16,8 @@ FloatArray = npt.NDArray[np.float64]
 
 # Rounding must not turn a trajectory at its limit into one beyond it.
 _TOLERANCE = 1e-9
+RATE_HZ = 1000.0
+"""Samples a second in which trajectories are checked and exported."""
 
 
 @dataclass(frozen=True)
@@ -38,6 +40,10 @@ class LimitReport:
         Samples at which some joint's torque, by inverse dynamics, exceeds the limit.
     torque_ratio : float
         Greatest share of the torque limits.
+    jerk : int
+        Steps from sample to sample in which some joint's acceleration changes faster than allowed.
+    jerk_ratio : float
+        Greatest share of the jerk limits; 0 where the robot states none.
     """
 
     samples: int
@@ -51,11 +57,18 @@ class LimitReport:
     least_distance: float
     torque: int = 0
     torque_ratio: float = 0.0
+    jerk: int = 0
+    jerk_ratio: float = 0.0
 
     @property
     def violations(self) -> int:
         """Samples beyond a limit of position, velocity, acceleration or torque, each counted."""
         return self.position + self.velocity + self.acceleration + self.torque
+
+    @property
+    def kept(self) -> bool:
+        """Whether the arm can take it: all limits, that of the jerk too, and no collision."""
+        return not (self.violations or self.jerk or self.self_collisions)
 
 
 def check_limits(
@@ -67,7 +80,7 @@ def check_limits(
     ----------
     robot : Robot
     positions, velocities, accelerations : array, shape (T, n)
-        rad, rad/s, rad/s^2; sampled at 1 kHz by convention, see `resample_trajectory`.
+        rad, rad/s, rad/s^2; sampled at 1 kHz, see `resample_trajectory`.
 
     Returns
     -------
@@ -77,6 +90,7 @@ def check_limits(
     excess = np.maximum(limits.position_min - positions, positions - limits.position_max)
     speed = np.abs(velocities) / limits.velocity
     pull = np.abs(accelerations) / limits.acceleration
+    shock = RATE_HZ * np.abs(np.diff(accelerations, axis=0)) / limits.jerk
     load = np.abs(inverse_dynamics(robot, positions, velocities, accelerations)) / limits.torque
     distance = distances(robot.chain, positions).min(axis=1)
     return LimitReport(
@@ -92,28 +106,42 @@ def check_limits(
         least_distance=float(np.min(distance)),
         torque=int(np.sum(~np.all(load <= 1.0 + _TOLERANCE, axis=1))),
         torque_ratio=float(np.max(load)),
+        jerk=int(np.sum(~np.all(shock <= 1.0 + _TOLERANCE, axis=1))),
+        jerk_ratio=float(np.max(shock, initial=0.0)),
     )
 
 
-def time_stretch(limits: JointLimits, velocities: FloatArray, accelerations: FloatArray) -> float:
+def time_stretch(
+    limits: JointLimits,
+    velocities: FloatArray,
+    accelerations: FloatArray,
+    step_s: float | None = None,
+) -> float:
     """Find by how much a movement must be slowed down evenly.
 
-    Stretching time by s divides velocities by s and accelerations by s^2.
+    Stretching time by s divides velocities by s, accelerations by s^2 and jerks by s^3.
 
     Parameters
     ----------
     limits : JointLimits
     velocities, accelerations : array, shape (..., n)
         rad/s, rad/s^2.
+    step_s : float, optional
+        Seconds between the accelerations, shape (T, n), if the jerk limits are to be kept too:
+        the acceleration changes evenly from one to the next.
 
     Returns
     -------
     float
-        Smallest stretch that meets both limits everywhere; below 1 if there is room.
+        Smallest stretch that meets the limits everywhere; below 1 if there is room.
     """
     speed = float(np.max(np.abs(velocities) / limits.velocity))
     pull = float(np.max(np.abs(accelerations) / limits.acceleration))
-    return max(speed, float(np.sqrt(pull)))
+    least = max(speed, float(np.sqrt(pull)))
+    if step_s is None or not np.isfinite(limits.jerk).any():
+        return least
+    shock = float(np.max(np.abs(np.diff(accelerations, axis=0)) / limits.jerk)) / step_s
+    return max(least, float(np.cbrt(shock)))
 
 
 def resample_trajectory(

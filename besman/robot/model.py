@@ -356,6 +356,9 @@ def joint_limits(joints: tuple[JointConfig, ...]) -> JointLimits:
         velocity=read_only(np.radians([joint.velocity_deg_s for joint in joints])),
         acceleration=read_only([joint.acceleration_rad_s2 for joint in joints]),
         torque=read_only([joint.torque_nm for joint in joints]),
+        jerk=read_only(
+            [np.inf if joint.jerk_rad_s3 is None else joint.jerk_rad_s3 for joint in joints]
+        ),
     )
 
 

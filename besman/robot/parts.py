@@ -23,6 +23,8 @@ class JointLimits:
         rad.
     velocity, acceleration, torque : array, shape (n,)
         Greatest absolute values: rad/s, rad/s^2, Nm; all above zero.
+    jerk : array, shape (n,)
+        The same, rad/s^3; infinite where none is stated.
     """
 
     position_min: FloatArray
@@ -30,6 +32,7 @@ class JointLimits:
     velocity: FloatArray
     acceleration: FloatArray
     torque: FloatArray
+    jerk: FloatArray
 
 
 @dataclass(frozen=True, eq=False)

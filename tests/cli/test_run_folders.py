@@ -122,7 +122,7 @@ def test_check_verifies_a_folder(finished, monkeypatch, capsys):
     assert out.splitlines() == [
         "stages: 2: whole",
         "figures, truth, recipe: whole",
-        "exports: 5 files: whole",
+        "exports: 8 files: whole",
         "report: whole",
         "nothing of another recipe",
     ]

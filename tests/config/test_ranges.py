@@ -77,6 +77,7 @@ def test_every_key_has_the_range_of_its_unit():
     for key, unit in {
         "seed": "", "miss_per_m": "", "orientation_weight_m_rad": "m/rad", "noise_rad": "rad",
         "velocity_deg_s": "degrees/s", "acceleration_rad_s2": "rad/s^2", "speed_m_s": "m/s",
+        "jerk_rad_s3": "rad/s^3",
         "home_deg": "degrees", "cutoff_hz": "Hz", "inertia_kgm2": "kg m^2", "mass_kg": "kg",
         "damping_nms": "N m s", "torque_nm": "N m", "force_n": "N", "radius_m": "m",
         "length_m": "m", "longest_gap_s": "s", "link_mass_share": "", "rotation_wxyz": "",

@@ -18,8 +18,8 @@ def test_round_trip(tmp_path, count):
     cycles, points = read_urscript(path)
     np.testing.assert_allclose(np.diff(cycles), CYCLE_S)
     rows = np.minimum(np.arange(len(points)) * 8, count - 1)
-    np.testing.assert_allclose(points, positions[rows], atol=1e-6)
-    np.testing.assert_allclose(points[-1], positions[-1], atol=1e-6)
+    np.testing.assert_allclose(points, positions[rows], atol=1e-10)
+    np.testing.assert_allclose(points[-1], positions[-1], atol=1e-10)
     assert 0 <= cycles[-1] - time[-1] < CYCLE_S
 
 
@@ -41,5 +41,24 @@ def test_what_does_not_fit(tmp_path):
         with pytest.raises(RecordingError, match="six joints and samples evenly spaced"):
             write_urscript(tmp_path / "a.script", "a", *bad)
     (tmp_path / "b.script").write_text("def a():\nend\n")
-    with pytest.raises(RecordingError, match="expected one movej"):
+    with pytest.raises(RecordingError, match="expected movej"):
         read_urscript(tmp_path / "b.script")
+
+
+def test_a_joint_at_its_limit_is_not_beyond_it(tmp_path):
+    """Within what the check of limits lets pass as rounding."""
+    time, limit = np.arange(17) / 1000, np.radians([360, 180, 150, 95, 3, 170])
+    write_urscript(tmp_path / "a.script", "a", time, np.tile(limit, (17, 1)))
+    _, points = read_urscript(tmp_path / "a.script")
+    assert np.max(points - limit) < 1e-9
+
+
+def test_the_way_to_the_start(tmp_path):
+    time, positions = movement(17)
+    way = np.stack([positions[0] - 1.0, positions[0] - 0.5, positions[0]])
+    write_urscript(tmp_path / "a.script", "a", time, positions, way)
+    lines = (tmp_path / "a.script").read_text().splitlines()
+    assert sum(line.startswith("  movej([") for line in lines) == 3
+    assert sum("not checked for collisions" in line for line in lines) == 1
+    _, points = read_urscript(tmp_path / "a.script")
+    np.testing.assert_allclose(points[0], positions[0], atol=1e-10)

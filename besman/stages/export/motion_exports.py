@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from besman.exceptions import RunError
+from besman.exceptions import PlanError, RunError
 from besman.io.atomic_files import folder_aside, write_json
 from besman.io.exports import (
     read_joint_csv,
@@ -24,13 +24,20 @@ from besman.records import FloatArray, RefinedMotion
 from besman.work.work import Work
 
 if TYPE_CHECKING:
+    from besman.motion.joint_move import Movement
     from besman.robot.model import Robot
 
 _LIMITS = "limits.json"
 _ENDINGS = (".csv", ".ros.json", ".ros.yaml", ".script")
 
-# Rounding of what is written: twelve digits, nine decimals, or six in URScript.
-_AGREEMENT_RAD = 1e-6
+# Rounding of what is written: twelve digits, nine decimals, or ten in URScript.
+_AGREEMENT_RAD = 1e-9
+# The way to the start is written at this many samples a second; controllers interpolate.
+_APPROACH_HZ = 125
+_APPROACH = ".approach"
+# In rad/s and rad/s^2.
+_STILL = 1e-6
+RATE_HZ = 1000
 # Writing holds Python's lock; processes are started in the time of so many motions.
 _PROCESSES_FROM = 40
 
@@ -40,8 +47,11 @@ def write_exports(
 ) -> None:
     """Write every refined motion as CSV, ROS 2 message and, for UR arms, URScript; read all back.
 
-    Beside them ``limits.json`` says what each motion asks of the arm: samples beyond a limit, the
-    greatest shares of the limits, the least distance to itself, its pedestal and the floor.
+    To each belongs a move from the arm's home to its first sample, as ``NAME.approach``, from rest
+    to rest and gently, in which the arm touches nothing; the URScript begins with it.
+    Beside them ``limits.json`` says what each motion, and the way to it, asks of the arm: samples
+    beyond a limit, the greatest shares of the limits, the least distance to itself, its pedestal
+    and the floor.
 
     The folder then holds these motions and no others; what is no export stays in it.
 
@@ -75,7 +85,7 @@ def write_exports(
             processes=_PROCESSES_FROM,
             local=True,
         )
-        content = {"robot": robot.name, "tool": robot.tool.name, "rate_hz": 1000}
+        content = {"robot": robot.name, "tool": robot.tool.name, "rate_hz": RATE_HZ}
         write_json(temporary / _LIMITS, content | {"motions": dict(reports)})
 
 
@@ -91,40 +101,102 @@ def is_export(path: Path) -> bool:
 
 
 def _export(motion: RefinedMotion, robot: Robot, folder: Path) -> tuple[str, dict[str, Any]]:
-    """Write one motion and read it back; return its name and what it asks of the arm."""
+    """Write one motion; return its name and what it asks of the arm."""
     name = export_name(motion.plan.name)
-    for path, held, every in _write_motion(motion, folder, name):
-        rows = np.minimum(np.arange(len(held)) * every, len(motion.time) - 1)
-        if np.max(np.abs(held - motion.positions[rows])) > _AGREEMENT_RAD:
+    movement = motion.time, motion.positions, motion.velocities, motion.accelerations
+    return name, write_movement(movement, robot, folder, name) | {"success": motion.success}
+
+
+def write_movement(movement: Movement, robot: Robot, folder: Path, name: str) -> dict[str, Any]:
+    """Write a movement, and the move from home to its start, in every format; read all back.
+
+    Parameters
+    ----------
+    movement : tuple of four arrays
+        Time (T,), positions, velocities, accelerations (T, n): s, rad, rad/s, rad/s^2, at 1 kHz.
+    robot : Robot
+    folder : Path
+        Which is there.
+    name : str
+        Of the files, without their endings.
+
+    Returns
+    -------
+    dict
+        What it asks of the arm, for ``limits.json``.
+
+    Raises
+    ------
+    RunError
+        If a file does not hold the movement.
+    """
+    way: FloatArray | None = None
+    approach: dict[str, Any] = {}
+    try:
+        approach["approach"] = _write_approach(movement[1][0], robot, folder, name)
+        way = np.stack([robot.home, movement[1][0]])
+    except PlanError as error:
+        approach |= {"approach": None, "no_approach": f"from home: {error}"}
+    time, positions, _, _ = movement
+    held = _write_tables(folder / name, *movement, robot.joint_names)
+    if robot.joint_names == UR_JOINTS:
+        path = folder / f"{name}.script"
+        write_urscript(path, name, time, positions, way)
+        held.append((path, read_urscript(path)[1], round(CYCLE_S / (time[1] - time[0]))))
+    for path, found, every in held:
+        rows = np.minimum(np.arange(len(found)) * every, len(time) - 1)
+        if np.max(np.abs(found - positions[rows])) > _AGREEMENT_RAD:
             raise RunError(f"{path}: does not hold the motion that was to be written")
-    return name, _report(robot, folder / f"{name}.csv") | {"success": motion.success}
+    return _report(robot, folder / f"{name}.csv") | approach
 
 
-def _write_motion(
-    motion: RefinedMotion, folder: Path, name: str
+def _write_approach(start: FloatArray, robot: Robot, folder: Path, name: str) -> dict[str, Any]:
+    """Write the move from home to a movement's start; return what it asks of the arm."""
+    from besman.motion.joint_move import move_straight
+    from besman.robot.limits import check_limits
+
+    time, *movement = move_straight(robot, robot.home, start)
+    every = round(RATE_HZ / _APPROACH_HZ)
+    rows = np.unique(np.append(np.arange(0, len(time), every), len(time) - 1))
+    positions, velocities, accelerations = (part[rows] for part in movement)
+    place = folder / f"{name}{_APPROACH}"
+    _write_tables(place, time[rows], positions, velocities, accelerations, robot.joint_names)
+    return {"duration_s": float(time[-1])} | asdict(check_limits(robot, *movement))
+
+
+def _write_tables(
+    place: Path,
+    time: FloatArray,
+    positions: FloatArray,
+    velocities: FloatArray,
+    accelerations: FloatArray,
+    names: tuple[str, ...],
 ) -> list[tuple[Path, FloatArray, int]]:
-    """Write one motion in every format; return what positions the files hold, every how many."""
-    names = motion.plan.joint_names
-    trajectory = motion.time, motion.positions, motion.velocities, motion.accelerations, names
-    table = folder / f"{name}.csv"
+    """Write a movement as CSV and ROS messages; return what the files hold."""
+    trajectory = time, positions, velocities, accelerations, names
+    table = place.with_name(f"{place.name}.csv")
     write_joint_csv(table, *trajectory)
     held = [(table, read_joint_csv(table)[1], 1)]
     message = ros_joint_trajectory(*trajectory)
     for ending in ("json", "yaml"):
-        path = folder / f"{name}.ros.{ending}"
+        path = place.with_name(f"{place.name}.ros.{ending}")
         write_ros_joint_trajectory(path, message)
         held.append((path, read_ros_joint_trajectory(path)[1], 1))
-    if names == UR_JOINTS:
-        path = folder / f"{name}.script"
-        write_urscript(path, name, motion.time, motion.positions)
-        _, positions = read_urscript(path)
-        held.append((path, positions, round(CYCLE_S / (motion.time[1] - motion.time[0]))))
     return held
 
 
 def _report(robot: Robot, table: Path) -> dict[str, Any]:
-    """Say what a written motion asks of the arm."""
+    """Say what a written motion asks of the arm, and whether it begins and ends at rest."""
     from besman.robot.limits import check_limits
 
     time, *movement = read_joint_csv(table)
-    return {"duration_s": float(time[-1])} | asdict(check_limits(robot, *movement))
+    _, velocities, accelerations = movement
+    still = all(
+        np.allclose(part[[0, -1]], 0.0, rtol=0.0, atol=_STILL)
+        for part in (velocities, accelerations)
+    )
+    return (
+        {"duration_s": float(time[-1])}
+        | asdict(check_limits(robot, *movement))
+        | {"rests_at_ends": still}
+    )

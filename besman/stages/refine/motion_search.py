@@ -171,7 +171,7 @@ class MotionSearch:
         if not trial.success:
             return trial
         report = check_limits(self._robot, *sample_plan(plan, self._robot)[1:])
-        if report.violations == 0 and report.self_collisions == 0:
+        if report.kept:
             return trial
         penalty = self._task.reward.failure
         return replace(

@@ -4,7 +4,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from besman.exceptions import RunError
+from besman.exceptions import PlanError, RunError
+from besman.io.exports import read_joint_csv
+from besman.motion import joint_move
 from besman.motion.dmp import roll_out
 from besman.records import RefinedMotion
 from besman.robot.model import load_robot
@@ -28,6 +30,7 @@ def test_every_format_and_the_limits(tmp_path, robot, make_plan):
     assert {path.name for path in tmp_path.iterdir()} == {
         "limits.json",
         *(f"subject1_4.{ending}" for ending in endings),
+        *(f"subject1_4.approach.{ending}" for ending in endings[:3]),
     }
     report = json.loads((tmp_path / "limits.json").read_text())
     assert (report["robot"], report["tool"]) == ("ur5", "stick_holder")
@@ -37,6 +40,30 @@ def test_every_format_and_the_limits(tmp_path, robot, make_plan):
     speed = np.abs(motion.velocities) / robot.limits.velocity
     assert asked["velocity_ratio"] == pytest.approx(speed.max(), abs=1e-6)
     assert asked["torque_ratio"] > 0
+    assert asked["rests_at_ends"] is True
+    assert asked["jerk_ratio"] == 0
+    # A move from home to the first sample comes with it, gentle and free.
+    time, q, v, a = read_joint_csv(tmp_path / "subject1_4.approach.csv")
+    np.testing.assert_allclose(q[[0, -1]], [robot.home, motion.positions[0]], atol=1e-9)
+    np.testing.assert_allclose([v[0], v[-1], a[0], a[-1]], 0, atol=1e-9)
+    way = asked["approach"]
+    assert way["duration_s"] == pytest.approx(time[-1])
+    assert way["self_collisions"] == 0
+    assert way["velocity_ratio"] <= 0.3
+    assert "movej" in (tmp_path / "subject1_4.script").read_text()
+
+
+def test_a_start_that_home_does_not_lead_to(tmp_path, robot, make_plan, monkeypatch):
+    def blocked(*_):
+        raise PlanError("straight it would touch itself")
+
+    monkeypatch.setattr(joint_move, "move_straight", blocked)
+    write_exports((refined(make_plan(name="a:1")),), robot, tmp_path)
+    asked = json.loads((tmp_path / "limits.json").read_text())["motions"]["a_1"]
+    assert asked["approach"] is None
+    assert asked["no_approach"] == "from home: straight it would touch itself"
+    assert not list(tmp_path.glob("*.approach.*"))
+    assert (tmp_path / "a_1.script").read_text().count("movej") == 1
 
 
 def test_no_urscript_for_other_arms(tmp_path):
@@ -63,8 +90,8 @@ def refined_at_rest(robot):
 
 
 def test_a_file_that_does_not_hold_the_motion(tmp_path, robot, make_plan, monkeypatch):
-    def broken(path, name, time, positions):
-        real(path, name, time, positions + 1e-3)
+    def broken(path, name, time, positions, way):
+        real(path, name, time, positions + 1e-3, way)
 
     real = motion_exports.write_urscript
     monkeypatch.setattr(motion_exports, "write_urscript", broken)
