@@ -26,17 +26,20 @@ from besman.search.gaussian import Bounds, check_bounds
 FloatArray = npt.NDArray[np.float64]
 
 # Damping of the normal equations at first, in squared radii of success per squared unit.
-_DAMPING = 0.13
+_DAMPING = 0.03
 # Longest step at first, and the one below which nothing is gained any more, in units.
-_REACH, _LEAST_REACH = 1.0, 0.1
+_REACH, _LEAST_REACH = 3.0, 0.1
 # What an outcome that there is not counts, in radii of success.
 _FAILED = 3.0
 # How many steps may make the models' outcomes agree more at the cost of all being elsewhere, and
 # by how much they must, in radii of success.
-_DETOURS, _CLOSER = 2, 0.02
+_DETOURS, _CLOSER = 4, 0.02
 # An outcome that CMA-ES brings this near is worth Newton steps again.
 _NEAR = 0.5
 _STEPS_BACK = 2
+# How much of what a step did is believed of the worlds apart from each other: little stands out of
+# what contacts make of any change.
+_TRUST = 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,8 +212,10 @@ class GaussNewton:
         step = after.point - before.point
         length = float(step @ step)
         if length > 0:
-            off = after.residuals - before.residuals - self.jacobian @ step
-            self.jacobian += np.nan_to_num(off)[..., None] * step / length
+            off = np.nan_to_num(after.residuals - before.residuals - self.jacobian @ step)
+            mean = off.mean(axis=0)
+            off = mean + _TRUST * (off - mean)
+            self.jacobian += off[..., None] * step / length
 
     def _judge(self, before: _Tried, after: _Tried) -> None:
         """Go on from where a step has led, or back and with a shorter one."""

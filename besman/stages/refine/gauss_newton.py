@@ -16,7 +16,7 @@ from besman.records import AnyPlan
 from besman.records.files import digest
 from besman.robot.model import Robot
 from besman.search.protocol import Part
-from besman.simulation.perturbation import Perturbation, Spreads, draw_perturbation
+from besman.simulation.perturbation import Perturbation, Spreads, draw_balanced
 from besman.simulation.task import Task
 from besman.stages.refine.stage import RefinementConfig, place_plan
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from besman.stages.refine.search_loop import RunningSearch
 
 # Sets the models of the search apart from all that judge, whatever their seed.
-_OF_THE_SEARCH = 1
+_OF_THE_SEARCH = 1_000_000
 # What is measured of a motion that is searched in the model as it is alone.
 _FEW: tuple[Part, ...] = ("goal", "duration")
 # The middle motion is worth more steps: what it finds is where all others begin.
@@ -46,7 +46,7 @@ class RobustConfig(Config):
         How far off they are.
     """
 
-    models: Annotated[int, Field(ge=2)] = 6
+    models: Annotated[int, Field(ge=2, le=64)] = 8
     seed: Annotated[int, Field(ge=0)] = 0
     spreads: Spreads = Spreads()
 
@@ -75,8 +75,8 @@ class GaussNewtonConfig(RefinementConfig):
     """
 
     method: Literal["gauss_newton"]
-    steps: Annotated[int, Field(ge=1)] = 8
-    difference: Annotated[float, Field(gt=0)] = 0.8
+    steps: Annotated[int, Field(ge=1)] = 6
+    difference: Annotated[float, Field(gt=0)] = 1.5
     measure: Annotated[tuple[Part, ...], Field(min_length=1)] | None = None
     robust: RobustConfig | None = RobustConfig()
     population: Annotated[int, Field(ge=4)] | None = 8
@@ -88,8 +88,8 @@ class GaussNewtonConfig(RefinementConfig):
         """Draw the models of the search."""
         if self.robust is None:
             return ()
-        seeds = ((self.robust.seed, index, _OF_THE_SEARCH) for index in range(self.robust.models))
-        return tuple(draw_perturbation(self.robust.spreads, robot, seed) for seed in seeds)
+        seed = (self.robust.seed, _OF_THE_SEARCH)
+        return draw_balanced(self.robust.spreads, robot, seed, self.robust.models)
 
     def share(
         self, plans: Sequence[AnyPlan], robot: Robot, task: Task, work: Work = Work()
@@ -181,7 +181,8 @@ class _Lesson:
             return ClassModel(self.plan.name, point, jacobian, spent)
         shared = ClassModel(self.plan.name, point, jacobian, spent)
         search = self._search(shared)
-        while not search.search.done and not search.search.handed_over:
+        # Beyond what is enough for itself: all others begin there.
+        while search.search.may_go_on and not search.search.handed_over:
             search.advance()
         spent += search.search.n_episodes
         moved = search.search.newton_jacobian

@@ -27,8 +27,8 @@ FloatArray = npt.NDArray[np.float64]
 # A search ends when the outcome is this much better than the task asks for.
 _MARGIN = 0.5
 # One in perturbed models, when the outcomes there are this near: root mean square, in radii. Of the
-# two-dimensional outcomes of throws, if they are normal, 9 of 10 are within the radius then.
-_MARGIN_IN_WORLDS = 0.65
+# two-dimensional outcomes of throws, if they are normal, 49 of 50 are within the radius then.
+_MARGIN_IN_WORLDS = 0.5
 # How many episodes on the way are kept with their plans.
 _MILESTONES = 5
 
@@ -75,8 +75,7 @@ class MotionSearch:
     def propose(self) -> list[AnyPlan]:
         """Return the motion plans to try next: first the imitation, then one generation."""
         self._points = self._next_points()
-        left = self._episodes - self.n_episodes
-        self._plans = [self._space.plan_at(point) for point in self._points[:left]]
+        self._plans = [self._space.plan_at(point) for point in self._points[: self._left]]
         return self._plans
 
     @property
@@ -126,7 +125,7 @@ class MotionSearch:
         """
         for generation in generations:
             points = self._next_points()
-            n = min(len(points), self._episodes - self.n_episodes)
+            n = min(len(points), self._left)
             if not np.array_equal(points, generation.points) or n != len(generation.trials):
                 return False
             self._take(generation)
@@ -198,7 +197,18 @@ class MotionSearch:
         """Whether the search is over: success with a margin, no budget, or no progress."""
         if not self._trials:
             return False
-        return self.n_episodes >= self._episodes or self._search.exhausted or self.won
+        return not self.may_go_on or self.won
+
+    @property
+    def _left(self) -> int:
+        """How many more points may be tried, each in all models if they are."""
+        each = self._search.n_worlds if self.in_worlds else 1  # type: ignore[attr-defined]
+        return (self._episodes - self.n_episodes) // each
+
+    @property
+    def may_go_on(self) -> bool:
+        """Whether there is something left to try, be it needed or not."""
+        return self._left > 0 and not self._search.exhausted
 
     @property
     def _best(self) -> int:
@@ -248,8 +258,9 @@ class MotionSearch:
 
     @property
     def rewards(self) -> FloatArray:
-        """Reward of every episode, shape (E,)."""
-        return np.array([trial.reward for trial in self._trials])
+        """Reward of every episode in the task's model, once for each simulation it took."""
+        rewards = np.array([trial.reward for trial in self._trials])
+        return np.repeat(rewards, [1 + len(others) for others in self._worlds])
 
     def _verify(self, plan: AnyPlan, trial: Trial) -> Trial:
         """Check the limits of a success sample by sample at 1 kHz: nothing less is exported."""
