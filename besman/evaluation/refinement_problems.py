@@ -5,8 +5,11 @@ from __future__ import annotations
 import tempfile
 import time
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from besman.config.resources import find_resource
 from besman.evaluation.names import TASK_RECIPES
@@ -20,7 +23,7 @@ from besman.robot.model import Robot, load_robot
 from besman.search.kinds import SEARCH_NAMES
 from besman.simulation.task import Task
 from besman.simulation.tasks.kinds import load_task
-from besman.simulation.trial import try_plans
+from besman.stages.refine.class_model import ClassModel
 from besman.stages.refine.methods import CONFIGS
 from besman.stages.refine.stage import RefinementConfig
 
@@ -60,23 +63,37 @@ class TaskProblem:
         return f"{self.task.kind}: within half of {100 * self.task.success_radius_m:g} cm"
 
     def attempt(self, method: str, seed: int) -> Attempt:
-        """Search as the refine stage does, until success with its margin."""
+        """Search as the refine stage does, until success with its margin.
+
+        What all motions share counts in equal parts for each.
+        """
         common = self.config.model_dump(include=set(RefinementConfig.model_fields))
         own = self.config.model_dump() if method == self.config.method else common
         config = CONFIGS[method].model_validate({**own, "method": method, "seed": seed})
         plan = self.plans[seed % len(self.plans)]
-        search = config.set_up(plan, self.robot, self.task)
         started = time.thread_time()
+        shared = _share(self, config)
+        spent = (time.thread_time() - started) / len(self.plans)
+        running = config.running_search(plan, self.robot, self.task, shared=shared)
+        search, started = running.search, time.thread_time()
         while not search.done:
-            search.learn(try_plans(self.robot, self.task, search.propose()))
-        spent = time.thread_time() - started
+            running.advance()
+        spent += time.thread_time() - started
+        before = 0 if shared is None else round(shared.simulations / len(self.plans))
+        rewards = np.concatenate([np.repeat(search.rewards[:1], before), search.rewards])
         return Attempt(
-            rewards=search.rewards,
+            rewards=rewards[: self.episodes],
             final=float(search.best_trial.reward),
-            episodes_to_success=search.n_episodes if search.won else None,
+            episodes_to_success=before + search.n_episodes if search.won else None,
             cpu_s=spent,
             cpu_s_to_success=spent if search.won else None,
         )
+
+
+@lru_cache(maxsize=8)
+def _share(problem: TaskProblem, config: RefinementConfig) -> ClassModel | None:
+    """Learn what the motions of a problem share, once for a seed of the search."""
+    return config.share(problem.plans, problem.robot, problem.task)
 
 
 def load_problem(name: str, episodes: int | None = None) -> Problem:

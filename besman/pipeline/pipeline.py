@@ -181,6 +181,8 @@ def _learn_motions(
     task, refine = load_task(config.task), config.refine
     plans = run.step(f"imitate{arm}", config.imitate, trajectories, robot)
     motions = run.step(f"refine{arm}", refine.without_robustness, plans, robot, task)
+    for name, why in run.results[f"refine{arm}"]["handed_over"].items():
+        run.note(f"refine{arm}: {name}: CMA-ES has gone on: {why}")
     if refine.robustness is not None:
         run.step(f"robustness{arm}", refine.robustness, motions, robot, task)
         run.results[f"refine{arm}"]["robustness"] = run.results.pop(f"robustness{arm}")

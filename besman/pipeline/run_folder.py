@@ -214,6 +214,10 @@ class Run:
             self._record.log(f"{place.name}: {damage}: computed again")
             return None
 
+    def note(self, line: str) -> None:
+        """Add a line to the run's log."""
+        self._record.log(line)
+
     def export(self, name: str, motions: tuple[RefinedMotion, ...], robot: Robot) -> None:
         """Write motions as files for the arm, if those that are there are not theirs, or damaged.
 

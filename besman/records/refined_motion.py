@@ -54,6 +54,13 @@ class RefinedMotion(
     milestones : tuple of (int, MotionPlan or CartesianPlan)
         Episodes that were the best so far, each with its plan: the imitation, up to three on the
         way, the best.
+    simulations : int array, shape (E,)
+        Simulations that every episode took: one, and one for each perturbed model that its plan
+        was tried in for the search.
+    handed_over : str
+        Why CMA-ES had to go on where the search that was asked for did not; "" if it had not.
+    shared_simulations : int
+        What all motions shared took; told of the motion in their middle alone.
     """
 
     plan: AnyPlan
@@ -75,6 +82,9 @@ class RefinedMotion(
     outcomes: FloatArray = field(default_factory=lambda: np.empty((0, 3)))
     generations: npt.NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
     milestones: tuple[tuple[int, AnyPlan], ...] = ()
+    simulations: npt.NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
+    handed_over: str = ""
+    shared_simulations: int = 0
 
     def __post_init__(self) -> None:
         # What an older record does not have is not known of any episode.
@@ -83,6 +93,8 @@ class RefinedMotion(
             object.__setattr__(self, "outcomes", np.full((n, 3), np.nan))
         if n and not len(self.generations):
             object.__setattr__(self, "generations", np.zeros(n))
+        if n and not len(self.simulations):
+            object.__setattr__(self, "simulations", np.ones(n))
         freeze(
             self,
             {
@@ -98,6 +110,8 @@ class RefinedMotion(
                 "tool_path": ("T", 3),
                 "outcomes": ("E", 3),
                 "generations": ("E",),
+                "simulations": ("E",),
             },
             generations=np.int64,
+            simulations=np.int64,
         )

@@ -60,6 +60,11 @@ def quantiles(values: FloatArray, shares: Sequence[float]) -> FloatArray:
     return result
 
 
+def _by_simulation(motion: RefinedMotion, values: FloatArray) -> FloatArray:
+    """Repeat what is of an episode (E,) for each simulation that it took."""
+    return np.repeat(values, motion.simulations)
+
+
 def learning_curve(motions: Sequence[RefinedMotion], radius_m: float) -> str:
     """Draw the best miss so far over the episodes: median and quantiles over the motions.
 
@@ -68,7 +73,7 @@ def learning_curve(motions: Sequence[RefinedMotion], radius_m: float) -> str:
     str
         SVG; logarithmic centimetres.
     """
-    best = 100 * best_so_far([motion.misses for motion in motions], greatest=False)
+    best = 100 * best_so_far([_by_simulation(motion, motion.misses) for motion in motions], greatest=False)
     # Else the median would rise when the last motions have an outcome at last.
     best[np.isnan(best)] = np.inf
     figure = new_figure(5, 3.4)
@@ -88,7 +93,7 @@ def return_curve(motions: Sequence[RefinedMotion]) -> str:
     str
         SVG; minus the return, logarithmic, because a return is minus a sum of costs.
     """
-    best = -best_so_far([motion.returns for motion in motions], greatest=True)
+    best = -best_so_far([_by_simulation(motion, motion.returns) for motion in motions], greatest=True)
     figure = new_figure(5, 3.4)
     axes = figure.add_subplot()
     _draw_quantiles(axes, np.maximum(best, 1e-4))

@@ -223,7 +223,7 @@ def _motion_cells(motion: RefinedMotion | None) -> list[str]:
         "-" if lost is None else f"{1000 * lost:.1f}",
         f"{100 * motion.miss_before:.1f}" if np.isfinite(motion.miss_before) else failed,
         f"{100 * motion.miss:.1f}" if np.isfinite(motion.miss) else "-",
-        str(len(motion.returns)),
+        str(motion.simulations.sum()),
         f'<span class="{tone}">{word}</span>',
     ]
 

@@ -159,6 +159,8 @@ def _arm_lines(results: dict[str, Any], suffix: str) -> list[str]:
             f"{_centimetres(refine['miss_m']['median'])} after (medians), "
             f"{refine['episodes']['median']:.0f} episodes"
         )
+    for why, n in Counter(refine.get("handed_over", {}).values()).items():
+        lines.append(f"refinement: {n} of {refine['n_motions']} by CMA-ES in the end: {why}")
     if refine.get("robustness"):
         lines.append(robustness_line(refine["robustness"]))
     return lines

@@ -43,6 +43,12 @@ class SearchKind:
 
 SEARCHES = (
     SearchKind("cma_es", "cma_es:CmaEs", "CMA-ES, which may restart", "CmaEsConfig"),
+    SearchKind(
+        "gauss_newton",
+        "gauss_newton:GaussNewton",
+        "Gauss-Newton on the outcomes, with one Jacobian for all motions; then CMA-ES",
+        "GaussNewtonConfig",
+    ),
     SearchKind("reps", "reps:Reps", "relative entropy policy search", "RepsConfig"),
     SearchKind("pi2", "pi2:Pi2", "policy improvement with path integrals", "Pi2Config"),
     SearchKind("pi2_cma", "pi2:Pi2Cma", "PI2 that adapts its covariance", "Pi2CmaConfig"),

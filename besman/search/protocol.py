@@ -5,7 +5,7 @@ Returns that are not finite count as the worst: they pull no search anywhere.
 
 from __future__ import annotations
 
-from typing import Literal, Protocol
+from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -35,4 +35,39 @@ class Search(Protocol):
     @property
     def exhausted(self) -> bool:
         """Whether going on is of no use."""
+        ...
+
+
+@runtime_checkable
+class ResidualSearch(Search, Protocol):
+    """A search that learns from outcomes as well: how far off the target each was, and whither."""
+
+    def tell(
+        self, points: FloatArray, returns: FloatArray, residuals: FloatArray | None = None
+    ) -> None:
+        """Take the residuals (P, W, R) of the points in W worlds too; the first is the model."""
+        ...
+
+    def tell_start(self, point: FloatArray, residuals: FloatArray) -> None:
+        """Take the residuals (1, R) of the start (D,), before anything is asked for."""
+        ...
+
+    @property
+    def jacobian(self) -> FloatArray | None:
+        """Of the residuals, shape (W, R, D), as far as it is known."""
+        ...
+
+    @property
+    def n_worlds(self) -> int:
+        """How many worlds it looks at; 1 for the model as it is."""
+        ...
+
+    @property
+    def in_worlds(self) -> bool:
+        """Whether the points asked for next are to be tried in all of them."""
+        ...
+
+    @property
+    def handed_over(self) -> bool:
+        """Whether another search has had to go on."""
         ...

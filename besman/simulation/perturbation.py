@@ -29,6 +29,11 @@ Share = Annotated[float, Field(ge=0, lt=1)]
 _RAMP_S = 0.1
 # Noise changes from cycle to cycle of the arm's controller, not from step to step.
 _CYCLE_S = 0.008
+# Quantities that are drawn: friction, mass of the object, masses of links, servo gains, frictions and
+# dampings of joints, delays, backlash, offsets, lags. Which column of an orthogonal array each
+# begins at: friction and delays have their own.
+_SHIFTS = (0, 3, 4, 5, 2, 6, 1, 2, 3, 4)
+_N_QUANTITIES = len(_SHIFTS)
 # Sets its generator apart from those of the other quantities.
 _NOISE = 100
 
@@ -127,8 +132,58 @@ def draw_perturbation(spreads: Spreads, robot: Robot, seed: Sequence[int]) -> Pe
     """
     # A generator for each quantity: a spread that changes leaves the other draws as they are.
     unit = [
-        np.random.default_rng((*seed, place)).uniform(-1.0, 1.0, robot.n) for place in range(10)
+        np.random.default_rng((*seed, place)).uniform(-1.0, 1.0, robot.n)
+        for place in range(_N_QUANTITIES)
     ]
+    return _perturbation_of(spreads, robot, unit, seed)
+
+
+def draw_balanced(
+    spreads: Spreads, robot: Robot, seed: Sequence[int], n: int
+) -> tuple[Perturbation, ...]:
+    """Draw perturbations few of which tell as much as many that are drawn independently.
+
+    Every quantity is one standard deviation above or below its middle, in a two-level orthogonal
+    array [1]_: with a power of two of models each quantity is as often above as below, and those
+    of one kind (all delays, say), and friction and delays, do so independently of each other. So
+    the mean of an outcome is that of the middle, and its variance the sum of what single
+    quantities cause, as far as it is linear in them. Quantities that share a column do so with a
+    random sign.
+
+    Parameters
+    ----------
+    spreads, robot, seed
+        As in `draw_perturbation`.
+    n : int
+        How many.
+
+    Returns
+    -------
+    tuple of Perturbation, length n
+
+    References
+    ----------
+    .. [1] R. L. Plackett, J. P. Burman: The design of optimum multifactorial experiments.
+       Biometrika 33(4), 1946, DOI 10.1093/biomet/33.4.305.
+    """
+    from scipy.linalg import hadamard
+
+    size = max(1 << (n - 1).bit_length(), 4)
+    columns = hadamard(size)[:n, 1:]
+    signs = np.random.default_rng(tuple(seed)).choice([-1.0, 1.0], (_N_QUANTITIES, robot.n))
+    places = (np.arange(robot.n) + np.array(_SHIFTS)[:, None]) % columns.shape[1]
+    # The standard deviation of a uniform draw between -1 and 1.
+    units = columns[:, places] * signs / np.sqrt(3.0)
+    return tuple(
+        _perturbation_of(spreads, robot, list(unit), (*seed, index))
+        for index, unit in enumerate(units)
+    )
+
+
+def _perturbation_of(
+    spreads: Spreads, robot: Robot, unit: Sequence[FloatArray], noise_seed: Sequence[int]
+) -> Perturbation:
+    """Return the perturbation of draws (10, n) between -1 and 1."""
     limits = robot.limits
 
     def up_to(place: int, most: float) -> FloatArray:
@@ -146,7 +201,7 @@ def draw_perturbation(spreads: Spreads, robot: Robot, seed: Sequence[int]) -> Pe
         backlash=up_to(7, spreads.backlash_rad),
         offsets=spreads.offset_rad * unit[8],
         noise=spreads.noise_rad,
-        noise_seed=tuple(seed),
+        noise_seed=tuple(noise_seed),
     )
 
 

@@ -222,6 +222,17 @@ class Task(Config):
         """Return the distance of an outcome (3,) to the target, metres; NaN without an outcome."""
         return float(np.linalg.norm(outcome - self.target(plan)))
 
+    def residual(self, plan: AnyPlan, episodes: Episodes, index: int) -> FloatArray:
+        """Return how far an episode's outcome is off, and whither, in radii of success.
+
+        Returns
+        -------
+        array, shape (R,)
+            Its norm is 1 where the task has just succeeded, if nothing failed. Empty if the task
+            only succeeds or not: then there is nothing to take Newton steps on.
+        """
+        return np.empty(0)
+
     def measure(self, plan: AnyPlan, episodes: Episodes, index: int) -> dict[str, float]:
         """Return what else an episode is judged by, the unit at the end of each name."""
         return {name: float(values[index]) for name, values in episodes.measures.items()}

@@ -52,6 +52,8 @@ class Trial(Record, stored_as="besman.simulation.trial:Trial"):
         Terms of the reward by the names of their weights.
     release : array, shape (6,)
         Position (m) and velocity (m/s) with which what is thrown is clear; NaN without a throw.
+    residual : array, shape (R,)
+        How far off the outcome is, and whither; see `besman.simulation.task.Task.residual`.
     """
 
     reward: float
@@ -64,10 +66,11 @@ class Trial(Record, stored_as="besman.simulation.trial:Trial"):
     measures: dict[str, float] = field(default_factory=dict)
     costs: dict[str, float] = field(default_factory=dict)
     release: FloatArray = field(default_factory=lambda: np.full(6, np.nan))
+    residual: FloatArray = field(default_factory=lambda: np.empty(0))
 
     def __post_init__(self) -> None:
         """Copy the arrays, make them read-only and check their shapes."""
-        freeze(self, {"outcome": (3,), "object_path": ("F", 3), "release": (6,)})
+        freeze(self, {"outcome": (3,), "object_path": ("F", 3), "release": (6,), "residual": ("R",)})
 
 
 def try_plans(
@@ -186,4 +189,5 @@ def _score_one(
         measures=measures,
         costs=costs,
         release=np.full(6, np.nan) if episodes.releases is None else episodes.releases[index],
+        residual=task.residual(plan, episodes, index),
     )

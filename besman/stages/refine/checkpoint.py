@@ -35,10 +35,13 @@ class Generation(
         What was asked for.
     trials : tuple of Trial
         What came of them; fewer than P where the budget ended.
+    worlds : tuple of tuple of Trial
+        What came of each of these in every perturbed model, if they were tried there.
     """
 
     points: FloatArray
     trials: tuple[Trial, ...]
+    worlds: tuple[tuple[Trial, ...], ...] = ()
 
     def __post_init__(self) -> None:
         """Copy the points, make them read-only and check their shape."""

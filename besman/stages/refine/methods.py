@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 from pydantic import BeforeValidator, Field
 
 from besman.search.kinds import SEARCHES
+from besman.stages.refine.gauss_newton import GaussNewtonConfig as GaussNewtonConfig
 from besman.stages.refine.stage import CmaEsConfig, RefinementConfig
 
 

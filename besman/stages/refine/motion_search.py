@@ -13,17 +13,22 @@ from besman.records import AnyPlan, RefinedMotion
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.limits import check_limits
 from besman.robot.model import Robot
-from besman.search.protocol import Search
+from besman.search.gauss_newton import rms
+from besman.search.protocol import ResidualSearch, Search
 from besman.simulation.perturbed_trials import finer_task, lenient_task
 from besman.simulation.task import Task
 from besman.simulation.trial import Trial, try_plans
 from besman.stages.refine.checkpoint import Generation
+from besman.stages.refine.class_model import ClassModel
 from besman.stages.refine.plan_space import Space
 
 FloatArray = npt.NDArray[np.float64]
 
 # A search ends when the outcome is this much better than the task asks for.
 _MARGIN = 0.5
+# One in perturbed models, when the outcomes there are this near: root mean square, in radii. Of the
+# two-dimensional outcomes of throws, if they are normal, 49 of 50 are within the radius then.
+_MARGIN_IN_WORLDS = 0.5
 # How many episodes on the way are kept with their plans.
 _MILESTONES = 5
 
@@ -43,29 +48,48 @@ class MotionSearch:
         What is to be done.
     episodes : int
         Greatest number of episodes, the imitation's own among them.
+    shared : ClassModel, optional
+        What the search knows beforehand.
     """
 
     def __init__(
-        self, space: Space, search: Search, robot: Robot, task: Task, episodes: int
+        self,
+        space: Space,
+        search: Search,
+        robot: Robot,
+        task: Task,
+        episodes: int,
+        shared: ClassModel | None = None,
     ) -> None:
+        self._shared = shared
         self._space, self._search, self._robot = space, search, robot
         self._task, self._episodes = task, episodes
         self._points: FloatArray = np.empty((0, space.dimension))
         self._plans: list[AnyPlan] = []
         self._tried: list[FloatArray] = []
         self._trials: list[Trial] = []
+        self._worlds: list[tuple[Trial, ...]] = []
         self._generations: list[int] = []
         self._n_generations = 0
 
     def propose(self) -> list[AnyPlan]:
         """Return the motion plans to try next: first the imitation, then one generation."""
         self._points = self._next_points()
-        left = self._episodes - len(self._trials)
-        self._plans = [self._space.plan_at(point) for point in self._points[:left]]
+        self._plans = [self._space.plan_at(point) for point in self._points[: self._left]]
         return self._plans
 
-    def learn(self, trials: list[Trial]) -> Generation:
+    @property
+    def in_worlds(self) -> bool:
+        """Whether the plans proposed last are to be tried in all models of the world."""
+        search = self._search
+        return bool(self._trials) and isinstance(search, ResidualSearch) and search.in_worlds
+
+    def learn(
+        self, trials: list[Trial], worlds: Sequence[tuple[Trial, ...]] = ()
+    ) -> Generation:
         """Take what came of the plans that were proposed last; return that generation.
+
+        `worlds` is what came of each in perturbed models, if they are tried there.
 
         A success counts if it keeps all limits at 1 kHz, and is one at a quarter of the time step
         too: what a coarse simulation alone makes of a contact is of no use on an arm.
@@ -76,7 +100,7 @@ class MotionSearch:
         for row, fine in zip(at, self._try_finely(plans), strict=True):
             if not fine.success:
                 verified[row] = fine
-        return self._take(Generation(self._points, tuple(verified)))
+        return self._take(Generation(self._points, tuple(verified), tuple(worlds)))
 
     def _try_finely(self, plans: Sequence[AnyPlan]) -> list[Trial]:
         """Try plans at a quarter of the time step; what comes of them counts, however they go.
@@ -101,7 +125,7 @@ class MotionSearch:
         """
         for generation in generations:
             points = self._next_points()
-            n = min(len(points), self._episodes - len(self._trials))
+            n = min(len(points), self._left)
             if not np.array_equal(points, generation.points) or n != len(generation.trials):
                 return False
             self._take(generation)
@@ -114,19 +138,43 @@ class MotionSearch:
     def _take(self, generation: Generation) -> Generation:
         """Add a generation to what was tried."""
         points, trials = generation.points, generation.trials
+        worlds = generation.worlds or ((),) * len(trials)
         # A generation cut short by the budget is the last one: there is nothing to learn for.
-        if self._trials and len(trials) == len(points):
-            self._search.tell(points, np.array([trial.reward for trial in trials]))
+        if len(trials) == len(points):
+            returns = np.array([trial.reward for trial in trials])
+            if isinstance(self._search, ResidualSearch):
+                self._tell_residuals(points, returns, trials, worlds)
+            elif self._trials:
+                self._search.tell(points, returns)
         self._tried += list(points[: len(trials)])
         self._trials += trials
+        self._worlds += worlds
         self._generations += [self._n_generations] * len(trials)
         self._n_generations += 1
         return generation
 
+    def _tell_residuals(
+        self,
+        points: FloatArray,
+        returns: FloatArray,
+        trials: Sequence[Trial],
+        worlds: Sequence[tuple[Trial, ...]],
+    ) -> None:
+        """Tell a search of the outcomes; of the imitation's too, which it had not asked for."""
+        assert isinstance(self._search, ResidualSearch)
+        found = [
+            np.stack([residual_of(one) for one in (trial, *others)])
+            for trial, others in zip(trials, worlds, strict=True)
+        ]
+        if self._trials:
+            self._search.tell(points, returns, np.stack(found))
+        else:
+            self._search.tell_start(points[0], found[0])
+
     @property
     def n_episodes(self) -> int:
-        """Episodes tried so far."""
-        return len(self._trials)
+        """Episodes tried so far, those in perturbed models among them."""
+        return len(self._trials) + sum(map(len, self._worlds))
 
     @property
     def n_generations(self) -> int:
@@ -135,21 +183,50 @@ class MotionSearch:
 
     @property
     def won(self) -> bool:
-        """Whether a trial has succeeded with a margin."""
-        return bool(self._trials) and succeeds(self.best_trial, self._task, _MARGIN)
+        """Whether a trial has succeeded with a margin, in the perturbed models if they count."""
+        if not self._trials:
+            return False
+        search, others = self._search, self._worlds[self._best]
+        if isinstance(search, ResidualSearch) and search.n_worlds > 1:
+            near = self._cost(self._best) <= _MARGIN_IN_WORLDS
+            return bool(others) and self.best_trial.success and near
+        return succeeds(self.best_trial, self._task, _MARGIN)
 
     @property
     def done(self) -> bool:
         """Whether the search is over: success with a margin, no budget, or no progress."""
         if not self._trials:
             return False
-        return len(self._trials) >= self._episodes or self._search.exhausted or self.won
+        return not self.may_go_on or self.won
+
+    @property
+    def _left(self) -> int:
+        """How many more points may be tried, each in all models if they are."""
+        each = self._search.n_worlds if self.in_worlds else 1  # type: ignore[attr-defined]
+        return (self._episodes - self.n_episodes) // each
+
+    @property
+    def may_go_on(self) -> bool:
+        """Whether there is something left to try, be it needed or not."""
+        return self._left > 0 and not self._search.exhausted
 
     @property
     def _best(self) -> int:
-        """The episode of the best trial, the earliest of equals."""
-        trials = self._trials
-        return max(range(len(trials)), key=lambda at: (trials[at].success, trials[at].reward))
+        """The episode of the best trial, the earliest of equals.
+
+        Of two that succeed the one that was tried in perturbed models is better.
+        """
+        return max(range(len(self._trials)), key=self._rank)
+
+    def _rank(self, at: int) -> tuple[bool, bool, float]:
+        """Say how good an episode is."""
+        trial, others = self._trials[at], bool(self._worlds[at])
+        quality = -self._cost(at) if others else trial.reward
+        return trial.success, others and trial.success, quality if trial.success else trial.reward
+
+    def _cost(self, at: int) -> float:
+        """Return how far off an episode's outcomes are in all worlds, in radii of success."""
+        return rms(np.stack([residual_of(one) for one in (self._trials[at], *self._worlds[at])]))
 
     @property
     def best_trial(self) -> Trial:
@@ -162,9 +239,28 @@ class MotionSearch:
         return self._space.plan_at(self._tried[self._best])
 
     @property
+    def best_point(self) -> FloatArray:
+        """The point of the best trial, shape (D,)."""
+        return self._tried[self._best]
+
+    @property
+    def newton_jacobian(self) -> FloatArray | None:
+        """The Jacobian as the search has corrected it, shape (W, R, D)."""
+        return self._search.jacobian if isinstance(self._search, ResidualSearch) else None
+
+    @property
+    def handed_over(self) -> str:
+        """Why another search has had to go on; "" if none had to."""
+        if self._shared is not None and self._shared.useless:
+            return self._shared.useless
+        over = isinstance(self._search, ResidualSearch) and self._search.handed_over
+        return "steps stalled" if over else ""
+
+    @property
     def rewards(self) -> FloatArray:
-        """Reward of every episode, shape (E,)."""
-        return np.array([trial.reward for trial in self._trials])
+        """Reward of every episode in the task's model, once for each simulation it took."""
+        rewards = np.array([trial.reward for trial in self._trials])
+        return np.repeat(rewards, [1 + len(others) for others in self._worlds])
 
     def _verify(self, plan: AnyPlan, trial: Trial) -> Trial:
         """Check the limits of a success sample by sample at 1 kHz: nothing less is exported."""
@@ -212,17 +308,31 @@ class MotionSearch:
             failure=before.failure,
             outcomes=np.array([tried.outcome for tried in self._trials]),
             generations=np.array(self._generations),
+            simulations=np.array([1 + len(others) for others in self._worlds]),
+            handed_over=self.handed_over,
+            shared_simulations=self._shared_simulations,
             milestones=tuple(
                 (at, self._space.plan_at(self._tried[at])) for at in self._milestones()
             ),
         )
 
+    @property
+    def _shared_simulations(self) -> int:
+        """What the class has cost, if this is the motion in its middle."""
+        mine = self._shared is not None and self._shared.name == self.best_plan.name
+        return self._shared.simulations if self._shared is not None and mine else 0
+
     def _milestones(self) -> list[int]:
         """Return some of the episodes that were the best so far, first and last among them."""
-        ranks = [(trial.success, trial.reward) for trial in self._trials]
+        ranks = [self._rank(at) for at in range(len(self._trials))]
         best = [at for at in range(len(ranks)) if not at or ranks[at] > max(ranks[:at])]
         rows = np.rint(np.linspace(0, len(best) - 1, min(len(best), _MILESTONES))).astype(int)
         return [best[row] for row in rows]
+
+
+def residual_of(trial: Trial) -> FloatArray:
+    """Return the residual of a trial, shape (R,); NaN where it failed."""
+    return np.full(len(trial.residual), np.nan) if trial.failure else trial.residual
 
 
 def succeeds(trial: Trial, task: Task, share: float) -> bool:

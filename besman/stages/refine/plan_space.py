@@ -65,6 +65,10 @@ class Space(Protocol):
         """Return the motion plan at a point, shape (D,)."""
         ...
 
+    def coordinates(self, parts: Sequence[Part]) -> list[int]:
+        """Return which coordinates belong to some parts."""
+        ...
+
 
 class PlanSpace:
     """Motion plans that differ from a first one in start, goal, duration and weights.
@@ -129,6 +133,10 @@ class PlanSpace:
         duration = _duration(start, pieces, self._units)
         plan = replace(start, weights=weights, start=first, goal=goal)
         return stretch_plan(plan, max(duration, least_duration(plan, self._limits)))
+
+    def coordinates(self, parts: Sequence[Part]) -> list[int]:
+        """Return which coordinates belong to some parts."""
+        return _coordinates(self._parts, self._sizes, parts)
 
     def _keep_within_limits(
         self, weights: FloatArray, first: FloatArray, goal: FloatArray
@@ -203,6 +211,10 @@ class CartesianPlanSpace:
             point = 0.5 * point
         return replace(self._plan, duration=max(self._plan.duration, self._least_s))
 
+    def coordinates(self, parts: Sequence[Part]) -> list[int]:
+        """Return which coordinates belong to some parts."""
+        return _coordinates(self._parts, self._sizes, parts)
+
     def _plan_at(self, point: FloatArray) -> CartesianPlan:
         """Return the plan at a point, whatever its joint movement."""
         start, units = self._plan, self._units
@@ -242,6 +254,12 @@ def _split(
     """Cut a point into its parts."""
     ends = np.cumsum(sizes)[:-1]
     return dict(zip(parts, np.split(np.asarray(point, dtype=np.float64), ends), strict=True))
+
+
+def _coordinates(parts: Sequence[Part], sizes: Sequence[int], some: Sequence[Part]) -> list[int]:
+    """Return the places of some of the parts in a point."""
+    owners = [part for part, size in zip(parts, sizes, strict=True) for _ in range(size)]
+    return [at for at, owner in enumerate(owners) if owner in some]
 
 
 def _duration(plan: AnyPlan, pieces: dict[Part, FloatArray], units: Units) -> float:

@@ -6,14 +6,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from besman.records import AnyPlan, RefinedMotion
 from besman.robot.model import Robot
+from besman.simulation.perturbation import Perturbation
+from besman.simulation.perturbed_trials import try_perturbed
 from besman.simulation.task import Task
-from besman.simulation.trial import try_plans
+from besman.simulation.trial import Trial, try_plans
 from besman.stages.refine.checkpoint import Checkpoint
-from besman.stages.refine.motion_search import MotionSearch
+from besman.stages.refine.motion_search import MotionSearch, residual_of
 from besman.work.work import Work
+
+FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(eq=False)
@@ -26,17 +31,22 @@ class RunningSearch:
     robot : Robot
     task : Task
     checkpoint : Checkpoint
+    perturbations : tuple of Perturbation
+        Models that a search may look at besides the task's own.
     """
 
     search: MotionSearch
     robot: Robot
     task: Task
     checkpoint: Checkpoint
+    perturbations: tuple[Perturbation, ...] = ()
 
     def advance(self) -> None:
         """Try one generation, and keep it."""
-        trials = try_plans(self.robot, self.task, self.search.propose())
-        generation = self.search.learn(trials)
+        plans = self.search.propose()
+        worlds = self.perturbations if self.search.in_worlds else ()
+        trials, _, others = try_in_worlds(self.robot, self.task, plans, worlds)
+        generation = self.search.learn(trials, others)
         self.checkpoint.save(self.search.n_generations - 1, generation)
 
     def result(self) -> RefinedMotion:
@@ -44,6 +54,36 @@ class RunningSearch:
         # Once more, because paths of all episodes would be too much to keep.
         (best,) = try_plans(self.robot, self.task, [self.search.best_plan], paths=True)
         return self.search.result(best)
+
+
+def try_in_worlds(
+    robot: Robot, task: Task, plans: Sequence[AnyPlan], worlds: Sequence[Perturbation]
+) -> tuple[list[Trial], FloatArray, list[tuple[Trial, ...]]]:
+    """Try plans in the model as it is, and in perturbed ones.
+
+    Parameters
+    ----------
+    robot : Robot
+    task : Task
+    plans : sequence of MotionPlan or CartesianPlan
+    worlds : sequence of Perturbation
+
+    Returns
+    -------
+    trials : list of Trial
+        Of every plan in the model as it is.
+    residuals : array, shape (P, W, R)
+        In that and in all others; NaN where a trial failed.
+    others : list of tuple of Trial
+        Of every plan in each perturbed model; empty without any.
+    """
+    trials = try_plans(robot, task, plans)
+    others = [tuple(try_perturbed(robot, task, plan, worlds)) for plan in plans] if worlds else []
+    found = [
+        np.stack([residual_of(one) for one in (trial, *more)])
+        for trial, more in zip(trials, others or [()] * len(trials), strict=True)
+    ]
+    return trials, np.stack(found), others
 
 
 def search_side_by_side(
@@ -80,6 +120,13 @@ def search_side_by_side(
     )
 
 
+def index_of_middle(plans: Sequence[AnyPlan], task: Task) -> int:
+    """Return which plan is in the middle of what all want, the first of equals."""
+    wanted = np.stack([task.wanted(plan) for plan in plans])
+    apart = np.linalg.norm(wanted[:, None] - wanted, axis=2).sum(axis=1)
+    return int(np.argmin(apart))
+
+
 def share_target(plans: Sequence[AnyPlan], task: Task) -> list[AnyPlan]:
     """Give plans the target and the scene of the one in the middle of all targets.
 
@@ -93,8 +140,6 @@ def share_target(plans: Sequence[AnyPlan], task: Task) -> list[AnyPlan]:
     -------
     list of MotionPlan or CartesianPlan
     """
-    wanted = np.stack([task.wanted(plan) for plan in plans])
-    apart = np.linalg.norm(wanted[:, None] - wanted, axis=2).sum(axis=1)
-    middle = plans[int(np.argmin(apart))]
+    middle = plans[index_of_middle(plans, task)]
     names = [name for name in ("target", "goal_pose", "start_pose") if hasattr(middle, name)]
     return [replace(plan, **{name: getattr(middle, name) for name in names}) for plan in plans]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
@@ -22,12 +23,19 @@ from besman.simulation.task import Task
 from besman.stages.refine.robustness import RobustnessConfig
 
 if TYPE_CHECKING:
+    from besman.simulation.perturbation import Perturbation
+    from besman.stages.refine.class_model import ClassModel
     from besman.stages.refine.motion_search import MotionSearch
+    from besman.stages.refine.plan_space import Space
     from besman.stages.refine.search_loop import RunningSearch
 
 
 # Half of the work holds Python's lock; processes are started in the time of so many episodes.
 _EPISODES_FOR_PROCESSES = 4000
+
+
+def _ignore(done: float) -> None:
+    """Take no notice of progress."""
 
 
 class UnitsConfig(Config):
@@ -86,16 +94,24 @@ class RefinementConfig(Stage):
 
     keeps_checkpoints: ClassVar[bool] = True
     leaves_out: ClassVar[bool] = True
+    not_of_search: ClassVar[frozenset[str]] = frozenset()
+    """Keys of a method that are no arguments of its search."""
 
-    def make_search(self, dimension: int, seed: tuple[int, ...]) -> Search:
+    def make_search(
+        self, dimension: int, seed: tuple[int, ...], shared: ClassModel | None = None
+    ) -> Search:
         """Set up the search over a space of so many coordinates, around zero."""
         own = type(self).model_fields.keys() - RefinementConfig.model_fields.keys()
+        learnt = {}
+        if shared is not None and not shared.useless:
+            learnt = {"jacobian": shared.jacobian, "first": shared.point}
         search: Search = search_kind(self.method).load()(
             np.zeros(dimension),
             sigma=self.sigma,
             seed=seed,
             bounds=self.bounds,
-            **{name: getattr(self, name) for name in own},
+            **{name: getattr(self, name) for name in own - self.not_of_search},
+            **learnt,
         )
         return search
 
@@ -103,6 +119,23 @@ class RefinementConfig(Stage):
     def bounds(self) -> tuple[float, float] | None:
         """Least and greatest value of every coordinate."""
         return None if self.bound is None else (-self.bound, self.bound)
+
+    def perturbations(self, robot: Robot) -> tuple[Perturbation, ...]:
+        """Draw the models that motions are searched in besides the task's own."""
+        return ()
+
+    def share(
+        self, plans: Sequence[AnyPlan], robot: Robot, task: Task, work: Work = Work()
+    ) -> ClassModel | None:
+        """Learn what all motions share, before any is searched; None for nothing."""
+        return None
+
+    def space(self, plan: AnyPlan, robot: Robot) -> Space:
+        """Set up the space of the plans around one."""
+        from besman.stages.refine.plan_space import Units, plan_space
+
+        units = Units(**self.units.model_dump())
+        return plan_space(plan, robot, self.search, self.n_shapes, units)
 
     @property
     def without_robustness(self) -> Self:
@@ -147,8 +180,9 @@ class RefinementConfig(Stage):
         Returns
         -------
         tuple of RefinedMotion
-            In the order of the plans. Each is what it would be if it were refined alone. Of a
-            pool the best alone; of `motions` those that were chosen.
+            In the order of the plans. Each is what it would be if it were refined alone, but for
+            what a method lets all of them share. Of a pool the best alone; of `motions` those that
+            were chosen.
 
         Raises
         ------
@@ -163,15 +197,23 @@ class RefinementConfig(Stage):
             plans = nearest_plans(placed, robot, task, self.motions, work.jobs)
         if self.pool:
             return (self._refine_side_by_side(plans, robot, task, work),)
-        refine = partial(self._refine, robot=robot, task=task, folder=work.checkpoints)
+        shared = self.share(plans, robot, task, replace(work, notes=None, progress=_ignore))
+        refine = partial(
+            self._refine, robot=robot, task=task, folder=work.checkpoints, shared=shared
+        )
         processes = max(2, _EPISODES_FOR_PROCESSES // self.episodes)
         return tuple(work.map(refine, plans, processes=processes))
 
     def _refine(
-        self, plan: AnyPlan, robot: Robot, task: Task, folder: Path | None
+        self,
+        plan: AnyPlan,
+        robot: Robot,
+        task: Task,
+        folder: Path | None,
+        shared: ClassModel | None,
     ) -> RefinedMotion:
         """Refine one motion plan."""
-        running = self._running_search(plan, robot, task, folder)
+        running = self.running_search(plan, robot, task, folder, shared)
         while not running.search.done:
             running.advance()
         return running.result()
@@ -183,11 +225,19 @@ class RefinementConfig(Stage):
         from besman.stages.refine.search_loop import search_side_by_side, share_target
 
         placed = share_target([place_plan(plan, robot, task) for plan in plans], task)
-        pool = [self._running_search(plan, robot, task, work.checkpoints) for plan in placed]
+        shared = self.share(placed, robot, task, replace(work, notes=None, progress=_ignore))
+        pool = [
+            self.running_search(plan, robot, task, work.checkpoints, shared) for plan in placed
+        ]
         return search_side_by_side(pool, self.episodes, work).result()
 
-    def _running_search(
-        self, plan: AnyPlan, robot: Robot, task: Task, folder: Path | None
+    def running_search(
+        self,
+        plan: AnyPlan,
+        robot: Robot,
+        task: Task,
+        folder: Path | None = None,
+        shared: ClassModel | None = None,
     ) -> RunningSearch:
         """Set up the search for one plan, where it was if it was ended before its end."""
         from besman.stages.refine.checkpoint import Checkpoint
@@ -195,12 +245,14 @@ class RefinementConfig(Stage):
 
         # By content, because two plans may have one name.
         checkpoint = Checkpoint(folder, digest(plan)[:16])
-        search = self.set_up(plan, robot, task)
+        search = self.set_up(plan, robot, task, shared)
         if not search.repeat(checkpoint.load()):
-            search = self.set_up(plan, robot, task)
-        return RunningSearch(search, robot, task, checkpoint)
+            search = self.set_up(plan, robot, task, shared)
+        return RunningSearch(search, robot, task, checkpoint, self.perturbations(robot))
 
-    def set_up(self, plan: AnyPlan, robot: Robot, task: Task) -> MotionSearch:
+    def set_up(
+        self, plan: AnyPlan, robot: Robot, task: Task, shared: ClassModel | None = None
+    ) -> MotionSearch:
         """Set up the search for one plan.
 
         Raises
@@ -209,15 +261,11 @@ class RefinementConfig(Stage):
             If the plan and the task or the robot do not belong together.
         """
         from besman.stages.refine.motion_search import MotionSearch
-        from besman.stages.refine.plan_space import Units, plan_space
 
         plan = place_plan(plan, robot, task)
-        units = Units(**self.units.model_dump())
-        space = plan_space(plan, robot, self.search, self.n_shapes, units)
-        seed = (self.seed, _seed_of(plan))
-        return MotionSearch(
-            space, self.make_search(space.dimension, seed), robot, task, self.episodes
-        )
+        space = self.space(plan, robot)
+        search = self.make_search(space.dimension, (self.seed, _seed_of(plan)), shared)
+        return MotionSearch(space, search, robot, task, self.episodes, shared)
 
 
 class CmaEsConfig(RefinementConfig):
@@ -291,7 +339,8 @@ def refine_results(motions: tuple[RefinedMotion, ...], task: Task) -> dict[str, 
     dict
         n_motions, n_success, n_failed_before (imitations without a valid outcome),
         success_radius_m, miss_before_m, miss_m and episodes, each {median, max}; null where no
-        motion has a value.
+        motion has a value; episodes_shared (of what all motions share), handed_over (motions that
+        CMA-ES went on with, and why).
     """
     return {
         "n_motions": len(motions),
@@ -300,7 +349,11 @@ def refine_results(motions: tuple[RefinedMotion, ...], task: Task) -> dict[str, 
         "success_radius_m": task.success_radius_m,
         "miss_before_m": _summary([motion.miss_before for motion in motions]),
         "miss_m": _summary([motion.miss for motion in motions]),
-        "episodes": _summary([len(motion.returns) for motion in motions]),
+        "episodes": _summary([motion.simulations.sum() for motion in motions]),
+        "episodes_shared": sum(motion.shared_simulations for motion in motions),
+        "handed_over": {
+            motion.plan.name: motion.handed_over for motion in motions if motion.handed_over
+        },
     }
 
 

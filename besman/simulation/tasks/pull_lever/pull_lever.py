@@ -65,6 +65,10 @@ class PullLeverConfig(PullLeverFields):
         short = np.radians(self.lever.pull_deg) - self._hinge(plan).angle(outcome)
         return float(self.lever.length_m * np.maximum(short, 0.0))
 
+    def residual(self, plan: AnyPlan, episodes: Episodes, index: int) -> FloatArray:
+        """Return the arc that the handle's way is short, shape (1,), in radii of success."""
+        return np.array([self.miss(plan, episodes.outcomes[index]) / self.success_radius_m])
+
     def _hinge(self, plan: AnyPlan) -> Hinge:
         """Find the hinge that belongs to a demonstration."""
         return find_hinge(

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.config.stage import NotNegative, Positive
+from besman.geometry.quaternions import conjugate, multiply, rotation_vector
 from besman.records import AnyPlan
 from besman.robot.model import Robot
 from besman.robot.mujoco_model import arm_spec, servo_controls
@@ -93,6 +94,18 @@ class ReachConfig(Task):
     ) -> Episodes:
         """Reach; nothing has a path of its own."""
         return simulate_reaching(robot, self, movements, paths)
+
+    def residual(self, plan: AnyPlan, episodes: Episodes, index: int) -> FloatArray:
+        """Return the way and the turn from demonstrated to reached end pose, shape (6,).
+
+        Each in what may be off; the larger of the two counts, so its norm is 1 at least where the
+        task has just succeeded.
+        """
+        way = (episodes.outcomes[index] - self.target(plan)) / self.success_radius_m
+        turn = rotation_vector(
+            multiply(episodes.end_poses[index, 3:], conjugate(plan.goal_pose[3:]))
+        )
+        return np.concatenate([way, turn / np.radians(self.success.success_angle_deg)])
 
     def measure(self, plan: AnyPlan, episodes: Episodes, index: int) -> dict[str, float]:
         """Return the angle between reached and demonstrated end orientation."""

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.config.stage import NotNegative, Positive
+from besman.records import AnyPlan
 from besman.robot.model import Robot
 from besman.robot.mujoco_model import servo_controls
 from besman.robot.parts import GRAVITY
@@ -85,6 +86,11 @@ class ThrowConfig(Task):
     def rest_s(self) -> float:
         """How long the simulation goes on after the movement, seconds."""
         return self.simulation.longest_wait_s
+
+    def residual(self, plan: AnyPlan, episodes: Episodes, index: int) -> FloatArray:
+        """Return the way on the floor from target to touchdown, shape (2,), in radii of success."""
+        off = episodes.outcomes[index] - self.target(plan)
+        return np.asarray(off[:2] / self.success_radius_m)
 
 
 @dataclass(frozen=True)

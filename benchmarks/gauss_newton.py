@@ -1,0 +1,162 @@
+"""Gauss-Newton, CMA-ES and a derivative-free least-squares peer on the same motions.
+
+    python benchmarks/gauss_newton.py [PIPELINE ...] [--methods NAME ...] [--models N] [--jobs N]
+                                      [--json FILE]
+
+Refines every motion of each pipeline (synthetic recordings), and tries what comes of it in N
+perturbed models that no search has seen. Methods: ``cma_es``, as the recipes had it; ``gauss_newton``
+with ``robust: null``; ``robust``, as it is by default; ``dfols``, DFO-LS (package ``DFO-LS``, extra
+``bench``) on the landing point in the model as it is, from the same start in the same coordinates.
+"""
+
+import argparse
+import json
+import os
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import numpy as np
+from pydantic import TypeAdapter
+
+from besman.config.resources import find_resource
+from besman.pipeline.config import load_pipeline
+from besman.pipeline.pipeline import run_pipeline
+from besman.pipeline.stored_run import open_run
+from besman.robot.model import load_robot
+from besman.simulation.tasks.kinds import load_task
+from besman.simulation.trial import try_plans
+from besman.stages.refine.methods import RefineStage
+from besman.stages.refine.robustness import RobustnessConfig
+from besman.stages.refine.stage import place_plan
+from besman.work.work import Work
+from besman.work.workers import Workers
+
+METHODS = ("cma_es", "gauss_newton", "robust", "dfols")
+# Of the models that judge; the search's own are drawn otherwise, whatever the seed.
+JUDGE = 20
+_PARTS = ("goal", "duration")
+
+
+@dataclass
+class Case:
+    """The imitations of a pipeline."""
+
+    name: str
+    plans: tuple
+    robot: object
+    task: object
+    refine: object
+
+
+def load_case(name: str, folder: Path) -> Case:
+    path = find_resource("pipelines", name)
+    settings = ("refine.episodes=1", "refine.robustness=null")
+    config = load_pipeline(path)
+    run = run_pipeline(load_pipeline(path, settings), folder / name)
+    robot, task = load_robot(config.robot, config.tool), load_task(config.task)
+    return Case(name, open_run(run).record("imitate"), robot, task, config.refine)
+
+
+def stage_of(method: str, case: Case):
+    both = case.refine.model_dump(exclude={"robust", "steps", "difference", "measure", "method"})
+    both["robustness"] = None
+    if method == "cma_es":
+        keys = {**both, "method": "cma_es"}
+    else:
+        keys = {**both, "method": "gauss_newton"}
+        if method != "robust":
+            keys["robust"] = None
+    return TypeAdapter(RefineStage).validate_python(keys)
+
+
+def refine(method: str, case: Case, work: Work) -> tuple[list, list, int, int]:
+    """Return plans, simulations of each, simulations shared, how many succeed."""
+    if method == "dfols":
+        found = [by_dfols(plan, case) for plan in case.plans]
+        return [f[0] for f in found], [f[1] for f in found], 0, sum(f[2] for f in found)
+    motions = stage_of(method, case).run(case.plans, case.robot, case.task, work)
+    shared = sum(motion.shared_simulations for motion in motions)
+    needed = [int(motion.simulations.sum()) for motion in motions]
+    return [m.plan for m in motions], needed, shared, sum(m.success for m in motions)
+
+
+def by_dfols(plan, case: Case) -> tuple:
+    """Search one motion by DFO-LS until its landing is within half of the radius."""
+    import dfols
+
+    plan = place_plan(plan, case.robot, case.task)
+    stage = stage_of("gauss_newton", case).model_copy(update={"search": _PARTS})
+    space, tried = stage.space(plan, case.robot), []
+
+    class Enough(Exception):
+        pass
+
+    def residual(point):
+        (trial,) = try_plans(case.robot, case.task, [space.plan_at(point)])
+        tried.append((trial, np.array(point)))
+        if trial.success and trial.miss <= 0.5 * case.task.success_radius_m:
+            raise Enough
+        return np.full(2, 10.0) if trial.failure else np.asarray(trial.residual)
+
+    try:
+        dfols.solve(residual, np.zeros(space.dimension), maxfun=case.refine.episodes, rhobeg=0.5)
+    except Enough:
+        pass
+    best = max(tried, key=lambda one: (one[0].success, one[0].reward))
+    return space.plan_at(best[1]), len(tried), best[0].success
+
+
+def report(case: Case, method: str, models: int, work: Work) -> dict:
+    wall, cpu = time.perf_counter(), time.process_time()
+    plans, needed, shared, n_success = refine(method, case, work)
+    wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
+    judge = RobustnessConfig(models=models, seed=JUDGE)
+    found = judge.run([_Planned(plan) for plan in plans], case.robot, case.task, work)
+    shares = np.array([one.success.mean() for one in found])
+    total = sum(needed) + shared
+    print(
+        f"| {case.name} | {method} | {n_success} of {len(plans)} | {np.median(needed):g} / "
+        f"{max(needed)} | {shared} | {total} | {total / len(plans):.1f} | {shares.mean():.3f} | "
+        f"{shares.min():.2f} | {wall:.1f} |",
+        flush=True,
+    )
+    return {
+        "dataset": case.name, "source": "synthetic", "method": method, "n": len(plans),
+        "n_success": n_success, "episodes": needed, "episodes_shared": shared,
+        "hit_share": shares.tolist(), "wall_s": wall, "cpu_s": cpu,
+    }  # fmt: skip
+
+
+@dataclass
+class _Planned:
+    plan: object
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("pipelines", nargs="*", default=["ur5_stick_throw"])
+    parser.add_argument("--methods", nargs="+", default=METHODS[:3], choices=METHODS)
+    parser.add_argument("--models", type=int, default=100)
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--json", type=Path)
+    given = parser.parse_args()
+    rows = []
+    print(
+        "| pipeline | method | succeed | episodes, median / most | shared | all | mean | hit share "
+        "| least | refine s |\n|---|---|---|---|---|---|---|---|---|---|"
+    )
+    with tempfile.TemporaryDirectory() as folder, Workers(given.jobs) as workers:
+        for name in given.pipelines:
+            case = load_case(name, Path(folder))
+            work = Work(given.jobs, workers=workers)
+            rows += [report(case, method, given.models, work) for method in given.methods]
+    if given.json is not None:
+        given.json.write_text(json.dumps({"experiment": "gauss_newton", "rows": rows}))
+
+
+if __name__ == "__main__":
+    main()

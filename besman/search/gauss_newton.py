@@ -1,0 +1,255 @@
+"""Damped Gauss-Newton steps on the residuals of outcomes; where they stall, CMA-ES goes on.
+
+The Jacobian comes from outside, measured once for many searches alike; every search corrects its
+own copy by what its steps do. Steps are those of least norm that the damping allows, so that
+directions that change no outcome stay where they are. Residuals may be those of several models of
+the world at once: what is left of them then is how far apart the models' outcomes are.
+
+References
+----------
+.. [1] D. W. Marquardt: An algorithm for least-squares estimation of nonlinear parameters. Journal
+   of the SIAM 11(2), 1963, DOI 10.1137/0111030.
+.. [2] C. G. Broyden: A class of methods for solving nonlinear simultaneous equations. Mathematics
+   of Computation 19, 1965, equation 4.5, DOI 10.1090/S0025-5718-1965-0198670-6.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from besman.search.cma_es import CmaEs, Restarts
+from besman.search.gaussian import Bounds, check_bounds
+
+FloatArray = npt.NDArray[np.float64]
+
+# Damping of the normal equations at first, in squared radii of success per squared unit.
+_DAMPING = 0.03
+# Longest step at first, and the one below which nothing is gained any more, in units.
+_REACH, _LEAST_REACH = 3.0, 0.1
+# What an outcome that there is not counts, in radii of success.
+_FAILED = 3.0
+# How many steps may make the models' outcomes agree more at the cost of all being elsewhere, and
+# by how much they must, in radii of success.
+_DETOURS, _CLOSER = 4, 0.02
+# An outcome that CMA-ES brings this near is worth Newton steps again.
+_NEAR = 0.5
+_STEPS_BACK = 2
+# How much of what a step did is believed of the worlds apart from each other: little stands out of
+# what contacts make of any change.
+_TRUST = 0.2
+
+
+@dataclass(frozen=True, eq=False)
+class _Tried:
+    """A point with what came of it: residuals (W, R), NaN where a world gave no outcome."""
+
+    point: FloatArray
+    residuals: FloatArray
+
+    @property
+    def cost(self) -> float:
+        """Root mean square over the worlds of the distance to the target, in radii."""
+        return rms(self.residuals)
+
+    @property
+    def spread(self) -> float:
+        """The same of the distance to the mean of all worlds."""
+        finite = self.residuals[np.isfinite(self.residuals).all(axis=1)]
+        return rms(self.residuals - finite.mean(axis=0)) if len(finite) else np.inf
+
+
+def rms(residuals: FloatArray) -> float:
+    """Return the root mean square over worlds of the norms of residuals (W, R); a NaN costs."""
+    squares = np.square(residuals).sum(axis=1)
+    return float(np.sqrt(np.where(np.isfinite(squares), squares, _FAILED**2).mean()))
+
+
+class GaussNewton:
+    """Gauss-Newton with a given Jacobian, damped after Levenberg and Marquardt; then CMA-ES.
+
+    Parameters
+    ----------
+    start : array, shape (D,)
+        Where CMA-ES begins, if it comes to that before any outcome is known.
+    sigma, population, seed, restarts
+        Of CMA-ES, see `besman.search.cma_es.CmaEs`.
+    bounds : two arrays, shape (D,), optional
+        Least and greatest value of every coordinate.
+    steps : int
+        Greatest number of Gauss-Newton steps before it ends, or CMA-ES goes on.
+    jacobian : array, shape (W, R, D), optional
+        Of the residuals in each of W worlds; without it there is CMA-ES alone.
+    first : array, shape (D,), optional
+        First point; the start if not given.
+
+    Attributes
+    ----------
+    jacobian : array, shape (W, R, D), or None
+        As far as it is corrected.
+    handed_over : bool
+        Whether CMA-ES has had to go on.
+    """
+
+    def __init__(
+        self,
+        start: npt.ArrayLike,
+        sigma: float,
+        population: int | None,
+        seed: tuple[int, ...],
+        bounds: Bounds | None = None,
+        restarts: Restarts = "none",
+        steps: int = 8,
+        jacobian: npt.ArrayLike | None = None,
+        first: npt.ArrayLike | None = None,
+    ) -> None:
+        self._start = np.array(start, dtype=np.float64)
+        self._bounds = check_bounds(self._start, bounds)
+        self._options = (sigma, population, seed, bounds, restarts)
+        self._steps, self._left = steps, steps
+        self._next = self._start if first is None else np.array(first, dtype=np.float64)
+        self._at: _Tried | None = None
+        self._best: _Tried | None = None
+        self._damping, self._reach, self._detours, self._back = _DAMPING, _REACH, 0, 0
+        self._ended = self.handed_over = False
+        self._strategy: CmaEs | None = None
+        self.jacobian = None if jacobian is None else np.array(jacobian, dtype=np.float64)
+        if self.jacobian is None:
+            self._begin_cma(self._start)
+
+    @property
+    def n_worlds(self) -> int:
+        """In how many worlds points are to be tried, the model as it is among them."""
+        return 1 if self.jacobian is None else len(self.jacobian)
+
+    @property
+    def in_worlds(self) -> bool:
+        """Whether the points asked for next are to be tried in all of them."""
+        return self._strategy is None and self.n_worlds > 1
+
+    @property
+    def exhausted(self) -> bool:
+        """Whether going on is of no use."""
+        return self._ended if self._strategy is None else self._strategy.exhausted
+
+    def ask(self) -> FloatArray:
+        """Return the points to try next, shape (P, D); one, before CMA-ES."""
+        return self._next[None].copy() if self._strategy is None else self._strategy.ask()
+
+    def tell_start(self, point: FloatArray, residuals: FloatArray) -> None:
+        """Take the residuals (1, R) of the start (D,), before anything is asked for."""
+        if self._strategy is not None or self.n_worlds > 1:
+            return
+        if np.isfinite(residuals).all():
+            self._learn(_Tried(np.array(point), np.array(residuals)))
+        elif np.array_equal(self._next, point):
+            self._end()
+
+    def tell(
+        self, points: FloatArray, returns: FloatArray, residuals: FloatArray | None = None
+    ) -> None:
+        """Take what came of the points (P, D) that were asked for.
+
+        Parameters
+        ----------
+        points : array, shape (P, D)
+        returns : array, shape (P,)
+        residuals : array, shape (P, W, R), optional
+            In every world that the points were tried in; NaN without an outcome.
+        """
+        if self._strategy is not None:
+            self._strategy.tell(points, returns)
+            self._look_for_near(points, residuals)
+        elif residuals is None:
+            self._begin_cma(self._start)
+        elif len(residuals[0]) == self.n_worlds:
+            self._learn(_Tried(np.array(points[0]), np.array(residuals[0])))
+
+    def _look_for_near(self, points: FloatArray, residuals: FloatArray | None) -> None:
+        """Take Newton steps again from a point at which CMA-ES has come near, once."""
+        if self.jacobian is None or self.n_worlds == 1 or residuals is None or self._back < 0:
+            return
+        norms = [rms(one[:1]) for one in residuals]
+        at = int(np.argmin(norms))
+        if norms[at] <= _NEAR:
+            self._strategy, self._at, self._best = None, None, None
+            self._next, self._left, self._back = np.array(points[at]), self._steps, -1
+            self._damping, self._reach, self._detours = _DAMPING, _REACH, 0
+
+    def _learn(self, tried: _Tried) -> None:
+        """Correct the Jacobian, judge the last step and take the next one."""
+        if self._best is None or tried.cost < self._best.cost:
+            self._best = tried
+        if self._at is None:
+            if not np.isfinite(tried.residuals).any():
+                self._step_back(tried.point)
+                return
+            self._at = tried
+        else:
+            self._correct(self._at, tried)
+            self._judge(self._at, tried)
+        if self._left == 0 or self._reach < _LEAST_REACH:
+            self._end()
+            return
+        self._left -= 1
+        self._next = self._at.point + self._step(self._at)
+        if self._bounds is not None:
+            self._next = np.clip(self._next, *self._bounds)
+
+    def _step_back(self, point: FloatArray) -> None:
+        """Halve the way to the first point: there is no outcome there."""
+        if self._back < 0 or self._back == _STEPS_BACK or not np.any(point - self._start):
+            self._end()
+            return
+        self._back += 1
+        self._next = 0.5 * (point + self._start)
+
+    def _correct(self, before: _Tried, after: _Tried) -> None:
+        """Update the Jacobian by what a step did [2]_."""
+        assert self.jacobian is not None
+        step = after.point - before.point
+        length = float(step @ step)
+        if length > 0:
+            off = np.nan_to_num(after.residuals - before.residuals - self.jacobian @ step)
+            mean = off.mean(axis=0)
+            off = mean + _TRUST * (off - mean)
+            self.jacobian += off[..., None] * step / length
+
+    def _judge(self, before: _Tried, after: _Tried) -> None:
+        """Go on from where a step has led, or back and with a shorter one."""
+        assert self._best is not None
+        closer = after.spread < before.spread - _CLOSER and np.isfinite(after.residuals).all()
+        if after.cost < before.cost:
+            self._at, self._detours = after, 0
+        elif closer and self._detours < _DETOURS:
+            self._at, self._detours = after, self._detours + 1
+        else:
+            self._at, self._detours = self._best, 0
+            self._damping *= 2.0
+            self._reach *= 0.5
+
+    def _step(self, tried: _Tried) -> FloatArray:
+        """Return the damped step of the linear model [1]_, no longer than the reach."""
+        assert self.jacobian is not None
+        known = np.isfinite(tried.residuals)
+        rows = self.jacobian[known] / np.sqrt(self.n_worlds)
+        wanted = tried.residuals[known] / np.sqrt(self.n_worlds)
+        system = rows @ rows.T + self._damping * np.eye(len(rows))
+        step = -rows.T @ np.linalg.solve(system, wanted)
+        return np.asarray(step * min(1.0, self._reach / max(float(np.linalg.norm(step)), 1e-12)))
+
+    def _end(self) -> None:
+        """End if the outcome is within the radius; else have CMA-ES go on from the best point."""
+        if self._best is not None and self._best.cost <= 1.0:
+            self._ended = True
+            return
+        known = self._best is not None and bool(np.isfinite(self._best.residuals).any())
+        self._begin_cma(self._best.point if known and self._best is not None else self._start)
+        self.handed_over = True
+
+    def _begin_cma(self, start: FloatArray) -> None:
+        """Have CMA-ES go on."""
+        sigma, population, seed, bounds, restarts = self._options
+        self._strategy = CmaEs(start, sigma, population, seed, bounds, restarts)

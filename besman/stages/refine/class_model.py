@@ -1,0 +1,129 @@
+"""What all motions of a class learn from one of them: where to begin, and the Jacobian there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from besman.exceptions import RunError
+from besman.io.atomic_files import write_record
+from besman.records import Record, freeze
+from besman.records.files import load_record
+from besman.work.work import Work
+
+FloatArray = npt.NDArray[np.float64]
+
+# An outcome that moves less than this, in radii per unit, is not moved.
+_LEAST_SLOPE = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class ClassModel(
+    Record,
+    stored_as="besman.stages.refine.class_model:ClassModel",
+    finite=("point", "jacobian"),
+):
+    """What the motions of a class share, in the coordinates that a search has.
+
+    Attributes
+    ----------
+    name : str
+        The motion in the middle of the class, which it comes from.
+    point : array, shape (D,)
+        Where its outcome was good: the others begin there if nothing comes of their imitation, or
+        if they are searched in perturbed models.
+    jacobian : array, shape (W, R, D)
+        Of the residuals there in W worlds, in radii of success per unit.
+    simulations : int
+        How many it took.
+    useless : str
+        Why there is nothing to share; "" if there is.
+    """
+
+    name: str
+    point: FloatArray
+    jacobian: FloatArray
+    simulations: int
+    useless: str = ""
+
+    def __post_init__(self) -> None:
+        """Copy the arrays, make them read-only and check their shapes."""
+        freeze(self, {"point": ("D",), "jacobian": ("W", "R", "D")})
+
+
+def nothing_shared(name: str, dimension: int, simulations: int, why: str) -> ClassModel:
+    """Return the model of a class that has nothing to share."""
+    return ClassModel(name, np.zeros(dimension), np.empty((0, 0, dimension)), simulations, why)
+
+
+def moves_too_little(jacobian: FloatArray) -> str:
+    """Say what is wrong with a Jacobian (W, R, D) whose steps cannot reach a target; or ""."""
+    middle = jacobian.mean(axis=0)
+    rank = int(np.linalg.matrix_rank(middle, tol=_LEAST_SLOPE))
+    wanted = len(middle)
+    return "" if rank == wanted else f"the outcome's Jacobian is of rank {rank}, expected {wanted}"
+
+
+def measure_jacobian(
+    evaluate: Callable[[FloatArray], FloatArray],
+    point: FloatArray,
+    measured: Sequence[int],
+    step: float,
+    work: Work = Work(),
+) -> FloatArray:
+    """Measure a Jacobian by finite differences, forward where that way leads to an outcome.
+
+    Parameters
+    ----------
+    evaluate : callable
+        Gives the residuals (W, R) at a point (D,); NaN where there is none.
+    point : array, shape (D,)
+    measured : sequence of int
+        Coordinates; the others are left at 0, so that nothing moves along them.
+    step : float
+        Long enough to stand out of what contacts make of small changes.
+    work : Work
+        Threads and progress.
+
+    Returns
+    -------
+    array, shape (W, R, D)
+        0 where neither way has an outcome.
+    """
+    here = evaluate(point)
+
+    def measure_column(at: int) -> FloatArray:
+        slope: FloatArray = np.full(here.shape, np.nan)
+        for side in (step, -step):
+            if np.isnan(slope).any():
+                moved = point.copy()
+                moved[at] += side
+                slope = np.where(np.isnan(slope), (evaluate(moved) - here) / side, slope)
+        return np.nan_to_num(slope)
+
+    jacobian = np.zeros((*here.shape, len(point)))
+    columns = work.map(measure_column, list(measured), name=lambda at: f"coordinate {at}")
+    for at, column in zip(measured, columns, strict=True):
+        jacobian[..., at] = column
+    return jacobian
+
+
+def load_class(folder: Path | None, name: str) -> ClassModel | None:
+    """Return what a search before this one has kept of a class; None if nothing, or damaged."""
+    if folder is None or not (folder / f"{name}.npz").is_file():
+        return None
+    try:
+        found = load_record(folder / f"{name}.npz")
+    except RunError:
+        return None
+    return found if isinstance(found, ClassModel) else None
+
+
+def keep_class(folder: Path | None, name: str, model: ClassModel) -> None:
+    """Keep the model of a class for a search that goes on where this one was ended."""
+    if folder is not None and folder.is_dir():
+        write_record(folder / f"{name}.npz", model, durable=False)

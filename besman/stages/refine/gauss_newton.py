@@ -1,0 +1,208 @@
+"""Refinement by Gauss-Newton steps with one Jacobian for all motions, robustly by default."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from besman.config.stage import Config, Work
+from besman.records import AnyPlan
+from besman.records.files import digest
+from besman.robot.model import Robot
+from besman.search.protocol import Part
+from besman.simulation.perturbation import Perturbation, Spreads, draw_balanced
+from besman.simulation.task import Task
+from besman.stages.refine.stage import RefinementConfig, place_plan
+
+if TYPE_CHECKING:
+    from besman.stages.refine.class_model import ClassModel, FloatArray
+    from besman.stages.refine.plan_space import Space
+    from besman.stages.refine.search_loop import RunningSearch
+
+# Sets the models of the search apart from all that judge, whatever their seed.
+_OF_THE_SEARCH = 1_000_000
+# What is measured of a motion that is searched in the model as it is alone.
+_FEW: tuple[Part, ...] = ("goal", "duration")
+# The middle motion is worth more steps: what it finds is where all others begin.
+_STEPS_OF_MIDDLE = 2
+
+
+class RobustConfig(Config):
+    """In which perturbed models a motion is searched, all motions in the same.
+
+    Attributes
+    ----------
+    models : int
+        How many, besides the model as it is.
+    seed : int
+        Of their draw; they are never those that judge (`RobustnessConfig`).
+    spreads : Spreads
+        How far off they are.
+    """
+
+    models: Annotated[int, Field(ge=2, le=64)] = 8
+    seed: Annotated[int, Field(ge=0)] = 0
+    spreads: Spreads = Spreads()
+
+
+class GaussNewtonConfig(RefinementConfig):
+    """Refine motion plans by Gauss-Newton steps; see `besman.search.gauss_newton`.
+
+    The Jacobian is that of the outcome of the motion in the middle of the class, measured once.
+    Where a task has no outcome to take steps on, where nothing comes of a motion, or where steps
+    stall without success, CMA-ES goes on.
+
+    Attributes
+    ----------
+    method : "gauss_newton"
+    steps : int
+        Greatest number of steps of a motion.
+    difference : float
+        Finite difference, in units of the search; contacts blur what is much smaller.
+    measure : list of "start", "goal", "duration", "weights" or None
+        What of `search` the Jacobian is measured of, and steps move; null for all of it where the
+        search is robust, else for goal and duration. CMA-ES moves all.
+    robust : RobustConfig or None
+        The perturbed models; null to look at the model as it is alone.
+    population, restarts
+        Of CMA-ES, as in `CmaEsConfig`.
+    """
+
+    method: Literal["gauss_newton"]
+    steps: Annotated[int, Field(ge=1)] = 6
+    difference: Annotated[float, Field(gt=0)] = 1.5
+    measure: Annotated[tuple[Part, ...], Field(min_length=1)] | None = None
+    robust: RobustConfig | None = RobustConfig()
+    population: Annotated[int, Field(ge=4)] | None = 8
+    restarts: Literal["none", "ipop", "bipop"] = "none"
+
+    not_of_search: ClassVar[frozenset[str]] = frozenset({"difference", "measure", "robust"})
+
+    def perturbations(self, robot: Robot) -> tuple[Perturbation, ...]:
+        """Draw the models of the search."""
+        if self.robust is None:
+            return ()
+        seed = (self.robust.seed, _OF_THE_SEARCH)
+        return draw_balanced(self.robust.spreads, robot, seed, self.robust.models)
+
+    def share(
+        self, plans: Sequence[AnyPlan], robot: Robot, task: Task, work: Work = Work()
+    ) -> ClassModel:
+        """Learn from the motion in the middle what all motions share, before any is searched.
+
+        It depends on the plans alone, not on their order but for equal ones, nor on threads.
+        """
+        from besman.stages.refine.class_model import keep_class, load_class
+        from besman.stages.refine.search_loop import index_of_middle
+
+        folder = work.checkpoints
+        name = f"class_{digest(tuple(sorted(digest(plan) for plan in plans)))[:16]}"
+        model = load_class(folder, name)
+        if model is None:
+            placed = [place_plan(plan, robot, task) for plan in plans]
+            middle = placed[index_of_middle(placed, task)]
+            lesson = _Lesson(self, middle, robot, task, folder, len(plans))
+            model = lesson.learn(work)
+            keep_class(folder, name, model)
+        return model
+
+
+@dataclass(frozen=True, eq=False)
+class _Lesson:
+    """What is to be learnt from the motion in the middle of a class.
+
+    Attributes
+    ----------
+    config : GaussNewtonConfig
+    plan : MotionPlan or CartesianPlan
+        Placed.
+    robot : Robot
+    task : Task
+    folder : Path or None
+        For checkpoints.
+    n_plans : int
+        Of the class.
+    """
+
+    config: GaussNewtonConfig
+    plan: AnyPlan
+    robot: Robot
+    task: Task
+    folder: Path | None
+    n_plans: int
+
+    def learn(self, work: Work) -> ClassModel:
+        """Find a point with an outcome, measure the Jacobian there, take its own steps."""
+        from besman.stages.refine.class_model import (
+            ClassModel,
+            measure_jacobian,
+            moves_too_little,
+            nothing_shared,
+        )
+        from besman.stages.refine.search_loop import try_in_worlds
+
+        config = self.config
+        space = config.space(self.plan, self.robot)
+        worlds = config.perturbations(self.robot)
+        nothing = partial(nothing_shared, self.plan.name, space.dimension)
+        measured = self._measured(space)
+        cost, budget = (len(measured) + 1) * (1 + len(worlds)), config.episodes * self.n_plans
+        (first,), _, _ = try_in_worlds(self.robot, self.task, [space.plan_at(_zero(space))], ())
+        if not len(first.residual):
+            return nothing(1, f"{self.task.kind} has no outcome to take steps on")
+        if cost >= budget:
+            why = f"a Jacobian takes {cost} episodes, all motions may take {budget}"
+            return nothing(1, why)
+        point, spent = _zero(space), 1
+        if first.failure or not np.isfinite(first.residual).all():
+            search = self._search(None)
+            while not search.search.done:
+                search.advance()
+            spent += search.search.n_episodes
+            if not search.search.best_trial.success:
+                return nothing(spent, f"nothing comes of {self.plan.name}")
+            point = search.search.best_point
+
+        def evaluate(at: FloatArray) -> FloatArray:
+            plan = space.plan_at(at)
+            return try_in_worlds(self.robot, self.task, [plan], worlds)[1][0]
+
+        jacobian = measure_jacobian(evaluate, point, measured, config.difference, work)
+        spent += cost
+        if why := moves_too_little(jacobian):
+            return nothing(spent, why)
+        if not worlds:
+            return ClassModel(self.plan.name, point, jacobian, spent)
+        shared = ClassModel(self.plan.name, point, jacobian, spent)
+        search = self._search(shared)
+        # Beyond what is enough for itself: all others begin there.
+        while search.search.may_go_on and not search.search.handed_over:
+            search.advance()
+        spent += search.search.n_episodes
+        moved = search.search.newton_jacobian
+        best = search.search.best_point if search.search.best_trial.success else point
+        return ClassModel(self.plan.name, best, jacobian if moved is None else moved, spent)
+
+    def _measured(self, space: Space) -> list[int]:
+        """Return the coordinates that are measured."""
+        config = self.config
+        parts = config.measure or (config.search if config.robust is not None else _FEW)
+        inside = space.coordinates(parts)
+        return inside or list(range(space.dimension))
+
+    def _search(self, shared: ClassModel | None) -> RunningSearch:
+        """Set up a search for the middle motion, without checkpoint."""
+        config = self.config
+        if shared is not None:
+            config = config.model_copy(update={"steps": _STEPS_OF_MIDDLE * config.steps})
+        return config.running_search(self.plan, self.robot, self.task, None, shared)
+
+
+def _zero(space: Space) -> FloatArray:
+    return np.zeros(space.dimension)
