@@ -14,7 +14,9 @@ from besman.pipeline.pipeline import run_pipeline
 from besman.synthetic.datasets import write_synthetic
 
 STICK_THROW = str(find_resource("pipelines", "ur5_stick_throw"))
-TINY = ("recognize.examples_per_class=1", "map.evaluations=2", "refine.episodes=1")
+TINY = (
+    "recognize.examples_per_class=1", "map.evaluations=2", "map.yaw=false", "refine.episodes=1",
+)  # fmt: skip
 
 
 @pytest.fixture(scope="module")

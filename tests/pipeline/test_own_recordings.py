@@ -22,6 +22,7 @@ def test_own_throws_with_and_without_names(named, tmp_path):
         f"recordings={folder}",
         f"recognize.model={tmp_path / 'model'}",
         "map.evaluations=2",
+        "map.yaw=false",
         "refine.episodes=1",
         "refine.robustness=null",
     )

@@ -2,6 +2,7 @@ import json
 
 import numpy as np
 import pytest
+from small_runs import keep_demonstrations
 
 from besman.config.resources import find_resource
 from besman.pipeline.config import load_pipeline
@@ -12,20 +13,21 @@ from besman.synthetic.datasets import write_synthetic
 
 
 @pytest.mark.slow
-def test_what_both_hands_do_becomes_what_both_arms_do(tmp_path):
+def test_what_both_hands_do_becomes_what_both_arms_do(tmp_path, monkeypatch):
+    keep_demonstrations(monkeypatch, 2)
     write_synthetic("object_rotation", tmp_path / "recordings", 1, 3, seed=5)
     settings = (
-        f"recordings={tmp_path / 'recordings'}", "refine.episodes=20", "map.evaluations=30",
+        f"recordings={tmp_path / 'recordings'}", "refine.episodes=10", "map.evaluations=30",
         "refine.robustness={models: 3}",
     )  # fmt: skip
     config = load_pipeline(find_resource("pipelines", "rh5_two_arms"), settings)
     folder = run_pipeline(config, tmp_path / "run", jobs=2)
     results = json.loads((folder / "results.json").read_text())
     for stage in ("map", "map_second"):
-        assert results[stage]["n_transferred"] == results[stage]["n_demonstrations"] == 3
+        assert results[stage]["n_transferred"] == results[stage]["n_demonstrations"] == 2
         assert results[stage]["limit_violations"] == results[stage]["self_collisions"] == 0
     for stage in ("refine", "refine_second"):
-        assert results[stage]["n_motions"] == 3
+        assert results[stage]["n_motions"] == 2
     mappings = load_record(next(folder.glob("*_map")) / "record.npz")
     for first, second in zip(*(mapping.trajectories for mapping in mappings), strict=True):
         assert first.name == second.name
