@@ -169,6 +169,28 @@ def of_config(folder, config):
     return sorted(problems)
 
 
+def of_tool(folder, tool):
+    problems = of_config(folder, tool)
+    for turn in (tool.rotation_wxyz, tool.hand_to_tcp_wxyz):
+        problems += _of_turns(np.array([[turn]]))
+    lengths = np.abs([tool.translation_m, tool.hand_to_tcp_m, *tool.capsule_ends_m])
+    if not (lengths <= 100).all() or not 0 <= tool.capsule_radius_m <= 10:
+        problems.append("lengths out of all sense")
+    if not 0 <= tool.mass_kg <= 1e4:
+        problems.append("masses out of all sense")
+    return problems
+
+
+def of_landings(folder, landings):
+    problems = []
+    for one in landings:
+        if not (np.abs(np.array(one.place)) <= FARTHEST_M).all():
+            problems.append("a place that no camera sees")
+        if _odd_text(one.recording) or not one.recording.strip():
+            problems.append("control characters in a name, or none")
+    return problems
+
+
 def of_robot(folder, robot):
     problems = []
     limits = robot.limits
