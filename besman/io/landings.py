@@ -84,8 +84,8 @@ def read_landings(path: Path) -> tuple[Landing, ...]:
         places = said if isinstance(said[0], tuple) else (said,)
         for throw, place in enumerate(places, start=1):
             flat = np.array([*place, 0.0][:3], dtype=float) * UNIT_M[file.units]
-            place = np.array(file.origin_m) + axes @ flat
-            found.append(_land(recording, throw, place, str(path)))
+            where = np.array(file.origin_m) + axes @ flat
+            found.append(_land(recording, throw, where, str(path)))
     return tuple(found)
 
 
