@@ -1,7 +1,7 @@
 """What commands cost on long recordings: time and peak memory at 10, 30 and 60 minutes.
 
     python benchmarks/long_recordings.py [--against CHECKOUT] [--minutes 10 30 60] [--rates 100 500]
-        [--only segment label-markers annotate follow run]
+        [--only segment label-markers annotate follow look run]
 
 Recordings are *synthetic*: stick throws with 13 markers, played to and fro with fresh noise; those
 for ``label-markers`` and ``annotate`` have no names and 2 % of their samples are missing. Each
@@ -39,7 +39,7 @@ from besman.evaluation.degradation import DegradeRecipe
 
 ROOT = Path(__file__).resolve().parents[1]
 TEACHER = "teacher.tsv"
-STEPS = ("segment", "label-markers", "annotate", "follow", "run")
+STEPS = ("segment", "label-markers", "annotate", "follow", "look", "run")
 FINGERS = {"thumb": (0.06, 0.05, -0.02), "index": (0.1, 0.02, 0.0), "middle": (0.1, -0.01, 0.0)}
 NOISE_M = 0.0002
 # Gaps that are filled, so that there are proposals.
@@ -166,8 +166,8 @@ class Checkout:
     def measure(self, step: str, place: Place) -> Cost:
         """Measure a command."""
         learn = ("--learn-from", str(place.folder / TEACHER))
-        if step == "segment":
-            return self.run("segment", str(place.named))
+        if step in ("segment", "look"):
+            return self.run(step, str(place.named))
         if step == "label-markers":
             out = self.work / "named.tsv"
             out.unlink(missing_ok=True)
@@ -269,12 +269,12 @@ def measure_rate(
 ) -> None:
     """Print the rows of all lengths at one rate."""
     steps = [step for step in STEPS if step in chosen.only and step != "run"]
-    spent: dict[str, list[float]] = {step: [] for step in steps}
+    spent: dict[str, list[Cost]] = {step: [] for step in steps}
     if not steps:
         return
     for minutes in chosen.minutes:
         print(f"{minutes:g} min at {rate_hz:g} Hz", flush=True)
-        needed = {"named": {"segment", "follow"}, "unnamed": {"label-markers", "annotate"}}
+        needed = {"named": {"segment", "follow", "look"}, "unnamed": {"label-markers", "annotate"}}
         paths = {
             kind: apart(play, minutes, rate_hz, folder, f"{kind}.tsv", kind == "unnamed")
             if users & set(steps)
@@ -284,11 +284,21 @@ def measure_rate(
         place = Place(paths["named"], paths["unnamed"], folder)
         for step in steps:
             costs = [checkout.measure(step, place) for checkout in checkouts]
-            spent[step].append(costs[-1].cpu_s)
+            spent[step].append(costs[-1])
             print(describe(step, costs), flush=True)
-    if len(chosen.minutes) > 2:
-        grows = [f"{step} {growth(chosen.minutes, cpu):.2f}" for step, cpu in spent.items()]
-        print(f"grows at {rate_hz:g} Hz: {', '.join(grows)} (1 is linear)")
+    print(f"\n{table(rate_hz, chosen.minutes, spent)}\n", flush=True)
+
+
+def table(rate_hz: float, minutes: list[float], spent: dict[str, list[Cost]]) -> str:
+    """Return CPU seconds and peak memory of this checkout, as a table in Markdown."""
+    heads = [f"{rate_hz:g} Hz", *(f"{one:g} min" for one in minutes), "grows"]
+    lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
+    for step, costs in spent.items():
+        cells = [f"{one.cpu_s:.1f} s, {one.peak_mb:.0f} MB" for one in costs]
+        cpu_s = [one.cpu_s for one in costs]
+        grows = f"{growth(minutes, cpu_s):.2f}" if len(minutes) > 2 else ""
+        lines.append(f"| {' | '.join([f'`{step}`', *cells, grows])} |")
+    return "\n".join(lines)
 
 
 if __name__ == "__main__":

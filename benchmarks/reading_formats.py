@@ -4,11 +4,15 @@
 
 Files are written by the tests' own writers. pandas reads the numbers below the header
 (`read_csv`, its C engine) and turns them into an array (T, M, 3) in metres: nothing is checked, no
-gap is looked for. Turn by turn in one process, CPU seconds, the best of all; memory is the highest
-that a reading took, as `tracemalloc` counts it, in bytes a cell of the file.
+gap is looked for. Turn by turn in one process that has both libraries loaded, and besman's kernel,
+CPU seconds, the best of all; *fresh* is a process of its own each, imports and first read. Memory
+is the highest that a reading took, as `tracemalloc` counts it, in bytes a cell of the file.
 """
 
 import argparse
+import os
+import resource
+import subprocess
 import sys
 import tempfile
 import time
@@ -75,6 +79,19 @@ def best_of(rounds, *tries):
     return least
 
 
+def fresh_s(code, rounds):
+    """Return the least CPU seconds of a fresh process that runs some code."""
+    least = float("inf")
+    for _ in range(rounds):
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+        subprocess.run([sys.executable, "-W", "ignore", "-c", code], check=True, env=environment)
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        spent = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+        least = min(least, spent)
+    return least
+
+
 def measure_memory(read, n_cells):
     tracemalloc.start()
     read()
@@ -89,6 +106,7 @@ def main():
     parser.add_argument("--rounds", type=int, default=3)
     given = parser.parse_args()
     warnings.simplefilter("ignore")
+    import besman.io.recordings.number_kernel  # noqa: F401
     from besman.io.recordings.formats import read_recording
 
     take = make_take(given.minutes)
@@ -97,7 +115,7 @@ def main():
         folder = Path(name)
         print(
             f"{'file':12} {'MB':>6} {'besman':>9} {'pandas':>9} {'ratio':>6} {'to TSV':>6} "
-            f"{'B/cell':>7}"
+            f"{'B/cell':>7} {'fresh':>9} {'pandas':>9}"
         )
         tsv_s = None
         for file, how in write_files(take, folder).items():
@@ -110,8 +128,16 @@ def main():
             memory = measure_memory(lambda p=path: read_recording(p, up="z"), n_cells)
             print(
                 f"{file:12} {path.stat().st_size / 1e6:6.0f} {mine:7.2f} s {other:7.2f} s "
-                f"{mine / other:6.2f} {mine / tsv_s:6.2f} {memory:7.0f}"
+                f"{mine / other:6.2f} {mine / tsv_s:6.2f} {memory:7.0f}",
+                end="",
             )
+            own = "from besman.io.recordings.formats import read_recording as r; r(p, up='z')"
+            other = (
+                f"import pandas; pandas.read_csv(p, sep={how[1]!r}, skiprows={how[0]}, header=None)"
+            )
+            place = f"from pathlib import Path; p = Path({str(path)!r}); "
+            times = [fresh_s(place + code, given.rounds) for code in (own, other)]
+            print(f" {times[0]:7.2f} s {times[1]:7.2f} s", flush=True)
 
 
 if __name__ == "__main__":

@@ -123,7 +123,7 @@ def _greatest_steps(positions: FloatArray) -> FloatArray:
             np.subtract(later, flat[start : start + len(later)], out=some)
             np.abs(some, out=some)
             np.fmax(greatest, np.fmax.reduce(some, axis=0), out=greatest)
-    return greatest.reshape(-1, 3).max(axis=1)
+    return np.asarray(greatest.reshape(-1, 3).max(axis=1))
 
 
 def _reach(seconds: FloatArray | float) -> FloatArray:

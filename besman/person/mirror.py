@@ -36,7 +36,7 @@ def mirror_name(name: str) -> str:
 
 def mirror_positions(positions: FloatArray) -> FloatArray:
     """Return positions (..., 3) with y turned round."""
-    return positions * np.array([1.0, -1.0, 1.0])
+    return np.asarray(positions * np.array([1.0, -1.0, 1.0]))
 
 
 def mirror_recording(recording: Shown) -> Shown:

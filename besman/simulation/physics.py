@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
+from besman.robot.mujoco_log import silence_mujoco
 from besman.simulation.perturbation import Perturbation, perturb_controls, perturb_model
 
 if TYPE_CHECKING:
@@ -19,7 +18,6 @@ if TYPE_CHECKING:
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 
-_SILENCING = threading.Lock()
 _CHUNK_STEPS = 50
 
 
@@ -77,7 +75,7 @@ def run_physics(
     import mujoco
     import mujoco.rollout
 
-    _silence_warnings()
+    silence_mujoco()
     batch, steps, _ = controls.shape
     state = np.zeros((batch, mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)))
     state[:, 1 : 1 + model.nq] = initial_qpos
@@ -113,20 +111,3 @@ def run_physics(
             if not len(active):
                 break
     return run
-
-
-def _silence_warnings() -> None:
-    """Have MuJoCo say nothing: a simulation that diverges is an outcome.
-
-    Otherwise it would write a log into the working directory. Said once, by one thread, before any
-    of them simulates: MuJoCo's setters of callbacks wait for each other.
-    """
-    with _SILENCING:
-        _silence_once()
-
-
-@lru_cache(maxsize=1)
-def _silence_once() -> None:
-    import mujoco
-
-    mujoco.set_mju_user_warning(lambda _: None)

@@ -39,16 +39,24 @@ def of_recording(folder, recording):
     names = [name for name in recording.names if name is not None]
     if any(_odd_text(name) for name in names):
         found.append("control characters in a name")
-    if len(set(names)) < len(names) or not all(name.strip() for name in names):
-        found.append("names twice or empty")
-    if recording.orientations is not None:
-        turns = recording.orientations[np.isfinite(recording.orientations).all(axis=2)]
-        if (np.abs(np.linalg.norm(turns, axis=1) - 1) > 0.01).any():
-            found.append("orientations that are none")
+    found += _of_names(names)
+    found += [] if recording.orientations is None else _of_turns(recording.orientations)
     (path,) = [one for one in folder.iterdir() if one.stem == "a" and one.suffix != ".urdf"]
     if path.suffix in (".tsv", ".csv", ".mvnx"):
         found += _of_text(path, recording)
     return found
+
+
+def _of_names(names):
+    given = [name for name in names if name is not None]
+    is_odd = len(set(given)) < len(given) or not all(name.strip() for name in given)
+    return ["names twice or empty"] if is_odd else []
+
+
+def _of_turns(orientations):
+    turns = orientations[np.isfinite(orientations).all(axis=2)]
+    is_odd = (np.abs(np.linalg.norm(turns, axis=1) - 1) > 0.01).any()
+    return ["orientations that are none"] if is_odd else []
 
 
 def _of_time(recording):
@@ -161,6 +169,28 @@ def of_config(folder, config):
     return sorted(problems)
 
 
+def of_tool(folder, tool):
+    problems = of_config(folder, tool)
+    for turn in (tool.rotation_wxyz, tool.hand_to_tcp_wxyz):
+        problems += _of_turns(np.array([[turn]]))
+    lengths = np.abs([tool.translation_m, tool.hand_to_tcp_m, *tool.capsule_ends_m])
+    if not (lengths <= 100).all() or not 0 <= tool.capsule_radius_m <= 10:
+        problems.append("lengths out of all sense")
+    if not 0 <= tool.mass_kg <= 1e4:
+        problems.append("masses out of all sense")
+    return problems
+
+
+def of_landings(folder, landings):
+    problems = []
+    for one in landings:
+        if not (np.abs(np.array(one.place)) <= FARTHEST_M).all():
+            problems.append("a place that no camera sees")
+        if _odd_text(one.recording) or not one.recording.strip():
+            problems.append("control characters in a name, or none")
+    return problems
+
+
 def of_robot(folder, robot):
     problems = []
     limits = robot.limits
@@ -247,9 +277,7 @@ def of_record(folder, record):
         ):
             problems.add(f"{one.name} of another type")
         if one.name in ("names", "markers", "joint_names") and kind in _NAMED:
-            names = [name for name in held if name is not None]
-            if len(set(names)) < len(names) or not all(name.strip() for name in names):
-                problems.add("names twice or empty")
+            problems.update(_of_names(held))
         if not isinstance(held, np.ndarray):
             if "Array" in str(one.type) and held is not None:
                 problems.add(f"{one.name} is no array")
@@ -261,9 +289,7 @@ def of_record(folder, record):
         elif np.isinf(held).any():
             problems.add(f"{one.name} is infinite")
         if one.name == "orientations":
-            turns = held[np.isfinite(held).all(axis=2)]
-            if (np.abs(np.linalg.norm(turns, axis=1) - 1) > 0.01).any():
-                problems.add("orientations that are none")
+            problems.update(_of_turns(held))
         if one.name == "time" and not (np.diff(held) > 0).all():
             problems.add("times that do not rise")
         if one.name == "positions" and kind.endswith("Recording"):

@@ -100,6 +100,27 @@ def add_robot(folder: Path):
     return load(add(folder / "arm.urdf", "hand"))
 
 
+def load_tool(folder: Path):
+    from besman.config.yaml_file import load_config
+    from besman.robot.config import ToolConfig
+
+    return load_config(folder / "a.yaml", ToolConfig)
+
+
+def add_mjcf(folder: Path):
+    from besman.robot.model import load_robot as load
+    from besman.robot.new_robot import add_robot as add
+
+    return load(add(folder / "arm.xml"))
+
+
+def read_landings(folder: Path):
+    from besman.io.landings import read_landings as read
+
+    (path,) = folder.iterdir()
+    return read(path)
+
+
 def settings(folder: Path):
     from besman.pipeline.config import load_pipeline
 
@@ -225,6 +246,26 @@ TARGETS = {
         add_robot,
         sense.of_robot,
     ),
+    "robots add MJCF": Target(
+        whole_files.mjcf, {"arm.xml": mutations.xml_file}, add_mjcf, sense.of_robot
+    ),
+    "tool": Target(
+        lambda: whole_files.yaml_at(TOP / "tools" / "gripper3.yaml"),
+        {"a.yaml": mutations.yaml_file},
+        load_tool,
+        sense.of_tool,
+        2,
+    ),
+    **{
+        f"landings {ending}": Target(
+            lambda ending=ending: whole_files.landings(ending),
+            {f"a.{ending}": mutations.table if ending == "csv" else mutations.yaml_file},
+            read_landings,
+            sense.of_landings,
+            2,
+        )
+        for ending in ("csv", "yaml")
+    },
     "settings": Target(
         lambda: {"settings.txt": _SETTINGS},
         {"settings.txt": mutations.settings},

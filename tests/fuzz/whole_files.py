@@ -148,6 +148,23 @@ def arm() -> Files:
 
 
 @cache
+def mjcf() -> Files:
+    return {"arm.xml": (TESTS / "fuzz" / "arm.xml").read_bytes()}
+
+
+@cache
+def landings(ending: str) -> Files:
+    rows = b"recording,x_m,y_m,z_m,throw\na.tsv,2.1,0.3,0.0,1\na.tsv,2.2,0.1,0.0,2\nb.tsv,1,2,3,1\n"
+    text = b"""units: m
+origin_m: [0.5, 0.1, 0.0]
+x_axis: [0, 1, 0]
+y_axis: [-1, 0, 0]
+landings: {a: [[2.1, 0.3], [2.2, 0.1]], b: [1.0, 2.0, 0.1]}
+"""
+    return {f"a.{ending}": rows if ending == "csv" else text}
+
+
+@cache
 def model(method: str) -> Files:
     from besman.stages.recognize.model import Examples, Recipe, fit_model
     from besman.stages.recognize.model_files import save_model

@@ -1,11 +1,6 @@
-import threading
-import time
-from concurrent.futures import ThreadPoolExecutor
-
 import mujoco
 import numpy as np
 
-from besman.simulation import physics
 from besman.simulation.physics import run_physics
 
 MODEL = mujoco.MjModel.from_xml_string(
@@ -59,24 +54,3 @@ def test_an_explosion_ends_by_itself_and_leaves_no_log(tmp_path, monkeypatch):
     assert run.steps[1] == 1000
     assert np.isfinite(run.qpos[1]).all()
     assert not list(tmp_path.iterdir())
-
-
-def test_threads_that_begin_together_silence_warnings_once(monkeypatch):
-    """MuJoCo's setters of callbacks wait for each other for good, if two threads are in them."""
-    calls, together = [], threading.Barrier(4)
-
-    def setter(callback):
-        calls.append(callback)
-        time.sleep(0.05)
-
-    def begin(_):
-        together.wait()
-        physics._silence_warnings()
-
-    physics._silence_once.cache_clear()
-    monkeypatch.setattr(mujoco, "set_mju_user_warning", setter)
-    with ThreadPoolExecutor(4) as threads:
-        list(threads.map(begin, range(4)))
-    monkeypatch.undo()
-    physics._silence_once.cache_clear()
-    assert len(calls) == 1

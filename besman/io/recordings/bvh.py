@@ -39,6 +39,9 @@ _MOST_JOINTS = 2000
 # A joint that moves away from its offset by less than this share of it has positions beside it.
 _BESIDE = 0.2
 
+# No length or angle is greater in any unit; the squares of what is overflow.
+_FARTHEST = 1e9
+
 
 @dataclass
 class _Joint:
@@ -152,6 +155,8 @@ class _Tree:
             self.above.pop()
         elif kind == "OFFSET":
             x, y, z = (parse_number(word) for word in words[1:4])
+            if not max(abs(x), abs(y), abs(z)) <= _FARTHEST:
+                raise ValueError
             self.joints[-1].offset = (x, y, z)
         elif kind == "CHANNELS":
             self.joints[-1].channels = _read_channels(words)
@@ -224,6 +229,13 @@ def _check_count(said: int, values: FloatArray, path: Path, partial: bool) -> Fl
     if len(values) < said and not partial:
         raise RecordingError(
             f"{path}: Frames is {said} and {len(values)} follow; is the file cut? {TAKE}"
+        )
+    far = np.argwhere(np.abs(values) > _FARTHEST)
+    if far.size:
+        frame, channel = far[0].tolist()
+        raise RecordingError(
+            f"{path}: frame {frame + 1}: channel {channel + 1} is {values[frame, channel]:g}; "
+            f"expected at most {_FARTHEST:g}, in any unit"
         )
     if len(values) != said:
         warnings.warn(

@@ -183,7 +183,9 @@ def typical_extent(positions: FloatArray) -> float:
     seen = np.isfinite(high).all(axis=0)
     if not seen.any():
         return 0.0
-    return float(np.median(np.linalg.norm((high - low)[:, seen], axis=0)))
+    # Of what is no place, as the text of another file, squares overflow.
+    with np.errstate(over="ignore"):
+        return float(np.median(np.linalg.norm((high - low)[:, seen], axis=0)))
 
 
 def _warn(message: str) -> None:

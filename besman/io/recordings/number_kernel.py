@@ -6,6 +6,8 @@ words of programs and what to say of a cell that is no number.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 from numba import njit
@@ -49,7 +51,7 @@ def read_table(
         How many lines were read before the first that is not plain: that has other cells, or
         nothing at all in them; T if there is none.
     """
-    n_rows, n_columns = values.shape
+    n_rows, n_columns = len(values), values.shape[1]
     at, end = 0, len(text)
     for row in range(n_rows):
         column, n_told = 0, 0
@@ -92,8 +94,9 @@ def _read_cell(
     first, is_negative = at, code == _MINUS
     if is_negative or code == _PLUS:
         at += 1
-    number, begin = 0, at
-    digit = np.int64(text[at]) - 48
+    number: Any = 0
+    begin = at
+    digit: Any = np.int64(text[at]) - 48
     while 0 <= digit <= 9:
         number = number * 10 + digit
         at += 1
@@ -130,7 +133,8 @@ def _read_exponent(text: ByteArray, at: int) -> tuple[int, int]:  # pragma: no c
     is_negative = text[at] == _MINUS
     if is_negative or text[at] == _PLUS:
         at += 1
-    first, value = at, 0
+    first = at
+    value: Any = 0
     while 48 <= text[at] <= 57 and at - first < 4:
         value = value * 10 + np.int64(text[at]) - 48
         at += 1

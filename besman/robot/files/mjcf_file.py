@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.exceptions import RobotError, in_one_line
+from besman.robot.mujoco_log import silence_mujoco
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -69,6 +70,7 @@ def read_mjcf(path: Path) -> CompiledArm:
 
     _refuse_files_outside(path)
     try:
+        silence_mujoco()
         model = mujoco.MjModel.from_xml_path(str(path))
     except ValueError as error:
         raise RobotError(f"{path}: cannot be used as MJCF: {in_one_line(error)}") from None

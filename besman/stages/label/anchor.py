@@ -171,7 +171,7 @@ def _search_beam(
         gain = np.zeros((len(chosen), n_fragments + 1))
         gain[:, -1] = -_HIDDEN_COST
         for other in order[:step]:
-            gain[:, :-1] += fit[marker, other][:, chosen[:, other]].T
+            gain[:, :-1] += np.take(fit[marker, other], chosen[:, other], axis=1).T
         taken = np.where(chosen == HIDDEN, n_fragments, chosen)
         used = np.zeros((len(chosen), n_fragments + 1), dtype=bool)
         np.put_along_axis(used, taken, True, axis=1)

@@ -144,6 +144,8 @@ def test_positions_of_every_joint(tmp_path, beside):
         (lambda lines: [line.replace("Frames:", "Frame") for line in lines], "expected 'Frames:' and a number"),
         (lambda lines: [line.replace("0.0083333", "0") for line in lines], "Frame Time is 0 s; expected 0.0001 to 1"),
         (lambda lines: [line.replace("0.0083333", "fast") for line in lines], "expected 'Frame Time:' and a number"),
+        (lambda lines: [*lines[:3], "\tOFFSET 1e308 0 0", *lines[4:]], "got 'OFFSET 1e308 0 0'; expected a joint"),
+        (lambda lines: [*lines[:-1], "-1e300 " + lines[-1].split(" ", 1)[1]], r"frame 5: channel 1 is -1e\+300; expected at most"),
         (lambda lines: lines[:-2], r"Frames is 5 and 3 follow; is the file cut\? --partial takes"),
         (lambda lines: [*lines[:-2], lines[-2] + " 7", lines[-1]], "got 22 columns, expected 21"),
         (lambda lines: [*lines[:-2], lines[-2][:60], lines[-1]], "channel .* of 21 has no number"),
