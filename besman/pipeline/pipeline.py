@@ -25,6 +25,7 @@ from besman.simulation.tasks.kinds import load_task
 from besman.stages.compose.actions import LevelModel
 from besman.stages.compose.stage import leave_out_actions, pick_level
 from besman.stages.map.stage import MapBothArms
+from besman.pipeline.usable_inputs import keep_usable
 from besman.stages.read.read_inputs import Inputs, read_inputs
 from besman.stages.recognize.model import RecognitionModel
 from besman.stages.recognize.model_files import load_model
@@ -129,9 +130,12 @@ STAGES = (
 
 def _run_stages(config: PipelineConfig, run: Run, inputs: Inputs, trained_in: Path | None) -> None:
     """Run the stages in their order."""
-    run.know(_known_truth(config, inputs))
     markers = load_marker_set(config.label.markers)
+    inputs, left_out = keep_usable(config.label, inputs, markers)
+    run.know(_known_truth(config, inputs))
     labelled = run.step("label", config.label, inputs.recordings, markers, inputs.teacher)
+    if left_out:
+        run.results["label"]["left_out"] = left_out
     segments = run.step("segment", config.segment, labelled)
     examples = _find_examples(config, run, inputs, labelled, trained_in)
     if isinstance(config.recognize, OneThrowConfig):
