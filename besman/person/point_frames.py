@@ -165,9 +165,9 @@ class PointFrames(Config):
         DerivedMarkers
         """
         points = _Points(positions, markers, filled)
-        seen = np.isfinite(positions).all(axis=2).any(axis=0)
+        seen = np.flatnonzero(np.isfinite(positions).all(axis=2).any(axis=0))
         # A point that is never seen is as one that is not there.
-        markers_seen = tuple(name for name, one in zip(markers, seen, strict=True) if one)
+        markers_seen = tuple(markers[column] for column in seen)
         found: dict[str, tuple[FloatArray, npt.NDArray[np.bool_]]] = {}
         trunk = _limit(self.back, markers_seen)
         if trunk is None:

@@ -18,6 +18,7 @@ from besman.pipeline.config import (
 )
 from besman.pipeline.finished_run import trained_model
 from besman.pipeline.run_folder import Run
+from besman.pipeline.usable_inputs import keep_usable
 from besman.records import JointTrajectory, LabelledRecording, LabelledSegments
 from besman.records.layers import side_of
 from besman.robot.model import Robot, find_robot, load_robot
@@ -25,7 +26,6 @@ from besman.simulation.tasks.kinds import load_task
 from besman.stages.compose.actions import LevelModel
 from besman.stages.compose.stage import leave_out_actions, pick_level
 from besman.stages.map.stage import MapBothArms
-from besman.pipeline.usable_inputs import keep_usable
 from besman.stages.read.read_inputs import Inputs, read_inputs
 from besman.stages.recognize.model import RecognitionModel
 from besman.stages.recognize.model_files import load_model

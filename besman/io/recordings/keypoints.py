@@ -172,8 +172,8 @@ def _refuse_trials(content: Any, path: Path) -> None:
     trials = [one for one in several if isinstance(one, dict) and _has_frames(one)]
     if len(trials) == len(several):
         raise RecordingError(
-            f"{path}: {len(trials)} recordings with frames of their own; expected one a file: jq -c "
-            "'.[]' FILE | split -l 1 --additional-suffix=.json - trial_ makes files of a list"
+            f"{path}: {len(trials)} recordings with frames of their own; expected one a file: "
+            "jq -c '.[]' FILE | split -l 1 --additional-suffix=.json - trial_ makes files of a list"
         )
 
 
