@@ -197,7 +197,8 @@ def _check_examples(config: PipelineConfig, inputs: Inputs) -> str:
     if not counts:
         raise RecognitionError(
             "recognize: no labelled examples: no recording has a segments file beside it "
-            "(STEM_manually_segmented.json); name recordings that have with training:"
+            "(STEM_manually_segmented.json): besman annotate RECORDING makes one, of one take at "
+            "least; or name recordings that have with training:"
         )
     _check_wanted(config, counts, "has no labelled example")
     return f"labelled examples: {list_counts(counts)}"

@@ -209,8 +209,8 @@ def _find_examples(
     if not manual:
         raise RecognitionError(
             f"recognize: no labelled examples: none of {len(inputs.truth)} recordings has a "
-            "segments file beside it (STEM_manually_segmented.json); name recordings that have "
-            "with training:"
+            "segments file beside it (STEM_manually_segmented.json): besman annotate RECORDING "
+            "makes one, of one take at least; or name recordings that have with training:"
         )
     return labelled, manual
 
