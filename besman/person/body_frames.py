@@ -33,6 +33,8 @@ class BodyFrames(Config):
     ----------
     base : str
         Marker of the body that does not move, x ahead, y to the left, z up.
+    shoulder, elbow : str
+        Markers of the bodies that stand for them.
     hand : str
         Marker of the body that the hand is.
     hand_axes : three of three float
@@ -42,6 +44,8 @@ class BodyFrames(Config):
     """
 
     base: str
+    shoulder: str
+    elbow: str
     hand: str
     hand_axes: tuple[tuple[float, float, float], ...] = Field(
         default=((0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0)), min_length=3, max_length=3
@@ -50,16 +54,17 @@ class BodyFrames(Config):
     @property
     def points(self) -> tuple[str, ...]:
         """All markers that are looked at."""
-        return self.base, self.hand
+        return self.base, self.shoulder, self.elbow, self.hand
 
     @property
     def names(self) -> tuple[str, ...]:
         """All markers that are derived."""
-        return tuple(f"{body}_{part}" for body in ("back", "hand") for part in _PARTS)
+        clusters = (f"{body}_{part}" for body in ("back", "hand") for part in _PARTS)
+        return (*clusters, "shoulder", "elbow")
 
     def find_assumptions(self, markers: Collection[str]) -> tuple[str, ...]:
         """Return what is assumed, a sentence each."""
-        if not {self.base, self.hand} <= set(markers):
+        if not set(self.points) <= set(markers):
             return ()
         return ("the arm's base stands for the back, its tool for the hand",)
 
@@ -79,7 +84,7 @@ class BodyFrames(Config):
         orientations : array, shape (T, M, 4)
             Unit quaternions (w, x, y, z), body2lab.
         markers : tuple of str, length M
-            Their names, `base` and `hand` among them.
+            Their names, those of `points` among them.
         filled : bool array, shape (T, M)
             Which samples were filled.
 
@@ -102,4 +107,8 @@ class BodyFrames(Config):
             for offset in offsets:
                 paths.append(positions[:, column] + body2lab @ (offset @ axes))
                 is_filled.append(filled[:, column])
+        for body in (self.shoulder, self.elbow):
+            column = markers.index(body)
+            paths.append(positions[:, column])
+            is_filled.append(filled[:, column])
         return DerivedMarkers(self.names, np.stack(paths, axis=1), np.stack(is_filled, axis=1))

@@ -165,8 +165,11 @@ class PointFrames(Config):
         DerivedMarkers
         """
         points = _Points(positions, markers, filled)
+        seen = np.flatnonzero(np.isfinite(positions).all(axis=2).any(axis=0))
+        # A point that is never seen is as one that is not there.
+        markers_seen = tuple(markers[column] for column in seen)
         found: dict[str, tuple[FloatArray, npt.NDArray[np.bool_]]] = {}
-        trunk = _limit(self.back, markers)
+        trunk = _limit(self.back, markers_seen)
         if trunk is None:
             return DerivedMarkers((), positions[:, :0], filled[:, :0])
         back, rightwards = _place_back(points, trunk)
@@ -174,7 +177,7 @@ class PointFrames(Config):
         for part, path in zip(_PARTS, back, strict=True):
             found[f"back_{part}"] = (path, is_filled)
         for prefix, whole in self.hands:
-            hand = _limit(whole, markers)
+            hand = _limit(whole, markers_seen)
             if hand is None:
                 continue
             outwards = -rightwards if prefix else rightwards

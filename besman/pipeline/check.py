@@ -12,6 +12,7 @@ from besman.config.resources import find_resource
 from besman.exceptions import ConfigError, RecognitionError, nearest
 from besman.person.marker_set import MarkerSet, load_marker_set
 from besman.pipeline.config import PipelineConfig, learn_from, load_pipeline, needs_no_examples
+from besman.pipeline.usable_inputs import keep_usable
 from besman.records import MotionPlan
 from besman.records.layers import complete_truth, side_of
 from besman.robot.model import Robot, load_robot
@@ -70,10 +71,13 @@ def _check_recordings(config: PipelineConfig) -> list[str]:
     select = config.select
     inputs = read_inputs(config.recordings, learn_from(config), config.read, select.landing)
     markers = load_marker_set(config.label.markers)
+    inputs, left_out = keep_usable(config.label, inputs, markers)
     state, expected = _check_markers(config.label, inputs, markers)
     seconds = sum(len(recording.time) / recording.rate_hz for recording in inputs.recordings)
     n = len(inputs.recordings)
     lines = [f"recordings: {n}, {seconds:.0f} s, {state}"]
+    if left_out:
+        lines.append(f"left out, as they cannot be used: {', '.join(left_out)}")
     if select.object is not None:
         lines += _check_object(select.object, expected)
     lines += _check_target(config, inputs)
@@ -193,7 +197,8 @@ def _check_examples(config: PipelineConfig, inputs: Inputs) -> str:
     if not counts:
         raise RecognitionError(
             "recognize: no labelled examples: no recording has a segments file beside it "
-            "(STEM_manually_segmented.json); name recordings that have with training:"
+            "(STEM_manually_segmented.json): besman annotate RECORDING makes one, of one take at "
+            "least; or name recordings that have with training:"
         )
     _check_wanted(config, counts, "has no labelled example")
     return f"labelled examples: {list_counts(counts)}"

@@ -18,6 +18,7 @@ from besman.pipeline.config import (
 )
 from besman.pipeline.finished_run import trained_model
 from besman.pipeline.run_folder import Run
+from besman.pipeline.usable_inputs import keep_usable
 from besman.records import JointTrajectory, LabelledRecording, LabelledSegments
 from besman.records.layers import actions_of, side_of
 from besman.robot.model import Robot, find_tool, load_robot
@@ -133,9 +134,12 @@ STAGES = (
 
 def _run_stages(config: PipelineConfig, run: Run, inputs: Inputs, trained_in: Path | None) -> None:
     """Run the stages in their order."""
-    run.know(_known_truth(config, inputs))
     markers = load_marker_set(config.label.markers)
+    inputs, left_out = keep_usable(config.label, inputs, markers)
+    run.know(_known_truth(config, inputs))
     labelled = run.step("label", config.label, inputs.recordings, markers, inputs.teacher)
+    if left_out:
+        run.results["label"]["left_out"] = left_out
     segments = run.step("segment", config.segment, labelled)
     examples = _find_examples(config, run, inputs, labelled, trained_in)
     if isinstance(config.recognize, OneThrowConfig):
@@ -236,8 +240,8 @@ def _find_examples(
     if not manual:
         raise RecognitionError(
             f"recognize: no labelled examples: none of {len(inputs.truth)} recordings has a "
-            "segments file beside it (STEM_manually_segmented.json); name recordings that have "
-            "with training:"
+            "segments file beside it (STEM_manually_segmented.json): besman annotate RECORDING "
+            "makes one, of one take at least; or name recordings that have with training:"
         )
     return labelled, manual
 

@@ -158,8 +158,10 @@ def look_table(found: list[Look | tuple[Path, str]]) -> Table:
     longest = max((len(path.name) for path in paths), default=0)
     # The name is what a user goes on with: it is never cut.
     table.add_column("recording", min_width=min(longest, _WIDEST_NAME), overflow="fold")
-    for title in ("format", "Hz", "s", "up", "names", "seen", "set"):
+    for title in ("format", "Hz", "s", "up", "names", "seen"):
         table.add_column(title)
+    # Which set fits is what a user goes on with, too.
+    table.add_column("set", overflow="fold")
     for look in found:
         if isinstance(look, tuple):
             table.add_row(look[0].name, "not read", "", "", "", "", "", look[1])

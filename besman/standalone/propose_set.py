@@ -75,7 +75,8 @@ def propose_set(recording: Recording, name: str) -> str:
     columns = np.flatnonzero(seen.any(axis=0))
     if not len(columns):
         raise LabellingError(f"{recording.source}: no marker is ever seen in it")
-    markers = _name_markers([recording.names[column] for column in columns])
+    whole = _keep_owners([recording.names[column] for column in columns])
+    markers = _name_markers(whole)
     shares = seen[:, columns].mean(axis=0)
     clusters = [
         tuple(markers[one] for one in group)
@@ -89,7 +90,7 @@ def propose_set(recording: Recording, name: str) -> str:
         f"name: {json.dumps(name)}",
         "markers:",
     ]
-    lines += _write_aliases([recording.names[column] for column in columns], markers)
+    lines += _write_aliases(whole, markers)
     required = [marker for marker, share in zip(markers, shares, strict=True) if share >= _SEEN]
     parts = _find_parts([recording.names[column] for column in columns], markers)
     frames = _write_frames(parts)
@@ -106,12 +107,24 @@ def propose_set(recording: Recording, name: str) -> str:
     return "\n".join(lines) + "\n"
 
 
+def _keep_owners(names: Sequence[str | None]) -> list[str | None]:
+    """Return names without whose they are, but for those that would then be alike.
+
+    Motive calls the markers of every rigid body alike: ``Hand:Marker1``, ``Back:Marker1``.
+    """
+    bare = [normalise_name(without_subject(name or "")) for name in names]
+    return [
+        name if name is None or bare.count(one) > 1 else without_subject(name)
+        for name, one in zip(names, bare, strict=True)
+    ]
+
+
 def _write_aliases(names: Sequence[str | None], markers: Sequence[str]) -> list[str]:
-    """Return every marker with what the file calls it, where that is not the same."""
+    """Return every marker with what it is called, where that is not the same."""
     spellings = {normalise_name(marker) for marker in markers}
     lines = []
     for name, marker in zip(names, markers, strict=True):
-        called = without_subject(name or "")
+        called = name or ""
         differs = called and normalise_name(called) not in spellings
         spellings.add(normalise_name(called))
         lines.append(f"  {marker}: [{json.dumps(called) if differs else ''}]")
@@ -123,7 +136,7 @@ def _name_markers(names: Sequence[str | None]) -> list[str]:
     found: list[str] = []
     taken: set[str] = set()
     for number, name in enumerate(names, start=1):
-        words = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", without_subject(name or ""))
+        words = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name or "")
         plain = re.sub(r"[^a-z0-9]+", "_", words.lower()).strip("_")
         plain = plain if plain[:1].isalpha() else f"marker_{plain or number}"
         other, count = plain, 1

@@ -42,6 +42,8 @@ def test_frames_of_back_and_hand_are_those_of_base_and_tool():
         *(labelled.marker(f"hand_{one}") for one in ("top", "left", "right"))
     )
     np.testing.assert_allclose(origin, recording.positions[:, 3], atol=1e-9)
+    for name, column in (("shoulder", 1), ("elbow", 2)):
+        np.testing.assert_array_equal(labelled.marker(name), recording.positions[:, column])
     # The flange's z points as fingers do, its x out of the palm.
     np.testing.assert_allclose(rotation[..., 0], hand[..., 2], atol=1e-9)
     np.testing.assert_allclose(rotation[..., 2], -hand[..., 0], atol=1e-9)
@@ -51,7 +53,7 @@ def test_without_orientations():
     recording, _, _ = taught(turned=False)
     marker_set = load_marker_set("robot_arm")
     labelled = LabelledRecording(
-        recording.time, recording.positions, ("arm_base", "shoulder", "elbow", "arm_tool"),
+        recording.time, recording.positions, ("arm_base", "arm_upper", "arm_fore", "arm_tool"),
         np.zeros((30, 4), bool), 50.0, "a.mcap",
     )  # fmt: skip
     with pytest.raises(LabellingError, match="nothing tells how arm_tool of robot_arm is turned"):
@@ -59,7 +61,7 @@ def test_without_orientations():
 
 
 def test_bodies_that_are_not_seen():
-    frames = BodyFrames(base="a", hand="b")
+    frames = BodyFrames(base="a", shoulder="a", elbow="b", hand="b")
     positions = np.zeros((3, 2, 3))
     turned = np.zeros((3, 2, 4))
     turned[:, :, 0] = 1.0
@@ -67,8 +69,8 @@ def test_bodies_that_are_not_seen():
     found = frames.derive_of_bodies(positions, turned, ("a", "b"), np.zeros((3, 2), bool))
     assert found.names == frames.names
     hidden = np.isnan(found.positions).any(axis=2)
-    assert hidden[1].tolist() == [False] * 3 + [True] * 3
+    assert hidden[1].tolist() == [False] * 3 + [True] * 3 + [False] * 2
     assert not hidden[[0, 2]].any()
     assert frames.find_assumptions(("a",)) == ()
     with pytest.raises(ValidationError):
-        BodyFrames(base="a", hand="b", hand_axes=((1, 0, 0),))
+        BodyFrames(base="a", shoulder="a", elbow="b", hand="b", hand_axes=((1, 0, 0),))

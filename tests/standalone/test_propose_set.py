@@ -88,3 +88,15 @@ def test_the_command_asks_for_what_names_do_not_tell(monkeypatch, tmp_path, caps
     write_recording(record(["p", "q", "r"]), tmp_path / "a.tsv")
     besman(monkeypatch, "markers", "new", tmp_path / "a.tsv", "--out", tmp_path / "m.yaml")
     assert "shoulder, elbow and hand are not told by names" in capsys.readouterr().out
+
+
+def test_markers_that_every_rigid_body_calls_alike_keep_whose_they_are(tmp_path):
+    names = ("Back:Marker1", "Back:Marker2", "Hand:Marker1", "Hand:Marker2", "Ann:Elbow")
+    recording = record(names)
+    path = tmp_path / "set.yaml"
+    path.write_text(propose_set(recording, "mine"))
+    found = load_marker_set(str(path))
+    assert list(found.markers) == [
+        "back_marker1", "back_marker2", "hand_marker1", "hand_marker2", "elbow",
+    ]  # fmt: skip
+    assert found.match(recording.names, "a.csv") == dict(zip(found.markers, range(5), strict=True))

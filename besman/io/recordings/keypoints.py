@@ -31,6 +31,7 @@ from besman.records.frozen import hand_over
 
 _RATES = ("rate_hz", "fps", "frame_rate", "framerate", "sampling_rate", "sample_rate", "rate")
 _FRAMES = ("frames", "tracking", "data", "keypoints", "markers", "poses")
+_TRIALS = ("trials", "recordings", "takes", "sequences")
 _TIMES = ("time", "time_s", "timestamp", "t")
 _NUMBERS = ("frame", "frame_number", "frame_id", "index")
 _PEOPLE = ("people", "persons", "subjects", "skeletons")
@@ -139,6 +140,7 @@ def _is_position(value: Any) -> bool:
 
 def _find_frames(content: Any, path: Path) -> list[dict[str, Any]]:
     """Return the frames: mappings that hold positions by name."""
+    _refuse_trials(content, path)
     if isinstance(content, dict):
         for key in _FRAMES:
             inner = content.get(key)
@@ -157,6 +159,29 @@ def _find_frames(content: Any, path: Path) -> list[dict[str, Any]]:
                 f"{path}: frame {at}: got {frame!r:.60}; expected positions by name"
             )
     return content
+
+
+def _refuse_trials(content: Any, path: Path) -> None:
+    """Refuse a file with several recordings: a list of what each has frames of its own."""
+    several = content
+    if isinstance(content, dict):
+        several = next((content[key] for key in _TRIALS if key in content), content)
+    if isinstance(several, dict):
+        several = list(several.values())
+    if not isinstance(several, list) or not several:
+        return
+    trials = [one for one in several if isinstance(one, dict) and _has_frames(one)]
+    if len(trials) == len(several):
+        raise RecordingError(
+            f"{path}: {len(trials)} recordings with frames of their own; expected one a file: "
+            "jq -c '.[]' FILE | split -l 1 --additional-suffix=.json - trial_ makes files of a list"
+        )
+
+
+def _has_frames(one: Mapping[str, Any]) -> bool:
+    """Tell whether a mapping holds a list of frames."""
+    lists = (one.get(key) for key in _FRAMES)
+    return any(isinstance(each, list) and each and isinstance(each[0], dict) for each in lists)
 
 
 def _turn_over(content: dict[str, Any], path: Path) -> list[dict[str, Any]]:

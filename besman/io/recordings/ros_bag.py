@@ -174,7 +174,7 @@ class _Gathered:
         kinds = {one.name: takers[one.kind] for one in topics}
         for topic, log_ns, message in bag.read(topics):
             kinds[topic](names.get(topic, topic), log_ns, message)
-        self.tracks = {name: one for name, one in self.tracks.items() if one.stamps}
+        self.tracks = {name: one for name, one in self.tracks.items() if one.is_seen}
         if self._n_empty:
             self.notes.append(f"{self._n_empty} joint states without positions are left out")
         if not self.tracks:
@@ -182,12 +182,14 @@ class _Gathered:
         self._settle_times()
 
     def _add(self, name: str, stamp: Any, log_ns: int, values: Any) -> Track:
-        """Add a value; one that is no number is none."""
-        track = self.tracks.setdefault(name, Track())
-        if np.isfinite(values).all():
-            track.stamps.append(stamp.sec * 10**9 + stamp.nanosec)
-            track.values.append(values)
-            self._logged.setdefault(name, []).append(log_ns)
+        """Add a value with its times."""
+        track = self.tracks.get(name)
+        if track is None:
+            track = self.tracks[name] = Track()
+            self._logged[name] = []
+        track.stamps.append(stamp.sec * 10**9 + stamp.nanosec)
+        track.values.append(values)
+        self._logged[name].append(log_ns)
         return track
 
     def _take_joints(self, topic: str, log_ns: int, message: Any) -> None:

@@ -37,13 +37,22 @@ class Track:
     values: list[Any] = field(default_factory=list)
     parent: str = ""
 
+    @property
+    def is_seen(self) -> bool:
+        """Whether any value is a number."""
+        return len(self.arrays()[0]) > 0
+
     def arrays(self) -> tuple[IntArray, FloatArray, int]:
-        """Return stamps that rise, (N,), values (N, ...), and how many came twice."""
-        stamps = np.asarray(self.stamps, dtype=np.int64)
+        """Return stamps that rise, (N,), values (N, ...), and how many came twice.
+
+        What is no number is left out.
+        """
         values = np.asarray(self.values, dtype=np.float64)
+        known = np.isfinite(values.reshape(len(values), -1)).all(axis=1)
+        stamps, values = np.asarray(self.stamps, dtype=np.int64)[known], values[known]
         order = np.argsort(stamps, kind="stable")
         stamps, values = stamps[order], values[order]
-        new = np.concatenate(([True], np.diff(stamps) > 0))
+        new = np.diff(stamps, prepend=stamps[:1] - 1) > 0
         return stamps[new], values[new], int(len(new) - new.sum())
 
 

@@ -27,7 +27,7 @@ class LabelAutoConfig(NamingBase):
     ----------
     method : "auto"
         Each recording says itself which of its trajectories have names.
-    markers, longest_gap_s, longest_rigid_gap_s
+    markers, longest_gap_s, longest_rigid_gap_s, leave_out
         As in `LabelBase`.
     learn_from, threshold
         As in `NamingBase`.

@@ -42,11 +42,15 @@ class LabelBase(Stage):
         marker, and stays a gap in an optional one.
     longest_rigid_gap_s : float
         Gaps up to this length are filled from the other markers of a rigid cluster.
+    leave_out : bool
+        A recording that cannot be used, as its markers are hidden for too long or on no person, is
+        left out with a warning, if others can be used. Otherwise it ends the run.
     """
 
     markers: str = "right_arm"
     longest_gap_s: float = Field(default=0.25, ge=0.0)
     longest_rigid_gap_s: float = Field(default=1.0, ge=0.0)
+    leave_out: bool = False
 
     looks_at_names: ClassVar[bool] = True
     """Whether names that trajectories carry count."""
@@ -133,7 +137,7 @@ class LabelConfig(LabelBase):
     ----------
     method : "named"
         Trajectories carry names.
-    markers, longest_gap_s, longest_rigid_gap_s
+    markers, longest_gap_s, longest_rigid_gap_s, leave_out
         As in `LabelBase`.
     """
 
@@ -279,7 +283,7 @@ class LabelTrajectoriesConfig(NamingBase):
     ----------
     method : "trajectories"
         Trajectories carry no names, or none that are trusted.
-    markers, longest_gap_s, longest_rigid_gap_s
+    markers, longest_gap_s, longest_rigid_gap_s, leave_out
         As in `LabelBase`.
     learn_from, threshold
         As in `NamingBase`.

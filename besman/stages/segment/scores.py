@@ -50,9 +50,12 @@ def manual_borders(truth: LabelledSegments) -> npt.NDArray[np.int64]:
     Returns
     -------
     int array, shape (B,)
-        Rising row indices.
+        Rising row indices. Where a segment ends in the row before the next one begins, as in files
+        that name the last frame of each, that is one border.
     """
-    return np.unique(drop_parts(truth).bounds)
+    borders = np.unique(drop_parts(truth).bounds)
+    last = np.append(np.diff(borders) > 1, True)
+    return np.asarray(borders[last])
 
 
 def match_borders(

@@ -18,8 +18,9 @@ from besman.stages.select.flight import GRAVITY
 FloatArray = npt.NDArray[np.float64]
 
 _NO_PLACE = np.full(3, np.nan)
-# The object leaves the hand about then, and is farther from it afterwards.
-_AROUND_RELEASE_S = 0.2
+# The object leaves the hand about then, and is farther from it afterwards: a hand without fingers
+# is highest and fastest late.
+_BEFORE_RELEASE_S, _AFTER_RELEASE_S = 0.5, 0.2
 _AWAY_M = 0.10
 _LEAST_SIGHTINGS = 4
 _MOST_EDGES = 30
@@ -163,18 +164,20 @@ def left_hand(recording: LabelledRecording, marker: str, hand: HandPath) -> npt.
     Returns
     -------
     bool array, shape (T,)
-        True from when it is 10 cm farther away than it is at its nearest about the release.
+        True from when it is for good 10 cm farther away than it is at its nearest about the
+        release.
     """
     time, path = recording.time, recording.marker(marker)
     at = np.stack([np.interp(time, hand.time, one) for one in hand.positions.T], axis=1)
     away = np.linalg.norm(path - at, axis=1)
-    near = np.abs(time - hand.time[hand.release]) <= _AROUND_RELEASE_S
-    near &= np.isfinite(away)
+    since = time - hand.time[hand.release]
+    near = (since >= -_BEFORE_RELEASE_S) & (since <= _AFTER_RELEASE_S) & np.isfinite(away)
     if not near.any():
         return np.zeros(len(time), dtype=np.bool_)
-    held = int(np.argmin(np.where(near, away, np.inf)))
+    nearest = float(away[near].min())
+    last = int(np.flatnonzero(near & (away <= nearest + _AWAY_M))[-1])
     # NaN, where it is not seen, compares false.
-    gone: npt.NDArray[np.bool_] = (away > away[held] + _AWAY_M) & (np.arange(len(away)) > held)
+    gone: npt.NDArray[np.bool_] = (away > nearest + _AWAY_M) & (np.arange(len(away)) > last)
     return gone
 
 
@@ -185,7 +188,7 @@ def _sightings(
     column = recording.markers.index(marker)
     released = hand.time[hand.release]
     low, high = np.searchsorted(
-        recording.time, [released - _AROUND_RELEASE_S, released + _LONGEST_FLIGHT_S]
+        recording.time, [released - _BEFORE_RELEASE_S, released + _LONGEST_FLIGHT_S]
     )
     time, path = recording.time[low:high], recording.positions[low:high, column]
     seen = np.isfinite(path).all(axis=1) & ~recording.filled[low:high, column]

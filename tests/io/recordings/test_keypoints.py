@@ -138,6 +138,8 @@ def test_a_time_or_rate_that_is_no_number_is_said(tmp_path):
         ({"fps": 30, "units": "m", "frames": [{"a": [1, 2, 3]}]}, "a recording of one frame"),
         ({"fps": 30, "units": "m", "frames": [{"a": [1, 2, 3], "time": 3 - k} for k in range(3)]}, "expected rising times"),
         ({"fps": 30, "frames": [{f"a{k}": [k, 2, 3] for k in range(10_001)}] * 3}, "more than 10000 names"),
+        ([{"trial": k, "tracking": [{"a": [1, 2, 3], "b": [1, 2, 3]}] * 3} for k in range(4)], "4 recordings with frames of their own; expected one a file: jq"),
+        ({"fps": 30, "trials": {"T1": {"frames": [{"a": [1, 2, 3], "b": [1, 2, 3]}] * 3}}}, "1 recordings with frames of their own"),
         ("{", "not valid JSON: .*is the file cut"),
         (" ", "the file is empty; expected keypoints in JSON"),
     ],

@@ -313,3 +313,16 @@ def test_look_names_the_set_of_arms(tmp_path):
     assert look.best.is_complete
     assert not look.fault
     assert "label.markers=robot_arm" in find_next(look, [])[-1]
+
+
+def test_poses_that_are_none_are_gaps(tmp_path):
+    make = Messages()
+    rows = poses(make)
+    rows[20:40] = [
+        (log_ns, make.pose(log_ns, (np.nan, 0, 1) if k % 2 else (0, 0, 1), (0, 0, 0, 0)))
+        for k, (log_ns, _) in enumerate(rows[20:40])
+    ]
+    blind = [(log_ns, make.pose(log_ns, (np.nan, 0, 0))) for log_ns, _ in rows]
+    read = read_recording(write_bag(tmp_path / "a.mcap", {"/hand": rows, "/blind": blind}))
+    assert read.names == ("hand",)
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(read.positions[:, 0, 0])), range(20, 40))

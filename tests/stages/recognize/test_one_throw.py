@@ -1,3 +1,4 @@
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -5,7 +6,7 @@ import pytest
 from free_throws import label_throws, write_throws
 
 from besman.config.stage import Truth
-from besman.exceptions import RecognitionError
+from besman.exceptions import RecognitionError, RecordingWarning
 from besman.stages.recognize.one_throw import OneThrowConfig
 
 
@@ -39,6 +40,7 @@ def test_a_keypoint_that_jumps_is_no_throw(throws):
     assert usual.labels == other.labels
 
 
+@pytest.mark.filterwarnings("ignore::besman.exceptions.RecordingWarning")
 def test_the_left_hand_can_be_asked_for(throws):
     _, recordings, segments = throws
     found = OneThrowConfig(arm="left", label="push").run(recordings, segments)
@@ -48,8 +50,25 @@ def test_the_left_hand_can_be_asked_for(throws):
 def test_a_hand_that_is_never_seen_throws_nothing(throws):
     _, recordings, segments = throws
     hidden = replace(recordings[0], positions=np.full_like(recordings[0].positions, np.nan))
-    with pytest.raises(RecognitionError, match="hand_top is seen to throw in none of"):
+    with pytest.raises(RecognitionError, match="the right hand is seen to throw in none of"):
         OneThrowConfig().run((hidden,), segments[:1])
+    with pytest.warns(
+        RecordingWarning, match=r"T0001\.json: the right hand is seen to throw in no"
+    ):
+        found = OneThrowConfig().run((hidden, recordings[1]), segments[:2])
+    assert [one.labels.count("throw") for one in found] == [0, 1]
+
+
+def test_a_hand_that_throws_less_hard_than_the_other_is_said(throws):
+    _, recordings, segments = throws
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        OneThrowConfig().run(recordings, segments)
+    said = (
+        "the right hand throws harder than the left one in 3 of 3 recordings: --set recognize.arm"
+    )
+    with pytest.warns(RecordingWarning, match=said):
+        OneThrowConfig(arm="left").run(recordings, segments)
 
 
 def test_an_arm_that_is_not_there_is_named(throws):

@@ -24,6 +24,11 @@ def test_gaps_are_segments_and_parts_are_not():
     np.testing.assert_array_equal(manual_borders(truth), [0, 20, 25, 40, 60])
 
 
+def test_files_that_name_the_last_frame_have_the_same_borders():
+    truth = manual([(0, 19), (20, 39), (45, 59), (60, 80)])
+    np.testing.assert_array_equal(manual_borders(truth), [0, 20, 39, 45, 60, 80])
+
+
 def test_each_border_counts_once():
     pairs = match_borders([1.0, 1.1, 5.0], [1.05, 5.2], 0.3)
     assert sorted(pairs[:, 1]) == [0, 1]

@@ -72,6 +72,14 @@ def test_the_first_metres_tell_where_the_ball_comes_down(rate, noise):
     np.testing.assert_allclose(found, land([0, 0, 2.05]), atol=0.02 if noise == 0 else 0.15)
 
 
+def test_a_hand_that_is_fastest_after_it_let_go():
+    recording, hand = make_throw(60.0)
+    late = replace(hand, throw=slice(hand.release + round(0.3 * 60), len(hand.time)))
+    assert late.release >= hand.release + 18
+    found = landing_of_flight(recording, "ball", late)
+    np.testing.assert_allclose(found, land([0, 0, 2.05]), atol=0.15)
+
+
 def test_the_release_tells_where_it_would_come_down():
     _, hand = make_throw(1000.0)
     np.testing.assert_allclose(landing_of_release(hand), land([0, 0, 2.0]), atol=0.2)
