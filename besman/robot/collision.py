@@ -74,9 +74,9 @@ def distances_between(
         (chain.placements, chain.axes, chain.capsule_joints, chain.capsule_ends, angles)
         for chain, angles in ((first, rows), (second, others))
     ]
-    placed = [_place_all(*arm) for arm in arms]
+    placed = [place_all(*arm) for arm in arms]
     moving = [chain.capsule_joints >= 0 for chain in (first, second)]
-    result = _nearest(
+    result = least_gaps(
         placed[0][:, moving[0]],
         first.capsule_radii[moving[0]],
         placed[1][:, moving[1]],
@@ -86,7 +86,7 @@ def distances_between(
 
 
 @compiled
-def _place_all(
+def place_all(
     placements: FloatArray, axes: FloatArray, joints: IntArray, ends: FloatArray, rows: FloatArray
 ) -> FloatArray:
     """Return the capsules' ends in the world for every configuration, shape (B, C, 2, 3)."""
@@ -99,7 +99,7 @@ def _place_all(
 
 
 @compiled
-def _nearest(
+def least_gaps(
     first: FloatArray, first_radii: FloatArray, second: FloatArray, second_radii: FloatArray
 ) -> FloatArray:
     """Return the least distance between two sets of capsules at every moment, shape (B,)."""
@@ -197,29 +197,46 @@ def least_distances(
 
 
 @compiled
+def fill_balls(
+    placed: FloatArray, radii: FloatArray, middles: FloatArray, reaches: FloatArray
+) -> None:
+    """Write middles (C, 3) and radii (C,) of the balls that enclose placed capsules, metres."""
+    for capsule in range(len(placed)):
+        square = 0.0
+        for row in range(3):
+            low, high = placed[capsule, 0, row], placed[capsule, 1, row]
+            middles[capsule, row] = 0.5 * (low + high)
+            square += (high - low) ** 2
+        reaches[capsule] = 0.5 * np.sqrt(square) + radii[capsule]
+
+
+@compiled
+def are_far(first: FloatArray, second: FloatArray, reach: float) -> bool:
+    """Tell whether two points are further apart than this, metres."""
+    if reach <= 0.0:
+        return True
+    x, y, z = first[0] - second[0], first[1] - second[1], first[2] - second[2]
+    return bool(x * x + y * y + z * z > reach * reach)
+
+
+@compiled
 def nearest_parts(
     joints: IntArray, placed: FloatArray, radii: FloatArray, pairs: IntArray
 ) -> tuple[float, float, int, int]:
     """Compute self-distance and floor distance, metres, and which pair and capsule have them.
 
-    Both are -1 where there is none. Pairs whose enclosing balls are further apart than the nearest so far are passed over.
+    Both are -1 where there is none. Pairs whose enclosing balls are further apart than the nearest
+    so far are passed over.
     """
-    halves = np.empty(len(joints))
-    for capsule in range(len(joints)):
-        square = 0.0
-        for row in range(3):
-            square += (placed[capsule, 1, row] - placed[capsule, 0, row]) ** 2
-        halves[capsule] = 0.5 * np.sqrt(square)
+    middles, reaches = np.empty((len(joints), 3)), np.empty(len(joints))
+    fill_balls(placed, radii, middles, reaches)
     nearest, pair, lowest, down = np.inf, -1, np.inf, -1
     for index in range(len(pairs)):
         first, second = pairs[index, 0], pairs[index, 1]
-        thick = radii[first] + radii[second]
-        x = placed[first, 0, 0] + placed[first, 1, 0] - placed[second, 0, 0] - placed[second, 1, 0]
-        y = placed[first, 0, 1] + placed[first, 1, 1] - placed[second, 0, 1] - placed[second, 1, 1]
-        z = placed[first, 0, 2] + placed[first, 1, 2] - placed[second, 0, 2] - placed[second, 1, 2]
-        far = nearest + thick + halves[first] + halves[second]
-        if far <= 0.0 or x * x + y * y + z * z > 4.0 * far * far:
+        far = nearest + reaches[first] + reaches[second]
+        if are_far(middles[first], middles[second], far):
             continue
+        thick = radii[first] + radii[second]
         distance = segment_distance(
             placed[first, 0], placed[first, 1], placed[second, 0], placed[second, 1]
         )
