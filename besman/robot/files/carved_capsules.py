@@ -17,6 +17,8 @@ from besman.robot.capsules import (
 )
 from besman.robot.collision import least_gaps, place_all
 from besman.robot.files.touching_links import (
+    LEAST_MESH_POSES,
+    POSES,
     MeshesTouch,
     link_pairs,
     random_poses,
@@ -31,8 +33,6 @@ Capsule = tuple[FloatArray, float]
 Surface = tuple[str, int, FloatArray, IntArray]
 Progress = Callable[[float], None]
 
-_POSES = 500
-_SEED = 1
 # Meshes so far apart should be called clear.
 _APART_M = 0.01
 # Of room that is lost in less than these shares of the poses, by all pairs or by one, nothing is
@@ -45,8 +45,6 @@ _WORTH = 0.08
 _CUTS = (0.3, 0.5, 0.7)
 # An overlap costs this much, and its depth up to the greatest.
 _TOUCH_M, _DEEPEST_M = 0.005, 0.05
-# So often overlapping, never touching: the pair is ignored later, whatever its capsules are.
-_OFTEN = 10
 # Longer edges are halved: a triangle lies wholly in one capsule.
 _EDGE_SHARE = 1 / 8
 
@@ -142,7 +140,8 @@ def carve_capsules(
         New capsules of the links that have others now, by name, in the frames of their joints,
         metres.
     """
-    poses = random_poses(robot, _POSES, _SEED)
+    # Those by which pairs are left out later.
+    poses = random_poses(robot, POSES)
     links = _share_out(robot, surfaces, poses)
     pairs = []
     for names in link_pairs(robot):
@@ -253,7 +252,7 @@ def _says_nothing(
 ) -> bool:
     """Tell whether capsules overlap often and meshes never touch: the pair will be left out."""
     some = poses[pair.gaps <= 0]
-    if len(some) < _OFTEN:
+    if len(some) < LEAST_MESH_POSES:
         return False
     met = meshes_touch(*pair.names, some, margin_m)
     return met is not None and met[0] == 0

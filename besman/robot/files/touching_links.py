@@ -25,7 +25,7 @@ _OFTEN = 0.02
 _ALWAYS = 0.995
 # Poses in which meshes are held against each other; below the least number nothing is concluded.
 _MOST_MESH_POSES = 1500
-_LEAST_MESH_POSES = 25
+LEAST_MESH_POSES = 25
 # Meshes that come no nearer than this in so many poses are taken for never touching. Two joints lie
 # between near links: so many poses leave no gap that something could be missed in.
 _NEAR_MARGIN_M, _FAR_MARGIN_M = 0.0005, 0.005
@@ -176,7 +176,7 @@ class _Pair:
         left out overlap.
         """
         some = poses[overlaps.any(axis=1)][:_MOST_MESH_POSES]
-        if len(some) >= _LEAST_MESH_POSES:
+        if len(some) >= LEAST_MESH_POSES:
             met = meshes_touch(*self.names, some, self.margin_m)
             if met is not None and met[0] == 0:
                 return list(range(overlaps.shape[1]))
@@ -187,7 +187,7 @@ class _Pair:
             rest = [one for one in range(overlaps.shape[1]) if one not in (*found, column)]
             alone = overlaps[:, column] & ~overlaps[:, rest].any(axis=1)
             some = poses[alone][:_MOST_MESH_POSES]
-            if len(some) < _LEAST_MESH_POSES:
+            if len(some) < LEAST_MESH_POSES:
                 continue
             met = meshes_touch(*self.names, some, self.margin_m)
             if met is not None and met[0] == 0:
