@@ -188,15 +188,6 @@ def segment_distance(p0: FloatArray, p1: FloatArray, q0: FloatArray, q1: FloatAr
 
 
 @compiled
-def least_distances(
-    joints: IntArray, placed: FloatArray, radii: FloatArray, pairs: IntArray
-) -> tuple[float, float]:
-    """Compute self-distance and floor distance of placed capsules, metres."""
-    own, floor, _, _ = nearest_parts(joints, placed, radii, pairs)
-    return own, floor
-
-
-@compiled
 def fill_balls(
     placed: FloatArray, radii: FloatArray, middles: FloatArray, reaches: FloatArray
 ) -> None:
@@ -221,27 +212,31 @@ def are_far(first: FloatArray, second: FloatArray, reach: float) -> bool:
 
 @compiled
 def nearest_parts(
-    joints: IntArray, placed: FloatArray, radii: FloatArray, pairs: IntArray
+    joints: IntArray, placed: FloatArray, radii: FloatArray, pairs: IntArray, guess: int
 ) -> tuple[float, float, int, int]:
     """Compute self-distance and floor distance, metres, and which pair and capsule have them.
 
     Both are -1 where there is none. Pairs whose enclosing balls are further apart than the nearest
-    so far are passed over.
+    so far are passed over; the pair `guess` comes first (-1: none), by choice that of the pose
+    before.
     """
     middles, reaches = np.empty((len(joints), 3)), np.empty(len(joints))
     fill_balls(placed, radii, middles, reaches)
     nearest, pair, lowest, down = np.inf, -1, np.inf, -1
-    for index in range(len(pairs)):
+    for count in range(-1, len(pairs)):
+        index = count if count >= 0 else guess
+        if index < 0 or count == guess:
+            continue
         first, second = pairs[index, 0], pairs[index, 1]
         far = nearest + reaches[first] + reaches[second]
         if are_far(middles[first], middles[second], far):
             continue
-        thick = radii[first] + radii[second]
-        distance = segment_distance(
+        gap = segment_distance(
             placed[first, 0], placed[first, 1], placed[second, 0], placed[second, 1]
         )
-        if distance - thick < nearest:
-            nearest, pair = distance - thick, index
+        gap -= radii[first] + radii[second]
+        if gap < nearest:
+            nearest, pair = gap, index
     for capsule in range(len(joints)):
         if joints[capsule] > 0:
             low = min(placed[capsule, 0, 2], placed[capsule, 1, 2])
@@ -298,9 +293,10 @@ def _distances(
     n = len(axes)
     rotations, origins = np.empty((n, 3, 3)), np.empty((n, 3))
     placed = np.empty((len(joints), 2, 3))
-    result = np.empty((len(rows), 2))
+    result, nearest = np.empty((len(rows), 2)), -1
     for index in range(len(rows)):
         fill_frames(placements, axes, rows[index], rotations, origins)
         place_capsules(joints, ends, rotations, origins, placed)
-        result[index, 0], result[index, 1] = least_distances(joints, placed, radii, pairs)
+        own, floor, nearest, _ = nearest_parts(joints, placed, radii, pairs, nearest)
+        result[index, 0], result[index, 1] = own, floor
     return result
