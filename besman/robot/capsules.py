@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from besman.robot.kinematics import compiled
+
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
@@ -17,6 +19,9 @@ _HULL_FROM = 40
 # A finer mesh is fitted by a coarser one, and what then sticks out is enclosed in the end.
 _MOST_TRIANGLES = 3000
 _CELLS = 40
+_MOST_HALVED = 20_000
+# Radii that are tried, in those of the smallest circle.
+_WIDER = (1.0, 1.03, 1.07, 1.12, 1.2)
 
 
 def fit_capsules(vertices: FloatArray, triangles: IntArray) -> list[tuple[FloatArray, float]]:
@@ -39,18 +44,18 @@ def fit_capsules(vertices: FloatArray, triangles: IntArray) -> list[tuple[FloatA
     best: list[tuple[FloatArray, float]] = []
     least = np.inf
     is_fine = len(triangles) > _MOST_TRIANGLES
-    coarse = _decimate(vertices, triangles) if is_fine else (vertices, triangles)
+    coarse = decimate(vertices, triangles)
     for number in range(1, _GREATEST_NUMBER + 1):
         capsules = _fit_clusters(*coarse, number)
         if is_fine:
-            capsules = _contain(capsules, vertices, triangles)
+            capsules = contain(capsules, vertices, triangles)
         volume = sum(_volume(ends, radius) for ends, radius in capsules)
         if volume < _WORTH * least:
             best, least = capsules, volume
     return best
 
 
-def _decimate(vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray, IntArray]:
+def _thin(vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray, IntArray]:
     """Return a mesh with one vertex in every cell of a grid, none of the old ones' triangles lost.
 
     References
@@ -68,11 +73,11 @@ def _decimate(vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray, In
     return vertices[used][first], np.unique(np.sort(where[triangles], axis=1), axis=0)
 
 
-def _contain(
+def contain(
     capsules: list[tuple[FloatArray, float]], vertices: FloatArray, triangles: IntArray
 ) -> list[tuple[FloatArray, float]]:
     """Widen capsules until every triangle lies wholly in the one it sticks out of least."""
-    excess = np.stack([_distances(vertices, ends) - radius for ends, radius in capsules])
+    excess = np.stack([distances_to_axis(vertices, ends) - radius for ends, radius in capsules])
     outside = excess[:, triangles].max(axis=2)
     owner = np.argmin(outside, axis=0)
     return [
@@ -99,8 +104,9 @@ def _hull(points: FloatArray) -> FloatArray:
 def fit_capsule(points: FloatArray) -> tuple[FloatArray, float]:
     """Enclose points in one capsule of small volume.
 
-    The axis is parallel to a coordinate axis or to a principal axis of the points, and passes
-    through the centre of the smallest circle around their projection.
+    The axis is parallel to a coordinate axis, to a principal axis of the points or to one of
+    forty spread over all directions, and passes through the centre of the smallest circle around
+    their projection.
 
     Parameters
     ----------
@@ -114,42 +120,116 @@ def fit_capsule(points: FloatArray) -> tuple[FloatArray, float]:
     radius : float
         Metres.
     """
-    points = _hull(points)
-    centred = points - points.mean(axis=0)
-    principal = np.linalg.svd(centred, full_matrices=False)[2]
-    best_ends, best_radius, least = points[:2], 0.0, np.inf
-    for axis in np.vstack([np.eye(3), principal]):
-        basis = np.linalg.svd(axis[None])[2][1:]
-        centre, circle = _enclosing_circle(points @ basis.T)
-        along = points @ axis
-        across = np.linalg.norm(points @ basis.T - centre, axis=1)
-        for radius in circle * np.array([1.0, 1.03, 1.07, 1.12, 1.2]):
-            rest = np.sqrt(np.maximum(radius**2 - across**2, 0.0))
-            low, high = np.min(along + rest), np.max(along - rest)
-            if low > high:
-                low = high = (low + high) / 2
-            ends = centre @ basis + np.outer([low, high], axis)
-            if _volume(ends, radius) < least:
-                best_ends, best_radius, least = ends, float(radius), _volume(ends, radius)
-    outside = float(np.max(_distances(points, best_ends)))
-    return best_ends, max(best_radius, outside)
+    points = np.ascontiguousarray(_hull(points))
+    principal = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2]
+    ends = np.zeros((2, 3))
+    radius = _fit_along(points, np.vstack([np.eye(3), principal, _DIRECTIONS]), ends)
+    return ends, max(radius, float(np.max(distances_to_axis(points, ends))))
 
 
-def _enclosing_circle(points: FloatArray) -> tuple[FloatArray, float]:
-    """Find the smallest circle around points in the plane by steps towards the farthest point.
+@compiled
+def _fit_along(points: FloatArray, axes: FloatArray, ends: FloatArray) -> float:
+    """Write the ends of the capsule of least volume along one of some axes; return its radius.
+
+    The smallest circle around the projection is found by steps towards the farthest point [1]_.
 
     References
     ----------
-    M. Badoiu and K. L. Clarkson: Smaller core-sets for balls, SODA 2003.
+    .. [1] M. Badoiu and K. L. Clarkson: Smaller core-sets for balls, SODA 2003.
     """
-    centre = (points.min(axis=0) + points.max(axis=0)) / 2
-    for step in range(2, 200):
-        farthest = points[np.argmax(np.sum((points - centre) ** 2, axis=1))]
-        centre = centre + (farthest - centre) / step**1.5
-    return centre, float(np.sqrt(np.max(np.sum((points - centre) ** 2, axis=1))))
+    count, least, best = len(points), np.inf, 0.0
+    x, y, z, square = np.empty(count), np.empty(count), np.empty(count), np.empty(count)
+    side, across = np.empty(3), np.empty(3)
+    for index in range(len(axes)):
+        axis = axes[index]
+        _fill_sides(axis, side, across)
+        for k in range(count):
+            p = points[k]
+            x[k] = p[0] * side[0] + p[1] * side[1] + p[2] * side[2]
+            y[k] = p[0] * across[0] + p[1] * across[1] + p[2] * across[2]
+            z[k] = p[0] * axis[0] + p[1] * axis[1] + p[2] * axis[2]
+        right, up = (x.min() + x.max()) / 2, (y.min() + y.max()) / 2
+        for step in range(2, 200):
+            far, farthest = -1.0, 0
+            for k in range(count):
+                away = (x[k] - right) ** 2 + (y[k] - up) ** 2
+                if away > far:
+                    far, farthest = away, k
+            right += (x[farthest] - right) / step**1.5
+            up += (y[farthest] - up) / step**1.5
+        for k in range(count):
+            square[k] = (x[k] - right) ** 2 + (y[k] - up) ** 2
+        circle = np.sqrt(square.max())
+        for share in _WIDER:
+            radius, low, high = circle * share, np.inf, -np.inf
+            for k in range(count):
+                rest = np.sqrt(max(radius * radius - square[k], 0.0))
+                low, high = min(low, z[k] + rest), max(high, z[k] - rest)
+            if low > high:
+                low = high = (low + high) / 2
+            volume = np.pi * radius**2 * (high - low + 4 / 3 * radius)
+            if volume < least:
+                least, best = volume, radius
+                for row in range(3):
+                    middle = right * side[row] + up * across[row]
+                    ends[0, row], ends[1, row] = middle + low * axis[row], middle + high * axis[row]
+    return best
 
 
-def _distances(points: FloatArray, ends: FloatArray) -> FloatArray:
+@compiled
+def _fill_sides(axis: FloatArray, side: FloatArray, across: FloatArray) -> None:
+    """Write two unit vectors at right angles to an axis and to each other."""
+    if abs(axis[0]) < 0.6:
+        side[0], side[1], side[2] = 0.0, axis[2], -axis[1]
+    else:
+        side[0], side[1], side[2] = -axis[2], 0.0, axis[0]
+    length = np.sqrt(side[0] ** 2 + side[1] ** 2 + side[2] ** 2)
+    for row in range(3):
+        side[row] /= length
+    across[0] = axis[1] * side[2] - axis[2] * side[1]
+    across[1] = axis[2] * side[0] - axis[0] * side[2]
+    across[2] = axis[0] * side[1] - axis[1] * side[0]
+
+
+def fill_sphere(count: int) -> FloatArray:
+    """Return unit vectors spread evenly over a sphere (Fibonacci's spiral), shape (count, 3)."""
+    index = np.arange(count) + 0.5
+    polar, turn = np.arccos(1 - 2 * index / count), np.pi * (1 + np.sqrt(5)) * index
+    rim = np.sin(polar)
+    return np.stack([np.cos(turn) * rim, np.sin(turn) * rim, np.cos(polar)], axis=1)
+
+
+# An axis and its opposite are one.
+_DIRECTIONS = fill_sphere(80)[:40]
+
+
+def subdivide(
+    vertices: FloatArray, triangles: IntArray, share: float
+) -> tuple[FloatArray, IntArray]:
+    """Halve edges until none is longer than a share of the mesh's greatest extent."""
+    longest = share * max(float(np.ptp(vertices[triangles].reshape(-1, 3), axis=0).max()), 1e-9)
+    while len(triangles) < _MOST_HALVED:
+        corners = vertices[triangles]
+        edges = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
+        big = edges.max(axis=1) > longest
+        if not big.any():
+            break
+        halved, row = triangles[big], np.arange(int(big.sum()))
+        start = edges[big].argmax(axis=1)
+        a, b, c = (halved[row, (start + shift) % 3] for shift in range(3))
+        middle = len(vertices) + row
+        vertices = np.vstack([vertices, (vertices[a] + vertices[b]) / 2])
+        parts = [np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)]
+        triangles = np.vstack([triangles[~big], *parts])
+    return vertices, triangles
+
+
+def decimate(vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray, IntArray]:
+    """Return a coarser mesh if there are too many triangles to fit many capsules to."""
+    return _thin(vertices, triangles) if len(triangles) > _MOST_TRIANGLES else (vertices, triangles)
+
+
+def distances_to_axis(points: FloatArray, ends: FloatArray) -> FloatArray:
     """Return the distances of points (V, 3) to a segment (2, 3), shape (V,)."""
     along = ends[1] - ends[0]
     share = np.clip((points - ends[0]) @ along / max(along @ along, 1e-12), 0.0, 1.0)
@@ -181,7 +261,7 @@ def _fit_clusters(
         volume = sum(_volume(ends, radius) for ends, radius in capsules)
         if volume < least:
             best, least = capsules, volume
-        excess = np.stack([_distances(vertices, ends) - radius for ends, radius in capsules])
+        excess = np.stack([distances_to_axis(vertices, ends) - radius for ends, radius in capsules])
         moved = np.argmin(excess[:, triangles].max(axis=2), axis=0)
         if np.array_equal(moved, owner):
             break

@@ -74,9 +74,9 @@ def distances_between(
         (chain.placements, chain.axes, chain.capsule_joints, chain.capsule_ends, angles)
         for chain, angles in ((first, rows), (second, others))
     ]
-    placed = [_place_all(*arm) for arm in arms]
+    placed = [place_all(*arm) for arm in arms]
     moving = [chain.capsule_joints >= 0 for chain in (first, second)]
-    result = _nearest(
+    result = least_gaps(
         placed[0][:, moving[0]],
         first.capsule_radii[moving[0]],
         placed[1][:, moving[1]],
@@ -86,7 +86,7 @@ def distances_between(
 
 
 @compiled
-def _place_all(
+def place_all(
     placements: FloatArray, axes: FloatArray, joints: IntArray, ends: FloatArray, rows: FloatArray
 ) -> FloatArray:
     """Return the capsules' ends in the world for every configuration, shape (B, C, 2, 3)."""
@@ -99,7 +99,7 @@ def _place_all(
 
 
 @compiled
-def _nearest(
+def least_gaps(
     first: FloatArray, first_radii: FloatArray, second: FloatArray, second_radii: FloatArray
 ) -> FloatArray:
     """Return the least distance between two sets of capsules at every moment, shape (B,)."""
@@ -188,43 +188,55 @@ def segment_distance(p0: FloatArray, p1: FloatArray, q0: FloatArray, q1: FloatAr
 
 
 @compiled
-def least_distances(
-    joints: IntArray, placed: FloatArray, radii: FloatArray, pairs: IntArray
-) -> tuple[float, float]:
-    """Compute self-distance and floor distance of placed capsules, metres."""
-    own, floor, _, _ = nearest_parts(joints, placed, radii, pairs)
-    return own, floor
+def fill_balls(
+    placed: FloatArray, radii: FloatArray, middles: FloatArray, reaches: FloatArray
+) -> None:
+    """Write middles (C, 3) and radii (C,) of the balls that enclose placed capsules, metres."""
+    for capsule in range(len(placed)):
+        square = 0.0
+        for row in range(3):
+            low, high = placed[capsule, 0, row], placed[capsule, 1, row]
+            middles[capsule, row] = 0.5 * (low + high)
+            square += (high - low) ** 2
+        reaches[capsule] = 0.5 * np.sqrt(square) + radii[capsule]
+
+
+@compiled
+def are_far(first: FloatArray, second: FloatArray, reach: float) -> bool:
+    """Tell whether two points are further apart than this, metres."""
+    if reach <= 0.0:
+        return True
+    x, y, z = first[0] - second[0], first[1] - second[1], first[2] - second[2]
+    return bool(x * x + y * y + z * z > reach * reach)
 
 
 @compiled
 def nearest_parts(
-    joints: IntArray, placed: FloatArray, radii: FloatArray, pairs: IntArray
+    joints: IntArray, placed: FloatArray, radii: FloatArray, pairs: IntArray, guess: int
 ) -> tuple[float, float, int, int]:
     """Compute self-distance and floor distance, metres, and which pair and capsule have them.
 
-    Both are -1 where there is none. Pairs whose enclosing balls are further apart than the nearest so far are passed over.
+    Both are -1 where there is none. Pairs whose enclosing balls are further apart than the nearest
+    so far are passed over; the pair `guess` comes first (-1: none), by choice that of the pose
+    before.
     """
-    halves = np.empty(len(joints))
-    for capsule in range(len(joints)):
-        square = 0.0
-        for row in range(3):
-            square += (placed[capsule, 1, row] - placed[capsule, 0, row]) ** 2
-        halves[capsule] = 0.5 * np.sqrt(square)
+    middles, reaches = np.empty((len(joints), 3)), np.empty(len(joints))
+    fill_balls(placed, radii, middles, reaches)
     nearest, pair, lowest, down = np.inf, -1, np.inf, -1
-    for index in range(len(pairs)):
-        first, second = pairs[index, 0], pairs[index, 1]
-        thick = radii[first] + radii[second]
-        x = placed[first, 0, 0] + placed[first, 1, 0] - placed[second, 0, 0] - placed[second, 1, 0]
-        y = placed[first, 0, 1] + placed[first, 1, 1] - placed[second, 0, 1] - placed[second, 1, 1]
-        z = placed[first, 0, 2] + placed[first, 1, 2] - placed[second, 0, 2] - placed[second, 1, 2]
-        far = nearest + thick + halves[first] + halves[second]
-        if far <= 0.0 or x * x + y * y + z * z > 4.0 * far * far:
+    for count in range(-1, len(pairs)):
+        index = count if count >= 0 else guess
+        if index < 0 or count == guess:
             continue
-        distance = segment_distance(
+        first, second = pairs[index, 0], pairs[index, 1]
+        far = nearest + reaches[first] + reaches[second]
+        if are_far(middles[first], middles[second], far):
+            continue
+        gap = segment_distance(
             placed[first, 0], placed[first, 1], placed[second, 0], placed[second, 1]
         )
-        if distance - thick < nearest:
-            nearest, pair = distance - thick, index
+        gap -= radii[first] + radii[second]
+        if gap < nearest:
+            nearest, pair = gap, index
     for capsule in range(len(joints)):
         if joints[capsule] > 0:
             low = min(placed[capsule, 0, 2], placed[capsule, 1, 2])
@@ -281,9 +293,10 @@ def _distances(
     n = len(axes)
     rotations, origins = np.empty((n, 3, 3)), np.empty((n, 3))
     placed = np.empty((len(joints), 2, 3))
-    result = np.empty((len(rows), 2))
+    result, nearest = np.empty((len(rows), 2)), -1
     for index in range(len(rows)):
         fill_frames(placements, axes, rows[index], rotations, origins)
         place_capsules(joints, ends, rotations, origins, placed)
-        result[index, 0], result[index, 1] = least_distances(joints, placed, radii, pairs)
+        own, floor, nearest, _ = nearest_parts(joints, placed, radii, pairs, nearest)
+        result[index, 0], result[index, 1] = own, floor
     return result

@@ -12,7 +12,7 @@ import numpy.typing as npt
 import pinocchio
 
 from besman.exceptions import RobotError, in_one_line, nearest
-from besman.robot.capsules import fit_capsule, fit_capsules
+from besman.robot.capsules import distances_to_axis, fill_sphere, fit_capsule, fit_capsules
 from besman.robot.config import RobotConfig
 from besman.robot.urdf_file import text_for_model
 
@@ -21,7 +21,11 @@ IntArray = npt.NDArray[np.int64]
 
 _CORNERS = np.array(np.meshgrid([-1.0, 1.0], [-1.0, 1.0], [-1.0, 1.0])).reshape(3, 8).T
 # Primitives of a link that get capsules of their own; more are enclosed together.
-_MOST_SHAPES = 3
+_MOST_SHAPES = 4
+_ROUNDING_M = 1e-6
+# Round shapes as polyhedra.
+_SIDES = 24
+_BALL_POINTS = 150
 
 
 def link_capsules(
@@ -71,18 +75,47 @@ def link_capsules(
 
 def _enclose(shapes: list[tuple[Any, Any, bool]]) -> list[tuple[FloatArray, float]]:
     """Return the capsules around the shapes of a link: few, whatever it is made of."""
-    if len(shapes) <= _MOST_SHAPES and not any(_is_mesh(shape) for _, shape, _ in shapes):
-        return [one for pose, shape, _ in shapes for one in _enclose_primitive(shape, pose)]
-    vertices, triangles, count = [], [], 0
-    for pose, shape, mirrored in shapes:
-        corners, faces = (
-            _mesh(shape, pose, mirrored) if _is_mesh(shape) else _primitive_mesh(shape, pose)
+    if not any(_is_mesh(shape) for _, shape, _ in shapes):
+        single = [one for pose, shape, _ in shapes for one in _enclose_primitive(shape, pose)]
+        single = _without_contained(single)
+        if len(single) <= _MOST_SHAPES:
+            return single
+    vertices, triangles = _joined([_surface(*shape) for shape in shapes])
+    return fit_capsules(vertices, triangles) if len(triangles) else []
+
+
+def _without_contained(
+    capsules: list[tuple[FloatArray, float]],
+) -> list[tuple[FloatArray, float]]:
+    """Leave out capsules that lie wholly in another: balls at the ends of a cylinder."""
+    kept: list[tuple[FloatArray, float]] = []
+    for ends, radius in sorted(capsules, key=lambda one: -one[1]):
+        inside = (
+            np.max(distances_to_axis(ends, other)) + radius <= wider + _ROUNDING_M
+            for other, wider in kept
         )
-        vertices.append(corners)
-        triangles.append(faces + count)
-        count += len(corners)
-    faces = np.vstack(triangles)
-    return fit_capsules(np.vstack(vertices), faces) if len(faces) else []
+        if not any(inside):
+            kept = [
+                (other, wider)
+                for other, wider in kept
+                if np.max(distances_to_axis(other, ends)) + wider > radius + _ROUNDING_M
+            ]
+            kept.append((ends, radius))
+    return kept
+
+
+def _joined(
+    surfaces: list[tuple[FloatArray, IntArray]],
+) -> tuple[FloatArray, IntArray]:
+    """Make one mesh of several."""
+    starts = np.cumsum([0, *(len(corners) for corners, _ in surfaces)])
+    faces = [triangles + start for (_, triangles), start in zip(surfaces, starts, strict=False)]
+    return np.vstack([corners for corners, _ in surfaces]), np.vstack(faces)
+
+
+def _surface(pose: Any, shape: Any, mirrored: bool) -> tuple[FloatArray, IntArray]:
+    """Return the triangles of a shape, a polyhedron around it if it is a round one."""
+    return _mesh(shape, pose, mirrored) if _is_mesh(shape) else _primitive_mesh(shape, pose)
 
 
 def _is_mesh(geometry: Any) -> bool:
@@ -91,20 +124,57 @@ def _is_mesh(geometry: Any) -> bool:
 
 
 def _primitive_mesh(geometry: Any, pose: Any) -> tuple[FloatArray, IntArray]:
-    """Return a hull around a box, or around the capsules that enclose any other primitive."""
-    if hasattr(geometry, "halfSide"):
-        corners = _CORNERS * np.asarray(geometry.halfSide) @ pose.rotation.T + pose.translation
-    else:
-        # A cube around the ball at each end.
-        balls = _enclose_primitive(geometry, pose)
-        corners = np.vstack(
-            [np.zeros((0, 3)), *(end + radius * _CORNERS for ends, radius in balls for end in ends)]
-        )
+    """Return a polyhedron around a box, cylinder, sphere or capsule; nothing for other shapes."""
+    corners = _corners(geometry)
     if not len(corners):
         return corners, np.empty((0, 3), np.int64)
     from scipy.spatial import ConvexHull
 
-    return corners, ConvexHull(corners).simplices.astype(np.int64)
+    triangles = ConvexHull(corners).simplices.astype(np.int64)
+    return corners @ pose.rotation.T + pose.translation, triangles
+
+
+def _corners(geometry: Any) -> FloatArray:
+    """Return points whose hull is a little larger than a primitive, in its own frame, metres."""
+    if hasattr(geometry, "halfSide"):
+        box: FloatArray = _CORNERS * np.asarray(geometry.halfSide)
+        return box
+    if not hasattr(geometry, "radius"):
+        return np.zeros((0, 3))
+    half, radius = float(getattr(geometry, "halfLength", 0.0)), float(geometry.radius)
+    ends = np.array([[0.0, 0.0, -half], [0.0, 0.0, half]])
+    if type(geometry).__name__ in ("Cylinder", "Cone"):
+        turn = 2 * np.pi * np.arange(_SIDES) / _SIDES
+        rim = np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1)
+        rim *= radius / np.cos(np.pi / _SIDES)
+        return np.vstack([rim + end for end in ends])
+    from scipy.spatial import ConvexHull
+
+    ball = fill_sphere(_BALL_POINTS)
+    # The nearest face of their hull shall touch the sphere.
+    ball *= radius / float(-ConvexHull(ball).equations[:, 3].max())
+    return np.vstack([ball + end for end in ends])
+
+
+def link_surfaces(
+    model: Any, tree: ElementTree.Element, urdf: Path
+) -> list[tuple[str, int, FloatArray, IntArray]]:
+    """List the surfaces of all collision shapes, primitives as polyhedra around them.
+
+    Parameters
+    ----------
+    model, tree, urdf
+        As in `link_capsules`.
+
+    Returns
+    -------
+    list of (link, joint, vertices, triangles)
+        As from `link_meshes`.
+    """
+    return [
+        (link, joint, *_surface(placed, geometry, mirrored))
+        for link, joint, placed, geometry, mirrored in collision_shapes(model, tree, urdf)
+    ]
 
 
 def link_meshes(

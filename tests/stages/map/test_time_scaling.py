@@ -9,7 +9,7 @@ from besman.exceptions import MappingError
 from besman.robot.dynamics import inverse_dynamics
 from besman.robot.limits import check_limits, resample_trajectory
 from besman.robot.model import load_robot
-from besman.stages.map import limit_program, path_change
+from besman.stages.map import path_change
 from besman.stages.map.joint_spline import fit_spline
 from besman.stages.map.needed_stretch import ChangeTolerance, needed_stretch, torque_stretch
 from besman.stages.map.time_scaling import scale_path
@@ -103,7 +103,7 @@ def test_a_small_change_saves_time(name):
 
 
 def test_a_slow_movement_is_not_changed(monkeypatch):
-    monkeypatch.setattr(limit_program, "get_program", None)
+    monkeypatch.setattr(path_change, "solve_change", None)
     time, path = swing(UR5, 0.5)
     scaled = scale_path(UR5, time, path)
     assert scaled.stretch == 1.0
@@ -146,7 +146,7 @@ def test_without_a_solution_the_path_is_clipped_and_stretched(monkeypatch):
     def fail(*_):
         raise MappingError("no")
 
-    monkeypatch.setattr(path_change, "get_program", fail)
+    monkeypatch.setattr(path_change, "solve_change", fail)
     robot = ROBOTS["iiwa7"]
     time = np.arange(60) / 100
     path = draw(robot, "beyond", 1, 60, 1.0)
