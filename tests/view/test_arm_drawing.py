@@ -31,7 +31,9 @@ def test_a_capsules_corners_are_on_it_and_its_triangles_look_outwards(ends):
     outwards = middle - (ends[0] + nearest[:, None] * along)
     real = np.linalg.norm(normals, axis=1) > 1e-12
     assert np.all(np.sum(normals * outwards, axis=1)[real] > 0)
-    sides = Counter(tuple(edge) for t in mesh.triangles for edge in zip(t, np.roll(t, -1)))
+    sides = Counter(
+        tuple(edge) for t in mesh.triangles for edge in zip(t, np.roll(t, -1), strict=True)
+    )
     assert max(sides.values()) == 1
 
 
@@ -46,7 +48,7 @@ def test_links_are_where_the_kinematics_say(robot):
 
 def test_what_is_nearer_is_drawn_later_and_has_its_place_in_the_picture():
     triangle = np.array([[0.0, 0, 0], [0, 0, 1], [0, 1, 0]])
-    far = ArmSurface(np.stack([triangle + [9, 0, 0], triangle]), np.ones((2, 3)))
+    far = ArmSurface(np.stack([triangle + np.array([9.0, 0, 0]), triangle]), np.ones((2, 3)))
     corners, colours = project(far, np.array([1.0, 0, 0]))
     # Looking along x, y points to the left.
     np.testing.assert_allclose(corners[1], [[0, 0], [0, 1], [-1, 0]], atol=1e-12)

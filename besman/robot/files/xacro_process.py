@@ -84,9 +84,9 @@ def expand(task: Mapping[str, Any]) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``urdf`` with so many ``links``, or ``error`` and what it is about: ``package`` that is not known, ``argument``
-        that is not given, ``refused``; ``declared``: arguments with their defaults, None for those
-        that are used and have none.
+        ``urdf`` with so many ``links``, or ``error``, whether it is ``refused``, and the
+        ``package`` that is not known; ``declared``: arguments with their defaults, None for those
+        that are used and have none; ``macros`` by name.
     """
     try:
         import xacro
