@@ -4,9 +4,9 @@
 
 URDFs, xacros and MJCFs of arms are brought in with no option but the file: five arms of the
 installed example-robot-data; with ``--all`` all of it; with FOLDERs what is below these; with
-``--packages`` all of it and of the packages below, which pip puts into that folder. A file counts as
+``--packages`` all of it and of packages that pip puts into that folder. A file counts as
 an arm if one chain of four hinges or more is found in it; what is refused otherwise is listed.
-Capsules are held against the meshes (coal) in 1000 random poses. ``--throws`` maps the 16 embedded
+Capsules are held against the meshes (coal) in 1000 random poses, or ``--poses``. ``--throws`` maps the 16 embedded
 throws (synthetic) to every arm, smaller ones to arms that are shorter than a person's. Then arms
 that are there as URDF and MJCF: how far apart their hands are on the path of one throw.
 """
@@ -45,7 +45,7 @@ from besman.stages.map.stage import MapConfig
 from besman.work.work import Work
 
 POSES = 1000
-FEW = ("ur3_robot", "panda.urdf", "z1.urdf", "xarm7", "so101")
+FEW = ("ur3_robot", "/panda.urdf", "/z1.urdf", "xarm7", "so101")
 # Downloaded by --packages; none is run.
 PACKAGES = ("rtb-data==2.0.0", "robosuite==1.5.2", "dm_control==1.0.50", "gym-xarm==0.1.1",
             "gymnasium-robotics==1.4.2")  # fmt: skip
@@ -183,7 +183,9 @@ def mesh_distances(path: Path, robot: Robot, poses: np.ndarray) -> np.ndarray | 
     return touching
 
 
-def measure(file: Path, folder: Path, number: int, throws: Throws | None) -> dict[str, object]:
+def measure(
+    file: Path, folder: Path, number: int, throws: Throws | None, count: int = POSES
+) -> dict[str, object]:
     """Bring one arm in; return what came of it."""
     start, work = time.perf_counter(), time.process_time()
     try:
@@ -194,12 +196,14 @@ def measure(file: Path, folder: Path, number: int, throws: Throws | None) -> dic
     robot = load_robot(path)
     if robot.n < 4:
         return {"error": "no hinge moves more than three links"}
-    poses = random_poses(robot, POSES, seed=99)
+    found: dict[str, object] = {"seconds": spent, "cpu_s": worked, "n": robot.n}
+    if count == 0:
+        return found | (throws.try_on(path) if throws is not None else {})
+    poses = random_poses(robot, count, seed=99)
     links = robot.chain.capsule_links
     real = ["pedestal" not in (links[a], links[b]) for a, b in robot.chain.capsule_pairs]
     touching = pair_overlaps(robot, poses)[:, real].any(axis=1)
     distance = mesh_distances(path, robot, poses)
-    found: dict[str, object] = {"seconds": spent, "cpu_s": worked, "n": robot.n}
     found["clear"] = float((~touching).mean())
     if distance is not None:
         apart = distance > APART_M
@@ -207,6 +211,15 @@ def measure(file: Path, folder: Path, number: int, throws: Throws | None) -> dic
         if apart.any():
             found["lost"] = float(touching[apart].mean())
     return found | (throws.try_on(path) if throws is not None else {})
+
+
+def show_shapes(column: dict[str, list[float]]) -> None:
+    """Print how capsules compare with meshes."""
+    median = statistics.median
+    print(f"clear though meshes touch: {sum(column['missed']):.0f} poses of "
+          f"{len(column['missed'])} arms")  # fmt: skip
+    print(f"touching though meshes are clear by 1 cm, median and most: "
+          f"{median(column['lost']):.1%}, {max(column['lost']):.1%}")  # fmt: skip
 
 
 def summarise(rows: list[dict[str, object]], refused: list[str]) -> None:
@@ -217,10 +230,8 @@ def summarise(rows: list[dict[str, object]], refused: list[str]) -> None:
     print(f"taken {len(rows)} of {len(rows) + len(refused)} arms; robots add, median and most: "
           f"{median(column['seconds']):.1f} s, {max(column['seconds']):.1f} s; of CPU "
           f"{median(column['cpu_s']):.1f} s, {max(column['cpu_s']):.1f} s")  # fmt: skip
-    print(f"clear though meshes touch: {sum(column['missed']):.0f} of "
-          f"{POSES * len(column['missed'])} poses")  # fmt: skip
-    print(f"touching though meshes are clear by 1 cm, median and most: "
-          f"{median(column['lost']):.1%}, {max(column['lost']):.1%}")  # fmt: skip
+    if column["missed"]:
+        show_shapes(column)
     fit = [row for row in rows if row.get("published") and float(row["reach"]) >= 0.5]  # type: ignore[arg-type]
     if not fit:
         return
@@ -244,6 +255,7 @@ def main() -> None:
     parser.add_argument("--all", action="store_true")
     parser.add_argument("--packages", type=Path)
     parser.add_argument("--throws", action="store_true")
+    parser.add_argument("--poses", type=int, default=POSES)
     options = parser.parse_args()
     share = Path(str(metadata.distribution("example-robot-data").locate_file("cmeel.prefix/share")))
     share = share / "example-robot-data" / "robots"
@@ -257,7 +269,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as place:
         throws = Throws(Path(place) / "run") if options.throws else None
         for number, file in enumerate(files):
-            found = measure(file, Path(place) / str(number), number, throws)
+            found = measure(file, Path(place) / str(number), number, throws, options.poses)
             name = f"{file.parent.name}/{file.name}"
             if "error" in found:
                 is_arm = not _NO_ARM.search(str(found["error"]))
