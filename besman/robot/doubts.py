@@ -13,6 +13,7 @@ from besman.config.yaml_file import load_config
 from besman.exceptions import BesmanError
 from besman.robot.collision import distances
 from besman.robot.config import RobotConfig
+from besman.robot.files.known_limits import find_known_arm
 from besman.robot.kinematics import manipulability
 from besman.robot.model import Robot, find_robot, load_robot, read_robot_urdf
 from besman.robot.shape_doubts import flange_doubts, overlap_doubts, shape_doubts
@@ -27,6 +28,8 @@ _GYRATION_SHARE = 0.75
 _LEAST_SIZE_M = 0.15
 _LEAST_MANIPULABILITY = 1e-4
 _FASTEST_RAD_S = 10.0
+# Radians of two digits in a URDF, degrees in a data sheet.
+_ROUNDING = 0.02
 
 
 @dataclass(frozen=True)
@@ -74,7 +77,8 @@ def check_robot(name_or_path: str | Path) -> list[Doubt]:
         robot = load_robot(path)
     except BesmanError as error:
         return [*missing, *([] if missing else [Doubt("missing", str(error))]), *doubts]
-    found = missing + _fast_limits(robot) + _inertias(robot) + _capsules(robot)
+    found = missing + _fast_limits(robot) + _beyond_published(robot, config)
+    found += _inertias(robot) + _capsules(robot)
     found += _shapes(robot, config, path) + _home(robot)
     return found + doubts
 
@@ -114,6 +118,26 @@ def _fast_limits(robot: Robot) -> list[Doubt]:
         for name, speed in zip(robot.joint_names, robot.limits.velocity, strict=True)
         if speed > _FASTEST_RAD_S
     ]
+
+
+def _beyond_published(robot: Robot, config: RobotConfig) -> list[Doubt]:
+    """Find limits that are greater than what the arm's maker publishes."""
+    titles = [config.name, Path(config.urdf).stem, config.joints[0].name]
+    known = find_known_arm(titles, robot.n)
+    if known is None:
+        return []
+    doubts = []
+    for key, published in known.limits.items():
+        own = [float(getattr(joint, key)) for joint in config.joints]
+        over = [
+            f"{joint.name} {value:g} over {most:g}"
+            for joint, value, most in zip(config.joints, own, published, strict=True)
+            if value > (1.0 + _ROUNDING) * most
+        ]
+        if over:
+            text = f"{key}: more than published of {known.arm}: {', '.join(over)}; {known.source}"
+            doubts.append(Doubt("doubtful", text))
+    return doubts
 
 
 def _inertias(robot: Robot) -> list[Doubt]:

@@ -98,3 +98,14 @@ def test_a_flange_that_looks_elsewhere_is_said(tmp_path, quaternion, degrees):
         f"is {degrees} degrees off the last axis away from the arm" in text
         for text in doubtful(path)
     )
+
+
+def test_limits_beyond_what_the_maker_publishes_are_said(tmp_path):
+    def faster(joints):
+        joints[1]["velocity_deg_s"], joints[2]["torque_nm"] = 181.0, 300.0
+        return joints
+
+    found = doubtful(changed(tmp_path, joints=faster))
+    (said,) = [text for text in found if "more than published of Universal Robots UR5" in text]
+    assert said.startswith("torque_nm: ")
+    assert "elbow_joint 300 over 150" in said

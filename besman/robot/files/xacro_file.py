@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
@@ -13,6 +14,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 from besman.exceptions import RobotError, nearest
+from besman.foreign.paths import is_file
 from besman.robot.files.mesh_folders import (
     find_mesh_folders,
     find_package,
@@ -100,7 +102,7 @@ def read_xacro(
         package = told.get("package")
         if package is None:
             break
-        found = find_package(package, above)
+        found = find_package(package, above) or _folder_with_files_of(package, path, above)
         if found is None:
             raise RobotError(
                 f"{path}: package {package!r}: no folder called so above it, no package.xml of "
@@ -112,6 +114,11 @@ def read_xacro(
         _refuse_strange_arguments(path, arguments, told["declared"])
     if "urdf" not in told:
         raise RobotError(f"{path}: {_fault(told, path, home)}")
+    if not told["links"] and told["macros"]:
+        macros = ", ".join(told["macros"][:8])
+        raise RobotError(
+            f"{path}: xacro: no links, only macros ({macros}); expected the file that calls them"
+        )
     tree = parse_urdf_bytes(told["urdf"].encode(), path)
     notes = [
         f"xacro argument {name}: {default!r}, its default"
@@ -119,6 +126,16 @@ def read_xacro(
         if name not in arguments and default is not None
     ]
     return ExpandedXacro(tree, _name_relative_meshes(tree, path, known), notes)
+
+
+def _folder_with_files_of(package: str, path: Path, above: list[Path]) -> Path | None:
+    """Return the folder above a file that holds what the file finds in a package, if there is."""
+    text = path.read_text(encoding="utf-8", errors="replace")
+    for inside in re.findall(rf"\$\(find {re.escape(package)}\)/([\w./-]+)", text):
+        for folder in above[:4]:
+            if is_file(folder / inside):
+                return folder
+    return None
 
 
 def _run(

@@ -84,24 +84,26 @@ def expand(task: Mapping[str, Any]) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``urdf``, or ``error`` and what it is about: ``package`` that is not known, ``argument``
-        that is not given, ``refused``; ``declared``: arguments with their defaults, None for those
-        that are used and have none.
+        ``urdf`` with so many ``links``, or ``error``, whether it is ``refused``, and the
+        ``package`` that is not known; ``declared``: arguments with their defaults, None for those
+        that are used and have none; ``macros`` by name.
     """
     try:
         import xacro
         import xacro.substitution_args as substitution
     except ImportError as error:
-        return {"error": str(error), "declared": {}}
+        return {"error": str(error), "declared": {}, "macros": []}
     told: dict[str, Any] = {}
     declared: dict[str, str | None] = {}
+    macros: list[str] = []
     _close_ways_out(xacro, substitution, task["packages"], told)
-    _watch_parsing(xacro, declared)
+    _watch_parsing(xacro, declared, macros)
     sys.addaudithook(guard([Path(one) for one in task["folders"]]))
     messages, sys.stderr = sys.stderr, io.StringIO()
     try:
         document = xacro.process_file(task["file"], mappings=dict(task["arguments"]), verbosity=0)
         told["urdf"] = document.toxml()
+        told["links"] = len(document.getElementsByTagName("link"))
     except RefusedError as error:
         told |= {"error": str(error), "refused": True}
     except RecursionError:
@@ -115,7 +117,7 @@ def expand(task: Mapping[str, Any]) -> dict[str, Any]:
             told |= {"error": str(cause), "refused": True}
     finally:
         sys.stderr = messages
-    return told | {"declared": declared}
+    return told | {"declared": declared, "macros": macros}
 
 
 def _close_ways_out(xacro: Any, substitution: Any, packages: Mapping[str, str], told: Any) -> None:
@@ -150,8 +152,8 @@ def _close_ways_out(xacro: Any, substitution: Any, packages: Mapping[str, str], 
         xacro._global_symbols["python"].pop(name, None)
 
 
-def _watch_parsing(xacro: Any, declared: dict[str, str | None]) -> None:
-    """Refuse document types and entities in every file; note the arguments."""
+def _watch_parsing(xacro: Any, declared: dict[str, str | None], macros: list[str]) -> None:
+    """Refuse document types and entities in every file; note arguments and macros."""
     parse = xacro.parse
 
     def careful(given: Any, filename: str | None = None) -> Any:
@@ -164,6 +166,8 @@ def _watch_parsing(xacro: Any, declared: dict[str, str | None]) -> None:
                 declared.setdefault(name, None)
             given = given.encode()
         document = parse(io.BytesIO(given) if isinstance(given, bytes) else given, filename)
+        for node in document.getElementsByTagName("xacro:macro"):
+            macros.append(node.getAttribute("name"))
         for node in document.getElementsByTagName("xacro:arg"):
             declared[node.getAttribute("name")] = node.getAttribute("default")
         return document

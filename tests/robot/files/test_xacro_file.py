@@ -130,6 +130,21 @@ def test_what_leads_outside_is_refused(package, tmp_path, more, message):
 
 
 @has_xacro
+def test_macros_alone_are_no_robot(package):
+    with pytest.raises(
+        RobotError, match=r"no links, only macros \(hinge\); expected the file that"
+    ):
+        read_xacro(package().with_name("macros.xacro"), {}, {})
+
+
+@has_xacro
+def test_a_package_that_no_folder_is_called_by_is_the_one_with_its_files(package):
+    path = package()
+    (path.parents[1] / "package.xml").unlink()
+    assert read_xacro(path, {"name": "x"}, {}).packages["my_arm"] == path.parents[1]
+
+
+@has_xacro
 def test_entities_are_refused(package):
     path = package(text='<!DOCTYPE robot [<!ENTITY a "b">]>' + ARM.replace("{}", ""))
     with pytest.raises(RobotError, match="document types, entities"):
