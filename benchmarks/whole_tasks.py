@@ -123,6 +123,8 @@ def plan_tasks(robot_name, demonstrations, tool="gripper3"):
         f"mapped one: median {np.median(slower):.2f}, max {max(slower):.2f}; greatest change of "
         f"velocity in a sample over the greatest acceleration's: {max(jumps):.2f}"
     )
+    for failure in (*mapping.failed, *work.notes.failures):
+        print(f"  left out: {failure}")
     frames = Counter(tuple(b.frame for b in plan.blocks if b.label != "idle") for plan in plans)
     for found, n in frames.most_common():
         print(f"  goals relative to {', '.join(found)}: {n}")
