@@ -1,24 +1,35 @@
 """Whole tasks: real actions as sequences of blocks, and when the box is grasped and released.
 
-Run with ``python benchmarks/whole_tasks.py FOLDER``, the folder with the public pick-and-place
-recordings. Blocks are found by the default segmentation and recognition, examples drawn as in a
-run; what is right is what a person named. The box's own motion is told from the box alone: it moves
-while its speed, of positions smoothed over a tenth of a second, is above 2 cm/s.
+Run with ``python benchmarks/whole_tasks.py FOLDER [ROBOT...]``, the folder with the public
+pick-and-place recordings; for each robot all actions are mapped and imitated block by block, too.
+Blocks are found by the default segmentation and recognition, examples drawn as in a run; what is
+right is what a person named. The box's own motion is told from the box alone: it moves while its
+speed, of positions smoothed over a tenth of a second, is above 2 cm/s.
 """
 
 import sys
+import time
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
 
 from besman.evaluation.recognition_data import bridge_gaps, name_parts
+from besman.motion.task_rollout import sample_task
 from besman.person.marker_set import load_marker_set
 from besman.records.layers import drop_parts
+from besman.robot.limits import check_limits
+from besman.robot.model import load_robot
+from besman.stages.imitate.stage import ImitateConfig
+from besman.stages.imitate.task_plans import ImitateTasks
+from besman.stages.map.stage import MapConfig
+from besman.stages.map.whole_tasks import MapTasks
 from besman.stages.read.read_inputs import read_inputs
 from besman.stages.recognize.stage import RecognizeConfig
 from besman.stages.segment.methods import DefaultSegmentConfig
 from besman.stages.select.block_steps import DivideActions, FindActions
 from besman.stages.select.stage import SelectConfig
+from besman.work.work import Notes, Work
 
 ACTIONS = {
     "to_table": ("approach_forward", "move_obj_table", "move_to_rest_right"),
@@ -80,14 +91,53 @@ def compare(found, actions, recordings, truth, box):
     return right, border_s, grasp_s, release_s
 
 
-def main(folder):
+def plan_tasks(robot_name, demonstrations, tool="gripper3"):
+    """Map actions to an arm, imitate them block by block, and say how well."""
+    robot = load_robot(robot_name, tool)
+    map_config = MapConfig(weights={"position": 5, "singularity": 5})
+    work = Work(notes=Notes())
+    started = time.perf_counter()
+    mapping = map_config.run(tuple(one.hand for one in demonstrations), robot, work)
+    tasks = MapTasks(map_config).run(mapping, demonstrations, robot)
+    mapped = time.perf_counter()
+    plans = ImitateTasks(ImitateConfig()).run(tasks, robot, work)
+    seconds = time.perf_counter() - mapped
+    outside = 0
+    slower, jumps = [], []
+    by_name = {task.name: task for task in tasks}
+    for plan in plans:
+        _, q, v, a = sample_task(plan)
+        report = check_limits(robot, q, v, a)
+        outside += report.position + report.velocity + report.acceleration
+        outside += report.torque + report.self_collisions
+        mapped_s = by_name[plan.name].trajectory.time[-1] + 0.3
+        slower.append(plan.duration / mapped_s)
+        jumps.append(np.max(np.abs(np.diff(v, axis=0))) / (1e-3 * np.max(np.abs(a))))
+    print(
+        f"{robot_name}: {len(mapping.trajectories)} of {len(demonstrations)} mapped "
+        f"({mapped - started:.0f} s), {len(plans)} imitated block by block ({seconds:.1f} s); "
+        f"root mean square error {max(plan.rmse for plan in plans):.4f} rad at most"
+    )
+    print(
+        f"  samples at 1 kHz outside a limit or in self-collision: {outside}; duration over the "
+        f"mapped one: median {np.median(slower):.2f}, max {max(slower):.2f}; greatest change of "
+        f"velocity in a sample over the greatest acceleration's: {max(jumps):.2f}"
+    )
+    for failure in (*mapping.failed, *work.notes.failures):
+        print(f"  left out: {failure}")
+    frames = Counter(tuple(b.frame for b in plan.blocks if b.label != "idle") for plan in plans)
+    for found, n in frames.most_common():
+        print(f"  goals relative to {', '.join(found)}: {n}")
+
+
+def main(folder, robots=()):
     inputs = read_inputs([str(folder)])
     recordings = tuple(bridge_gaps(name_parts(one)) for one in inputs.recordings)
     truth = tuple(one for one in inputs.truth if one is not None)
     segments = DefaultSegmentConfig().run(recordings)
     markers = load_marker_set("right_arm")
     n_true = sum(len(true_actions(one)) for one in truth)
-    rights, figures = [], ([], [], [])
+    rights, figures, first = [], ([], [], []), {}
     for seed in range(SEEDS):
         recognize = RecognizeConfig(seed=seed)
         blocks = recognize.run(recordings, segments, recognize.train(recordings, truth))
@@ -97,6 +147,7 @@ def main(folder):
             actions = FindActions(config).run(blocks, ())
             hands = config.run(recordings, actions)
             found = DivideActions(config).run(recordings, blocks, actions, hands, markers)
+            first.setdefault(name, found)
             right, *offsets = compare(found, actions, recordings, truth, markers.objects["box"])
             rights[-1] += right
             for own, new in zip(figures, offsets, strict=True):
@@ -115,6 +166,11 @@ def main(folder):
             f"worst {away.max():.3f} s"
         )
 
+    for robot in robots:
+        for name, found in first.items():
+            print(name, end=", ")
+            plan_tasks(robot, found)
+
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main(Path(sys.argv[1]), sys.argv[2:])

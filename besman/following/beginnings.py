@@ -39,7 +39,7 @@ class FirstParts:
     ----------
     recipe : Recipe
         How the recognition makes features; the hand's orientation, which takes longest and tells no
-        more here, is left out unless it is all there is.
+        more here, is left out. If it is all there is, displacements stand in for it.
     markers : sequence of str, length M
         Columns of positions.
     source : str
@@ -55,7 +55,7 @@ class FirstParts:
         if not set(recipe.objects) <= set(markers):
             recipe = recipe.without_objects()
         without = tuple(name for name in recipe.features if name != "hand_orientation")
-        self.features = without or recipe.features
+        self.features = without or ("displacements",)
         self.markers, self.objects = recipe.markers, recipe.objects
         body = find_body(markers, source)
         self._arms, self._back = body.arms_of(recipe.markers), body.back

@@ -66,6 +66,7 @@ class Foresight:
     Parameters
     ----------
     recordings : sequence of LabelledRecording
+        Of those with one name the first counts.
     blocks : sequence of LabelledSegments
         Blocks of each recording in the order of time, rests among them as ``idle``.
     recipe : Recipe
@@ -91,7 +92,7 @@ class Foresight:
         recipe: Recipe,
         longest_context: int = 3,
     ) -> None:
-        by_source = {recording.source: recording for recording in recordings}
+        by_source = {recording.source: recording for recording in reversed(recordings)}
         examples, sequences = [], []
         for found in blocks:
             if found.source not in by_source:

@@ -122,6 +122,15 @@ class PipelineConfig(Config):
         return self
 
     @model_validator(mode="after")
+    def _check_blocks(self) -> PipelineConfig:
+        """Refuse blocks of two arms."""
+        if self.second_arm is not None and self.select.as_ == "blocks":
+            raise ValueError(
+                "select.as: blocks are those of one arm; expected no second_arm, or as: movement"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _check_one_throw(self) -> PipelineConfig:
         """Refuse what the method without examples cannot give."""
         if not isinstance(self.recognize, OneThrowConfig):

@@ -25,7 +25,10 @@ from besman.robot.model import Robot, find_tool, load_robot
 from besman.simulation.tasks.kinds import load_task
 from besman.stages.compose.actions import LevelModel
 from besman.stages.compose.stage import leave_out_actions, pick_level
+from besman.stages.export.task_exports import write_task_exports
+from besman.stages.imitate.task_plans import ImitateTasks
 from besman.stages.map.stage import MapBothArms
+from besman.stages.map.whole_tasks import MapTasks
 from besman.stages.read.read_inputs import Inputs, read_inputs
 from besman.stages.recognize.model import RecognitionModel
 from besman.stages.recognize.model_files import load_model
@@ -126,6 +129,8 @@ STAGES = (
     "select",
     "blocks",
     "map",
+    "tasks",
+    "task_plans",
     "imitate",
     "refine",
     "robustness",
@@ -164,6 +169,10 @@ def _run_stages(config: PipelineConfig, run: Run, inputs: Inputs, trained_in: Pa
     robot = load_robot(config.robot, config.tool)
     if config.second_arm is None:
         mapping = run.step("map", config.map, hands, robot)
+        if config.select.as_ == "blocks":
+            tasks = run.step("tasks", MapTasks(config.map), mapping, divided, robot)
+            plans = run.step("task_plans", ImitateTasks(config.imitate), tasks, robot)
+            run.export("exports_tasks", plans, robot, write_task_exports)
         _learn_motions(config, run, mapping.trajectories, robot)
         return
 

@@ -21,7 +21,7 @@ from besman.pipeline.stage_store import (
     load_stage,
     store_stage,
 )
-from besman.records import Failure, RefinedMotion
+from besman.records import Failure
 from besman.records.files import digest
 from besman.robot.model import Robot
 from besman.stages.export.motion_exports import write_exports
@@ -218,7 +218,13 @@ class Run:
         """Add a line to the run's log."""
         self._record.log(line)
 
-    def export(self, name: str, motions: tuple[RefinedMotion, ...], robot: Robot) -> None:
+    def export(
+        self,
+        name: str,
+        motions: tuple[Any, ...],
+        robot: Robot,
+        write: Callable[..., None] = write_exports,
+    ) -> None:
         """Write motions as files for the arm, if those that are there are not theirs, or damaged.
 
         Parameters
@@ -226,7 +232,10 @@ class Run:
         name : str
             Of the folder.
         motions : tuple of RefinedMotion
+            Or of what `write` takes.
         robot : Robot
+        write : callable
+            Takes motions, robot, folder and work.
         """
         folder = self.folder / name
         of = digest((motions, robot.content, self._code, result_versions()))
@@ -235,7 +244,7 @@ class Run:
             return
         if fault:
             self._record.log(f"{fault}: written again")
-        self.work(name, write_exports, motions, robot, folder)
+        self.work(name, write, motions, robot, folder)
         self._record.add_exports(folder, of)
 
     def work(

@@ -12,12 +12,14 @@ from besman.records.recordings import Axis, LabelledRecording, Origin, Recording
 from besman.records.refined_motion import RefinedMotion
 from besman.records.segments import Actions, LabelledSegments, Segments
 from besman.records.trajectories import HandTrajectory, JointTrajectory
+from besman.records.whole_tasks import BlockPlan, MappedTask, TaskPlan
 
 __all__ = [
     "Actions",
     "AnyPlan",
     "Axis",
     "BlockDemonstration",
+    "BlockPlan",
     "CartesianPlan",
     "Failure",
     "FloatArray",
@@ -26,6 +28,7 @@ __all__ = [
     "LabelledRecording",
     "LabelledSegments",
     "Landing",
+    "MappedTask",
     "MotionPlan",
     "Origin",
     "Record",
@@ -33,5 +36,6 @@ __all__ = [
     "RefinedMotion",
     "Segments",
     "ShapeError",
+    "TaskPlan",
     "freeze",
 ]

@@ -25,6 +25,9 @@ _TREE = "__tree__"
 # The module in which the record of each name in files (`Record.stored_as`) stands today.
 _RECORDS = {
     "BlockDemonstration": "besman.records.block_demonstrations",
+    "BlockPlan": "besman.records.whole_tasks",
+    "MappedTask": "besman.records.whole_tasks",
+    "TaskPlan": "besman.records.whole_tasks",
     "besman.records:Failure": "besman.records.failure",
     "besman.records:Landing": "besman.records.landing",
     "besman.records:CartesianPlan": "besman.records.plans",

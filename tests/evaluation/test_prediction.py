@@ -1,9 +1,11 @@
+import json
 import shutil
 
 import numpy as np
 import pytest
 from places import REAL_DATA, SAMPLE
 
+from besman.cli import main as cli
 from besman.evaluation.prediction import (
     evaluate_prediction,
     load_performances,
@@ -47,6 +49,17 @@ def test_the_tables_say_what_they_are_about(result):
     assert "every movement is always followed by the same" in prediction_note(result)
     free = {"figures": {"seconds_per_sample": 1e-5, "order_entropy": 0.5}}
     assert prediction_note(free).endswith("0.50 nats")
+
+
+def test_the_command_prints_and_writes_it(monkeypatch, tmp_path, capsys):
+    target = tmp_path / "p.json"
+    arguments = ["evaluate", "prediction", "--data", str(SAMPLE), "--json", str(target)]
+    monkeypatch.setattr("sys.argv", ["besman", *arguments])
+    with pytest.raises(SystemExit) as stop:
+        cli.main()
+    assert not stop.value.code
+    assert "ms of CPU a sample" in capsys.readouterr().out
+    assert json.loads(target.read_text())["experiment"] == "prediction"
 
 
 def test_one_recording_alone_foresees_nothing(tmp_path):

@@ -44,6 +44,26 @@ def test_features_of_a_first_part_are_those_of_the_recognition():
     )
 
 
+def test_a_hands_orientation_is_not_looked_at():
+    recording = RECORDINGS[0]
+    for features, expected in (
+        (("positions", "hand_orientation"), ("positions",)),
+        (("hand_orientation",), ("displacements",)),
+    ):
+        recipe = dataclasses.replace(RECIPE, features=features)
+        parts = FirstParts(recipe, recording.markers, recording.source)
+        assert parts.features == expected
+        assert np.isfinite(parts.extract(recording.positions[:20], recording.rate_hz)).all()
+
+
+def test_of_recordings_with_one_name_the_first_counts(foresight):
+    other = dataclasses.replace(RECORDINGS[1], source=RECORDINGS[0].source)
+    again = Foresight([*RECORDINGS, other], BLOCKS, RECIPE)
+    seen = foresight.parts(other.markers, "a").extract(other.positions[:20], other.rate_hz)
+    found, expected = (one.weigh(one.expect([]), seen).now for one in (again, foresight))
+    np.testing.assert_array_equal(found, expected)
+
+
 def test_what_cannot_be_seen_has_no_features():
     recording = RECORDINGS[0]
     parts = FirstParts(RECIPE, recording.markers, recording.source)

@@ -11,6 +11,7 @@ from besman.config.resources import find_resource
 from besman.exceptions import ConfigError
 from besman.io.segments_json import find_segments
 from besman.pipeline.check import check_pipeline
+from besman.pipeline.check_run import check_run
 from besman.pipeline.config import load_pipeline, pipeline_yaml
 from besman.records.files import load_record
 from besman.synthetic.datasets import write_synthetic
@@ -77,6 +78,15 @@ def test_an_action_is_retargeted(monkeypatch, tmp_path, capture):
         (("select.label=null",), "expected one of label and action, got none"),
         (("select.label=null", "select.action=toss"), "'toss'; allowed: nothing"),
         (("select.label=null", "select.action=tos", COMPOSE), "did you mean 'toss'"),
+        (
+            (
+                "select.label=null",
+                "select.action=toss",
+                "select.as=blocks",
+                "second_arm={robot: ur5, tool: none}",
+            ),
+            "blocks are those of one arm; expected no second_arm",
+        ),
         (("select.as=blocks",), "expected action: NAME in place of label"),
         (("compose={levels: []}",), "levels"),
         (("compose={levels: [[]]}",), "at least 1 item"),
@@ -102,3 +112,34 @@ def test_a_sequence_is_checked_before_it_runs():
     ))  # fmt: skip
     with pytest.raises(ConfigError, match=r"actions.toss: got 'trow', .*did you mean 'throw'"):
         check_pipeline("ur5_stick_throw", (*TOSS, "select.actions={toss: [strike_out, trow]}"))
+
+
+@pytest.mark.slow
+def test_a_whole_task_runs_from_the_recording_to_its_files(monkeypatch, tmp_path):
+    """A person puts a box on a table and back (synthetic)."""
+    write_synthetic("pick_and_place", tmp_path / "capture", 1, 2, seed=3)
+    blocks = ("approach_forward", "move_obj_table", "move_to_rest_right")
+    settings = (
+        "label={method: named}", "recognize.examples_per_class=2", "select.label=null",
+        "select.action=to_table", "select.as=blocks", "select.merge=false",
+        f"select.actions={{to_table: [{', '.join(blocks)}]}}", "map.evaluations=40",
+        "refine.episodes=2", "refine.robustness=null",
+    )  # fmt: skip
+    arguments = [part for one in settings for part in ("--set", one)]
+    folder = tmp_path / "run"
+    run(
+        monkeypatch, "run", "ur5_reach", "--out", folder,
+        "--set", f"recordings={tmp_path / 'capture'}", *arguments,
+    )  # fmt: skip
+    found = json.loads((folder / "results.json").read_text())
+    assert found["actions"]["counts"]["to_table"] == 2
+    for own in found["blocks"]["demonstrations"].values():
+        assert tuple(own["blocks"]) == blocks
+        assert [hold["grasp_in"] for hold in own["holds"]] == ["move_obj_table"]
+    assert found["tasks"]["n_tasks"] == len(found["task_plans"]["plans"]) >= 1
+    for name in found["task_plans"]["plans"]:
+        stem = f"{name.split('.')[0]}_{name.rpartition(':')[2]}"
+        assert (folder / "exports_tasks" / f"{stem}.gripper.csv").is_file()
+    whole, faults = check_run(folder)
+    assert faults == []
+    assert any(line.startswith("exports: ") for line in whole)

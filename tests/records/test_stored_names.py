@@ -12,9 +12,9 @@ from besman.records import files as record_files
 from besman.records.files import load_record, save_record
 
 # Kinds of record that there were not then.
-SINCE = {"besman.records:Landing", "besman.records:Origin", "BlockDemonstration"}
-# Those are written and read where they are made: tests/stages/select/test_block_steps.py.
-ELSEWHERE = {"BlockDemonstration"}
+# Of these, those that are written and read where they are made, in tests/stages.
+ELSEWHERE = {"BlockDemonstration", "MappedTask", "BlockPlan", "TaskPlan"}
+SINCE = {"besman.records:Landing", "besman.records:Origin"} | ELSEWHERE
 WRITTEN = sorted((Path(__file__).parent / "written_by_58ea6d7").glob("*.npz"))
 
 

@@ -5,47 +5,27 @@ import dataclasses
 import numpy as np
 import pytest
 from pydantic import ValidationError
+from whole_task import GRAMMAR, MARKERS, divide_actions, make_select, record_take
 
-from besman.evaluation.recognition_data import name_parts
 from besman.exceptions import MappingError
 from besman.geometry.frames import quaternion_to_rotation
-from besman.person.marker_set import load_marker_set
 from besman.pipeline.config import PipelineConfig
 from besman.records import BlockDemonstration, ShapeError
 from besman.records.files import load_record, save_record
-from besman.records.layers import building_blocks
 from besman.stages.select.block_steps import DivideActions, FindActions, hand_motion
 from besman.stages.select.stage import SelectConfig
-from besman.synthetic.datasets import captures
-
-GRAMMAR = {
-    "to_table": ("approach_forward", "move_obj_table", "move_to_rest_right"),
-    "to_shelf": ("approach_right", "move_obj_shelf", "move_to_rest_down"),
-}
-MARKERS = load_marker_set("right_arm")
-
-
-def make_config(action="to_table", actions=GRAMMAR, **more):
-    return SelectConfig(**{"action": action, "actions": actions, "as": "blocks", **more})
 
 
 @pytest.fixture(scope="module")
 def take():
     """Recording and true blocks of one person (synthetic)."""
-    (capture,) = captures("pick_and_place", 1, 1, seed=0)
-    return name_parts(capture.recording), building_blocks(capture.segments)
-
-
-def divide(recording, blocks, config):
-    actions = FindActions(config).run((blocks,), ())
-    hands = config.run((recording,), actions)
-    return DivideActions(config).run((recording,), (blocks,), actions, hands, MARKERS)
+    return record_take()
 
 
 def test_an_action_has_its_blocks_its_box_and_its_grasp(take):
     recording, blocks = take
     for name, sequence in GRAMMAR.items():
-        (found,) = divide(recording, blocks, make_config(name))
+        (found,) = divide_actions(recording, blocks, make_select(name))
         rows = [blocks.labels.index(label) for label in sequence]
         start = blocks.bounds[rows[0], 0]
         assert found.labels == sequence
@@ -63,7 +43,7 @@ def test_an_action_has_its_blocks_its_box_and_its_grasp(take):
 def test_the_box_is_in_the_frame_of_the_hands_way(take):
     """What is near the hand in the laboratory is as near to it there."""
     recording, blocks = take
-    (found,) = divide(recording, blocks, make_config())
+    (found,) = divide_actions(recording, blocks, make_select())
     start = blocks.bounds[blocks.labels.index("approach_forward"), 0]
     row = blocks.bounds[blocks.labels.index("move_obj_table"), 0] - start + 20
     k = int(np.argmin(np.abs(found.hand.time - row / recording.rate_hz)))
@@ -82,7 +62,7 @@ def test_the_box_is_in_the_frame_of_the_hands_way(take):
 
 
 def test_it_is_stored_and_comes_back(take, tmp_path):
-    (found,) = divide(*take, make_config())
+    (found,) = divide_actions(*take, make_select())
     save_record((found,), tmp_path / "a.npz")
     (again,) = load_record(tmp_path / "a.npz")
     for one in dataclasses.fields(BlockDemonstration):
@@ -105,7 +85,7 @@ def test_actions_may_be_named_by_hand(take):
         blocks, bounds=np.array([[start, stop]]), labels=("tidy",), distances=np.zeros(1),
         layers=("actions",),
     )  # fmt: skip
-    config = make_config("tidy", {})
+    config = make_select("tidy", {})
     (actions,) = FindActions(config).run((blocks,), (manual,))
     assert actions.bounds.tolist() == [[start, stop]]
     hands = config.run((recording,), (actions,))
@@ -114,15 +94,15 @@ def test_actions_may_be_named_by_hand(take):
     other = dataclasses.replace(blocks, source="b.tsv")
     assert FindActions(config).run((other,), (manual,))[0].labels == ()
     with pytest.raises(MappingError, match=r"select.action: got 'tiddy'; .*tidy"):
-        FindActions(make_config("tiddy", {})).run((blocks,), (manual,))
+        FindActions(make_select("tiddy", {})).run((blocks,), (manual,))
 
 
 def test_figures_say_what_was_found(take):
     recording, blocks = take
-    config = make_config()
+    config = make_select()
     actions = FindActions(config).run((blocks,), ())
     assert FindActions(config).figures(actions, None)["counts"] == {"to_shelf": 1, "to_table": 1}
-    found = divide(recording, blocks, config)
+    found = divide_actions(recording, blocks, config)
     (told,) = DivideActions(config).figures(found, None)["demonstrations"].values()
     assert told["blocks"] == list(GRAMMAR["to_table"])
     assert told["holds"][0]["grasp_in"] == told["holds"][0]["release_in"] == "move_obj_table"
@@ -131,10 +111,10 @@ def test_figures_say_what_was_found(take):
 def test_a_misspelt_block_and_an_order_that_nobody_shows_are_errors(take):
     _, blocks = take
     with pytest.raises(MappingError, match=r"to_table: no block is labelled 'aproach_forward'"):
-        FindActions(make_config(actions={"to_table": ("aproach_forward",)})).run((blocks,), ())
+        FindActions(make_select(actions={"to_table": ("aproach_forward",)})).run((blocks,), ())
     backwards = {"to_table": GRAMMAR["to_table"][::-1]}
     with pytest.raises(MappingError, match="follow each other in none of 1 recordings"):
-        FindActions(make_config(actions=backwards)).run((blocks,), ())
+        FindActions(make_select(actions=backwards)).run((blocks,), ())
 
 
 def test_what_goes_wrong_in_one_action_is_said(take):
@@ -149,13 +129,13 @@ def test_what_goes_wrong_in_one_action_is_said(take):
         ),
     )
     with pytest.raises(MappingError, match=r"box is grasped at .* and not released before"):
-        divide(recording, early, make_config(actions=held))
+        divide_actions(recording, early, make_select(actions=held))
     positions = recording.positions.copy()
     positions[150:200, recording.markers.index("box_left")] = np.nan
     gone = dataclasses.replace(recording, positions=positions)
     with pytest.raises(MappingError, match=r"box: marker 'box_left' is not seen in frames .*leave"):
-        divide(gone, blocks, make_config())
-    config = make_config("tidy", {})
+        divide_actions(gone, blocks, make_select())
+    config = make_select("tidy", {})
     rest = blocks.take([0])
     (actions,) = FindActions(config).run((blocks,), (_tidy(blocks),))
     hands = config.run((recording,), (actions,))

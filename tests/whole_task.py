@@ -1,0 +1,48 @@
+"""A synthetic person's way with a box, on a UR5: mapped once for the tests that look at it."""
+
+import functools
+
+from besman.evaluation.recognition_data import name_parts
+from besman.person.marker_set import load_marker_set
+from besman.records.layers import building_blocks
+from besman.robot.model import load_robot
+from besman.stages.map.stage import MapConfig
+from besman.stages.map.whole_tasks import MapTasks
+from besman.stages.select.block_steps import DivideActions, FindActions
+from besman.stages.select.stage import SelectConfig
+from besman.synthetic.datasets import captures
+
+GRAMMAR = {
+    "to_table": ("approach_forward", "move_obj_table", "move_to_rest_right"),
+    "to_shelf": ("approach_right", "move_obj_shelf", "move_to_rest_down"),
+}
+MARKERS = load_marker_set("right_arm")
+
+
+def make_select(action="to_table", actions=GRAMMAR, **more):
+    return SelectConfig(**{"action": action, "actions": actions, "as": "blocks", **more})
+
+
+@functools.cache
+def record_take():
+    """Recording and true blocks of one person."""
+    (capture,) = captures("pick_and_place", 1, 1, seed=0)
+    return name_parts(capture.recording), building_blocks(capture.segments)
+
+
+def divide_actions(recording, blocks, config):
+    """Return the demonstrations of an action with their blocks."""
+    actions = FindActions(config).run((blocks,), ())
+    hands = config.run((recording,), actions)
+    return DivideActions(config).run((recording,), (blocks,), actions, hands, MARKERS)
+
+
+@functools.cache
+def map_box_task():
+    """Return robot, demonstration, and mapped task."""
+    robot = load_robot("ur5", "gripper")
+    (demonstration,) = divide_actions(*record_take(), make_select())
+    config = MapConfig(evaluations=40, yaw=True)
+    mapping = config.run((demonstration.hand,), robot)
+    (task,) = MapTasks(config).run(mapping, (demonstration,), robot)
+    return robot, demonstration, task
