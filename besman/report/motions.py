@@ -211,9 +211,9 @@ def demonstration_table(arm: ArmRecords, folder: Path) -> str:
         f"<h2>Every demonstration{html.escape(arm.heading)}</h2>"
         + html_table([*header, "exports"], rows, sortable=True)
         + '<p class="soft">A click on a head sorts. Errors are means over the movement, but '
-        "that of the imitation: the tool's greatest distance from the mapped path at the same time; "
-        "stretch is the robot's duration over the person's. Exports: joint trajectory as CSV, as ROS 2 "
-        "message (JSON and YAML), as URScript; the way there from home.</p>"
+        "the imitation's is the tool's greatest distance from the mapped path at the same time; "
+        "stretch is the robot's duration over the person's. Exports: joint trajectory as CSV, as "
+        "ROS 2 message (JSON and YAML), as URScript; the way there from home.</p>"
     )
 
 
