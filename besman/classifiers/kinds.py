@@ -63,8 +63,7 @@ CLASSIFIERS = (
         "dtw",
         "neighbours:DtwNeighbour",
         "nearest neighbour under dynamic time warping",
-        "tslearn",
-        "sequences",
+        "numba",
     ),
     ClassifierKind(
         "hmm",

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from sklearn.neighbors import KNeighborsClassifier
 
-from besman.classifiers.sequences import SequenceClassifier, import_extra
+from besman.classifiers.sequences import SequenceClassifier
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -68,22 +68,18 @@ class DtwNeighbour(SequenceClassifier):
 
     def predict(self, X: npt.ArrayLike) -> Any:
         """Return the class of the nearest example."""
-        nearest = self._apart(X).argmin(axis=1)
+        nearest, _ = self._nearest(X)
         return self.classes_[self.codes_[nearest]]
 
     def uncertainty(self, X: npt.ArrayLike) -> FloatArray:
         """Return the warped distance to the nearest example per value, shape (S,)."""
-        return np.asarray(self._apart(X).min(axis=1) / np.sqrt(self.n_features_in_))
+        return np.asarray(self._nearest(X)[1] / np.sqrt(self.n_features_in_))
 
-    def _apart(self, X: npt.ArrayLike) -> FloatArray:
-        """Return distances to all examples, shape (S, N)."""
-        sequences = self._check_test(X)
-        metrics = import_extra("tslearn.metrics", "dtw", "besman[sequences]")
-        return np.asarray(
-            metrics.cdist_dtw(
-                sequences,
-                self.examples_,
-                global_constraint="sakoe_chiba",
-                sakoe_chiba_radius=self.band_points,
-            )
+    def _nearest(self, X: npt.ArrayLike) -> tuple[npt.NDArray[np.int64], FloatArray]:
+        """Return the nearest example of each, and its distance, shape (S,)."""
+        from besman.classifiers.dtw_kernel import nearest_warped
+
+        found: tuple[npt.NDArray[np.int64], FloatArray] = nearest_warped(
+            self._check_test(X), self.examples_, self.band_points
         )
+        return found

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -143,18 +144,30 @@ def write_ros_joint_trajectory(path: Path, message: dict[str, Any]) -> None:
         return
     head = {key: value for key, value in message.items() if key != "points"}
     lines = [f"{key}: {json.dumps(value)}" for key, value in head.items()]
-    lines += ["points:", *(f"- {_flow(point)}" for point in message["points"])]
+    lines += ["points:", *_flow(message["points"])]
     write_text(path, "\n".join(lines) + "\n", durable=False)
 
 
-def _flow(point: dict[str, Any]) -> str:
-    """Write a point as a flow mapping; never with an exponent, which YAML 1.1 takes for text."""
+def _flow(points: list[dict[str, Any]]) -> list[str]:
+    """Write points as flow mappings; never with an exponent, which YAML 1.1 takes for text."""
+    if not points:
+        return []
     parts = []
-    for key, value in point.items():
-        numbers = ", ".join(f"{number:.9f}" for number in value) if isinstance(value, list) else ""
-        text = f"[{numbers}]" if isinstance(value, list) else json.dumps(value)
-        parts.append(f'"{key}": {text}')
-    return "{" + ", ".join(parts) + "}"
+    for key, value in points[0].items():
+        numbers = ", ".join(["%.9f"] * len(value)) if isinstance(value, list) else ""
+        parts.append(f'"{key}": [{numbers}]' if isinstance(value, list) else f'"{key}": %s')
+    # One template for all: they have the same joints.
+    template = "- {" + ", ".join(parts) + "}"
+    return [template % tuple(_values(point)) for point in points]
+
+
+def _values(point: dict[str, Any]) -> Iterator[float | str]:
+    """Yield a point's numbers, and what are none as JSON."""
+    for value in point.values():
+        if isinstance(value, list):
+            yield from value
+        else:
+            yield json.dumps(value)
 
 
 def read_ros_joint_trajectory(
@@ -211,5 +224,6 @@ def _from_yaml(text: str) -> dict[str, Any]:
     for line in head.splitlines():
         key, _, value = line.partition(": ")
         message[key] = parse_json(value)
-    message["points"] = [parse_json(line.removeprefix("- ")) for line in points.splitlines()]
+    lines = [line.removeprefix("- ") for line in points.splitlines()]
+    message["points"] = parse_json(f"[{','.join(lines)}]")
     return message

@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from besman.exceptions import PlanError
 from besman.robot.collision import distances
+from besman.robot.dynamics import inverse_dynamics
 from besman.robot.limits import RATE_HZ, check_limits
 from besman.robot.model import Robot
 
@@ -74,7 +75,8 @@ def move_straight(
             way * (30.0 * x**2 * (1.0 - x) ** 2) / seconds,
             way * (60.0 * x * (1.0 - x) * (1.0 - 2.0 * x)) / seconds**2,
         )
-        if not check_limits(robot, *movement).torque:
+        torques = np.abs(inverse_dynamics(robot, *movement))
+        if np.all(torques <= robot.limits.torque):
             return np.arange(n_steps + 1) / RATE_HZ, *movement
         duration *= _LONGER
     raise PlanError(f"{robot.name} cannot bear its load on the straight way")

@@ -15,7 +15,13 @@ from besman.report.run_records import ArmRecords
 
 # More would take longer to draw than to compute, and nobody looks at hundreds.
 _DRAWN = 60
-_FORMATS = ((".csv", "CSV"), (".ros.json", "ROS"), (".ros.yaml", "YAML"), (".script", "UR"), (".approach.csv", "way there"))
+_FORMATS = (
+    (".csv", "CSV"),
+    (".ros.json", "ROS"),
+    (".ros.yaml", "YAML"),
+    (".script", "UR"),
+    (".approach.csv", "way there"),
+)
 
 
 def overview_figure(records: dict[str, Any], config: dict[str, Any], arm: ArmRecords) -> str:
@@ -206,9 +212,10 @@ def demonstration_table(arm: ArmRecords, folder: Path) -> str:
     return (
         f"<h2>Every demonstration{html.escape(arm.heading)}</h2>"
         + html_table([*header, "exports"], rows, sortable=True)
-        + '<p class="soft">A click on a head sorts. Errors are means over the movement; stretch '
-        "is the robot's duration over the person's. Exports: joint trajectory as CSV, as ROS 2 "
-        "message (JSON and YAML), as URScript.</p>"
+        + '<p class="soft">A click on a head sorts. Errors are means over the movement, but '
+        "the imitation's is the tool's greatest distance from the mapped path at the same time; "
+        "stretch is the robot's duration over the person's. Exports: joint trajectory as CSV, as "
+        "ROS 2 message (JSON and YAML), as URScript; the way there from home.</p>"
     )
 
 

@@ -22,13 +22,13 @@ def estimators():
 
     return {
         "sklearn": NearestNeighbours(),
-        "tslearn": DtwNeighbour(n_channels=2),
+        "numba": DtwNeighbour(n_channels=2),
         "hmmlearn": HmmClassifier(n_channels=2),
         "torch": LstmClassifier(n_channels=2, n_cells=8, max_epochs=60),
     }
 
 
-LIBRARIES = ("sklearn", "tslearn", "hmmlearn", "torch")
+LIBRARIES = ("sklearn", "numba", "hmmlearn", "torch")
 
 
 def estimator(library):
@@ -94,8 +94,26 @@ def test_more_states_than_points_leave_a_proper_model():
     assert np.isfinite(learnt.log_likelihood(X)).all()
 
 
+@pytest.mark.parametrize("band", [0, 1, 3, 40])
+def test_the_nearest_example_is_that_of_tslearn(band):
+    """Also where it gives up examples early, and where the band is wider than the sequences."""
+    metrics = pytest.importorskip("tslearn.metrics")
+    from besman.classifiers.neighbours import DtwNeighbour
+
+    rng = np.random.default_rng(3)
+    examples, X = rng.normal(size=(12, 16)).cumsum(axis=1), rng.normal(size=(9, 16)).cumsum(axis=1)
+    learnt = DtwNeighbour(n_channels=2, band_points=band).fit(examples, np.arange(12))
+    apart = metrics.cdist_dtw(
+        X.reshape(-1, 8, 2),
+        examples.reshape(-1, 8, 2),
+        global_constraint="sakoe_chiba",
+        sakoe_chiba_radius=band,
+    )
+    np.testing.assert_allclose(learnt.uncertainty(X) * 4, apart.min(axis=1), rtol=1e-12)
+    np.testing.assert_array_equal(learnt.predict(X), apart.argmin(axis=1))
+
+
 def test_warped_distances_are_those_of_dynamic_programming():
-    pytest.importorskip("tslearn")
     from besman.classifiers.neighbours import DtwNeighbour
 
     rng = np.random.default_rng(3)
@@ -114,7 +132,6 @@ def test_warped_distances_are_those_of_dynamic_programming():
 
 
 def test_values_that_make_no_whole_points_are_refused():
-    pytest.importorskip("tslearn")
     from besman.classifiers.neighbours import DtwNeighbour
 
     with pytest.raises(ValueError, match="got 5 values a sequence, expected a multiple of n_chann"):
@@ -125,7 +142,6 @@ def test_values_that_make_no_whole_points_are_refused():
     ("library", "said"),
     [
         ("torch", "method lstm: torch is not installed; pip install 'besman[lstm]'"),
-        ("tslearn", "method dtw: tslearn is not installed; pip install 'besman[sequences]'"),
         ("hmmlearn", "method hmm: hmmlearn is not installed; pip install 'hmmlearn'"),
     ],
 )

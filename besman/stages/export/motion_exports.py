@@ -32,8 +32,9 @@ _ENDINGS = (".csv", ".ros.json", ".ros.yaml", ".script")
 
 # Rounding of what is written: twelve digits, nine decimals, or ten in URScript.
 _AGREEMENT_RAD = 1e-9
-# The way to the start is written at this many samples a second; controllers interpolate.
-_APPROACH_HZ = 125
+# The way to the start is written at this many samples a second; between them it is the quintic
+# that position, velocity and acceleration define, as controllers interpolate.
+_APPROACH_HZ = 25
 _APPROACH = ".approach"
 # In rad/s and rad/s^2.
 _STILL = 1e-6

@@ -301,8 +301,6 @@ class DtwConfig(_TrainedStage):
         How far warped time may run ahead or behind.
     """
 
-    libraries: ClassVar[tuple[str, ...]] = ("tslearn",)
-
     method: Literal["dtw"] = "dtw"
     band_points: int = Field(default=5, ge=0)
 
