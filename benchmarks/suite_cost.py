@@ -17,14 +17,12 @@ import subprocess
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Generator
 from pathlib import Path
-
-import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 # Where the tests' processes, which have this file as a plugin, write what each test costs.
 _FOLDER = "BESMAN_SUITE_COST"
+_BEFORE: dict[str, float] = {}
 
 
 def cpu_s() -> float:
@@ -33,15 +31,18 @@ def cpu_s() -> float:
     return spent.user + spent.system + spent.children_user + spent.children_system
 
 
-@pytest.hookimpl(wrapper=True)
-def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
-    """Note the file and the processor time of every test."""
-    before = cpu_s()
-    done = yield
-    if folder := os.environ.get(_FOLDER):
+def pytest_runtest_logstart(nodeid: str) -> None:
+    """Note what the process has spent before a test."""
+    _BEFORE[nodeid] = cpu_s()
+
+
+def pytest_runtest_logfinish(nodeid: str) -> None:
+    """Write down what a test cost, and its file; the process that only distributes has none."""
+    folder = os.environ.get(_FOLDER)
+    if folder and "PYTEST_XDIST_WORKER" in os.environ:
+        spent = cpu_s() - _BEFORE.pop(nodeid)
         with (Path(folder) / str(os.getpid())).open("a") as file:
-            file.write(f"{cpu_s() - before:.3f}\t{item.nodeid.partition('::')[0]}\n")
-    return done
+            file.write(f"{spent:.3f}\t{nodeid.partition('::')[0]}\n")
 
 
 def run_suite(root: Path, workers: int, tests: list[str]) -> tuple[float, Counter[str], str]:

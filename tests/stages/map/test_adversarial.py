@@ -55,7 +55,7 @@ def draw(robot, kind, seed, n_samples):
 )
 @example(kind="line", seed=0, n_samples=3, free_spin=False)
 @example(kind="noise", seed=0, n_samples=500, free_spin=False)
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=6, deadline=None)
 def test_every_limit_is_kept_whatever_is_demonstrated(name, kind, seed, n_samples, free_spin):
     robot = ROBOTS[name]
     poses = draw(robot, kind, seed, n_samples)

@@ -56,7 +56,7 @@ def draw(robot, kind, seed, n_samples, size):
 @example(kind="noise", seed=0, n_samples=60, rate=10.0, size=0.1, free_spin=False)
 @example(kind="waves", seed=0, n_samples=400, rate=100.0, size=1.0, free_spin=True)
 @example(kind="noise", seed=0, n_samples=1500, rate=100.0, size=0.01, free_spin=False)
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=8, deadline=None)
 def test_limits_hold_at_1_khz_whatever_comes_in(name, kind, seed, n_samples, rate, size, free_spin):
     robot = ROBOTS[name]
     path = draw(robot, kind, seed, n_samples, size)

@@ -91,7 +91,7 @@ def test_the_chain_keeps_the_prior():
     expected = np.array(
         [
             (used.shape[1], used.sum(), mass, concentration)
-            for mass, concentration, used in (draw_prior(prior, n, rng) for _ in range(20000))
+            for mass, concentration, used in (draw_prior(prior, n, rng) for _ in range(8000))
         ]
     )
     start = [rng.normal(size=(length, 1)) for _ in range(n)]
