@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
+from importlib import import_module
 
 import numpy as np
 import numpy.typing as npt
@@ -27,6 +28,14 @@ class _Work:
     n_bytes = 0
 
 
+def prepare(n_bytes: int) -> None:
+    """Load the kernel if so much text, with what this process has read before, is worth it."""
+    if _KERNEL not in sys.modules:
+        _Work.n_bytes += n_bytes
+        if _Work.n_bytes >= (_WORTH_KERNEL if "numba" in sys.modules else _WORTH_NUMBA):
+            import_module(_KERNEL)
+
+
 def parse_table(
     text: bytes, n_rows: int, n_columns: int, separator: bytes, point: bytes, is_strict: bool
 ) -> FloatArray | None:
@@ -47,13 +56,11 @@ def parse_table(
     -------
     array, shape (n_rows, n_columns), or None
         NaN for ``nan``, ``null``, ``NA`` and empty cells. None where a line has other cells or
-        nothing in them, a cell is anything else than a plain number or one of these, or as long as
-        this process has read so little that it is not worth loading the kernel.
+        nothing in them, a cell is anything else than a plain number or one of these, or if the
+        kernel is not loaded (`prepare`).
     """
     if _KERNEL not in sys.modules:
-        _Work.n_bytes += len(text)
-        if _Work.n_bytes < (_WORTH_KERNEL if "numba" in sys.modules else _WORTH_NUMBA):
-            return None
+        return None
     from besman.io.recordings.number_kernel import read_table
 
     codes = np.frombuffer(text + b"\n", np.uint8)

@@ -13,7 +13,7 @@ import numpy as np
 
 from besman.exceptions import RecordingError
 from besman.foreign.numbers import parse_number
-from besman.io.recordings.number_cells import parse_cells, parse_table
+from besman.io.recordings.number_cells import parse_cells, parse_table, prepare
 from besman.io.recordings.text_lines import TextLines, count_lines
 from besman.records import FloatArray
 
@@ -115,6 +115,7 @@ def read_rows(
     RecordingError
         If there is no row, one has too many cells, a cell is no number, or the last line was cut.
     """
+    prepare(lines.n_bytes)
     found, row = [np.empty((0, width))], first
     for block in lines.blocks(first):
         n_lines = count_lines(block)

@@ -13,7 +13,7 @@ from besman.exceptions import RecordingError, RecordingWarning
 from besman.foreign.numbers import has_odd_digits, parse_number
 from besman.io.atomic_files import written_aside
 from besman.io.recordings.format import READING, Columns
-from besman.io.recordings.number_cells import parse_cells, parse_table
+from besman.io.recordings.number_cells import parse_cells, parse_table, prepare
 from besman.io.recordings.qtm_bodies import has_bodies, read_bodies
 from besman.io.recordings.qtm_header import QtmHeader, read_header
 from besman.io.recordings.text_lines import TextLines, count_lines, open_lines
@@ -194,6 +194,7 @@ def _read_numbers(lines: TextLines, header: QtmHeader, path: Path) -> tuple[Floa
     n_rows, n_tabs = len(lines) - header.data_line, None
     if n_rows < 1:
         raise RecordingError(f"{path}:{len(lines)}: no frames after the header; is the file cut?")
+    prepare(lines.n_bytes)
     clock = np.empty((n_rows, width - 3 * n_markers))
     positions = np.empty((n_rows, n_markers, 3))
     row = 0

@@ -40,6 +40,8 @@ class TextLines(Sequence[str]):
         Whether the last line ends with a line end.
     is_blank : bool
         Whether there is nothing but blanks.
+    n_bytes : int
+        Of the whole text, about.
     """
 
     def __init__(self, read: Callable[[int], Iterable[bytes]]) -> None:
@@ -48,7 +50,7 @@ class TextLines(Sequence[str]):
         self._n_lines, self._is_whole = 1, True
         # Where parts begin: lines and bytes before them.
         self._starts: list[tuple[int, int]] = []
-        n_before = 0
+        n_before, offset, part = 0, 0, b""
         for offset, part in _cut_at_line_ends(read(0)):
             self._starts.append((n_before, offset))
             self.is_ended = not part
@@ -60,6 +62,7 @@ class TextLines(Sequence[str]):
             if kept:
                 self._n_lines = n_before + n_lines - part.count(b"\n", kept)
             n_before += n_lines
+        self.n_bytes = offset + len(part)
         self._encoding = "utf-8" if is_utf8 else "latin-1"
 
     @classmethod

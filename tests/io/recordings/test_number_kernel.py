@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from besman.io.recordings import number_cells
-from besman.io.recordings.number_cells import parse_table
+from besman.io.recordings.number_cells import parse_table, prepare
 from besman.io.recordings.number_kernel import read_table
 from besman.io.recordings.number_rows import Cells, read_rows
 from besman.io.recordings.text_lines import TextLines
@@ -95,12 +95,17 @@ def test_rows_are_the_same_with_and_without(separator, tmp_path, monkeypatch):
 
 
 def test_the_kernel_is_loaded_where_there_is_much_to_read(monkeypatch):
+    loaded = []
     monkeypatch.setattr(number_cells, "_KERNEL", "not there")
+    monkeypatch.setattr(number_cells, "import_module", loaded.append)
     monkeypatch.setattr(number_cells._Work, "n_bytes", 0)
     monkeypatch.setattr(number_cells, "_WORTH_KERNEL", 9)
-    monkeypatch.setattr(number_cells, "_WORTH_NUMBA", 9)
     assert "numba" in sys.modules
-    how = {"n_rows": 1, "n_columns": 2, "separator": b"\t", "point": b".", "is_strict": True}
-    assert parse_table(b"1\t2", **how) is None
-    assert parse_table(b"1\t2", **how) is None
-    np.testing.assert_array_equal(parse_table(b"1\t2", **how), [[1.0, 2.0]])
+    for _ in range(2):
+        prepare(4)
+    assert loaded == []
+    assert parse_table(b"1\t2", 1, 2, b"\t", b".", True) is None
+    prepare(1)
+    assert loaded == ["not there"]
+    monkeypatch.undo()
+    np.testing.assert_array_equal(parse_table(b"1\t2", 1, 2, b"\t", b".", True), [[1.0, 2.0]])
