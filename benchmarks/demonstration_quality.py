@@ -1,8 +1,8 @@
 """Real reaches beside synthetic ones, in the same terms: segmented, mapped, imitated, refined.
 
-Run as ``python benchmarks/demonstration_quality.py [FOLDER]``: pick-and-place recordings with manual
-segments, and 12 synthetic ones of the same task, through the recipe `ur5_reach`, once for each kind
-of movement.
+Run as ``python benchmarks/demonstration_quality.py [FOLDER]``: pick-and-place recordings with
+manual segments, and 12 synthetic ones of the same task, through the recipe `ur5_reach`, once for
+each kind of movement.
 """
 
 from __future__ import annotations
