@@ -1,8 +1,8 @@
 """Real reaches beside synthetic ones, in the same terms: segmented, mapped, imitated, refined.
 
-Run as ``python benchmarks/demonstration_quality.py FOLDER``: pick-and-place recordings with manual
-segments, and as many synthetic ones of the same task, through the recipe `ur5_reach`, once for each
-kind of movement.
+Run as ``python benchmarks/demonstration_quality.py [FOLDER]``: pick-and-place recordings with
+manual segments, and 12 synthetic ones of the same task, through the recipe `ur5_reach`, once for
+each kind of movement.
 """
 
 from __future__ import annotations
@@ -55,7 +55,8 @@ def main() -> None:
         synthetic.mkdir()
         for capture in datasets.captures("pick_and_place", N_SUBJECTS, 1, seed=3):
             write_capture(capture, synthetic)
-        for source, folder in (("real", Path(sys.argv[1])), ("*synthetic*", synthetic)):
+        real = [("real", Path(folder)) for folder in sys.argv[1:2]]
+        for source, folder in (*real, ("*synthetic*", synthetic)):
             for label in MOVEMENTS:
                 out = Path(temporary) / f"{folder.name}_{label}"
                 print(row(source, label, measure(folder, label, out)), flush=True)

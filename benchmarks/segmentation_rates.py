@@ -44,6 +44,9 @@ def move_truth(truth: LabelledSegments, n_rows: int, rate_hz: float) -> Labelled
 
 
 def main() -> None:
+    if len(sys.argv) < 2:
+        print("segmentation at other rates: only on real recordings, name their FOLDER")
+        return
     data = read_dataset(Path(sys.argv[1]))
     method = sys.argv[2] if len(sys.argv) > 2 else DEFAULT_METHOD
     written = sorted({recording.rate_hz for recording in data.recordings})

@@ -78,7 +78,7 @@ def test_units_given(tmp_path):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (b"", "the file is empty; expected Qualisys TSV, C3D, .* or joint log"),
+        (b"", "the file is empty; expected Qualisys TSV, C3D, .* or ROS bag"),
         (b"\n \n", "the file is empty"),
         (b"time,x\n1,2\n", "a format that is not known; expected Qualisys TSV, C3D"),
         (b"\x89PNG\r\n\x1a\n\0\0", "a format that is not known"),
