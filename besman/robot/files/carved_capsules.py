@@ -193,9 +193,7 @@ def _whole(name: str, surfaces: Sequence[Surface]) -> tuple[FloatArray, IntArray
     return subdivide(np.vstack(vertices), np.vstack(triangles), _EDGE_SHARE)
 
 
-def _share_out(
-    robot: Robot, surfaces: Sequence[Surface], poses: FloatArray
-) -> dict[str, _Pieces]:
+def _share_out(robot: Robot, surfaces: Sequence[Surface], poses: FloatArray) -> dict[str, _Pieces]:
     """Give the triangles of every link to the capsules that they lie in."""
     chain, found = robot.chain, {}
     names = np.array(chain.capsule_links)
