@@ -44,7 +44,7 @@ def fit_capsules(vertices: FloatArray, triangles: IntArray) -> list[tuple[FloatA
     best: list[tuple[FloatArray, float]] = []
     least = np.inf
     is_fine = len(triangles) > _MOST_TRIANGLES
-    coarse = decimate(vertices, triangles)
+    coarse = coarser_mesh(vertices, triangles)
     for number in range(1, _GREATEST_NUMBER + 1):
         capsules = _fit_clusters(*coarse, number)
         if is_fine:
@@ -224,7 +224,7 @@ def subdivide(
     return vertices, triangles
 
 
-def decimate(vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray, IntArray]:
+def coarser_mesh(vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray, IntArray]:
     """Return a coarser mesh if there are too many triangles to fit many capsules to."""
     return _thin(vertices, triangles) if len(triangles) > _MOST_TRIANGLES else (vertices, triangles)
 

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.robot.capsules import (
+    coarser_mesh,
     contain,
-    decimate,
     distances_to_axis,
     fit_capsule,
     subdivide,
@@ -202,7 +202,7 @@ def _share_out(robot: Robot, surfaces: Sequence[Surface], poses: FloatArray) -> 
         fine = _whole(name, surfaces)
         if not len(fine[1]):
             continue
-        vertices, triangles = decimate(*fine)
+        vertices, triangles = coarser_mesh(*fine)
         capsules = contain(
             [(chain.capsule_ends[at], float(chain.capsule_radii[at])) for at in mine],
             vertices, triangles,
