@@ -1,7 +1,8 @@
 """Inverse kinematics in poses a second, beside mink and Pinocchio, measured in one run.
 
 The same 20 paths of 100 poses for the UR5 and the iiwa 7 with their stick holders, full
-orientation, warm-started from the pose before. One thread, by its CPU time. mink is used if it is installed (``pip install mink daqp``). Then
+orientation, warm-started from the pose before. One thread, by its CPU time. mink is used if it is
+installed (``pip install mink daqp``). Then
 all eight branches in closed form, the best sequence of them over each path, and whole paths as
 stage ``map`` solves them, also with the spin about the tool left free.
 
