@@ -321,9 +321,8 @@ def _complete(
     contacts = mesh_contacts(robot.model, shapes)
     surfaces = link_surfaces(robot.model, tree, urdf)
     carved = carve_capsules(robot, surfaces, contacts, lambda share: progress(0.5 * share))
-    if carved:
-        content["capsules"] = replace_capsules(content["capsules"], robot, carved)
-        robot = build_robot(_as_config(content), "none", tree, urdf, path, str(path))
+    content["capsules"] = replace_capsules(content["capsules"], robot, carved)
+    robot = build_robot(_as_config(content), "none", tree, urdf, path, str(path))
     pairs, ignored = find_ignored_pairs(robot, contacts)
     content["ignored_pairs"] = [list(pair) for pair in pairs]
     progress(0.75)

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.robot.capsules import (
+    coarser_mesh,
     contain,
-    decimate,
     distances_to_axis,
     fit_capsule,
     subdivide,
@@ -193,9 +193,7 @@ def _whole(name: str, surfaces: Sequence[Surface]) -> tuple[FloatArray, IntArray
     return subdivide(np.vstack(vertices), np.vstack(triangles), _EDGE_SHARE)
 
 
-def _share_out(
-    robot: Robot, surfaces: Sequence[Surface], poses: FloatArray
-) -> dict[str, _Pieces]:
+def _share_out(robot: Robot, surfaces: Sequence[Surface], poses: FloatArray) -> dict[str, _Pieces]:
     """Give the triangles of every link to the capsules that they lie in."""
     chain, found = robot.chain, {}
     names = np.array(chain.capsule_links)
@@ -204,7 +202,7 @@ def _share_out(
         fine = _whole(name, surfaces)
         if not len(fine[1]):
             continue
-        vertices, triangles = decimate(*fine)
+        vertices, triangles = coarser_mesh(*fine)
         capsules = contain(
             [(chain.capsule_ends[at], float(chain.capsule_radii[at])) for at in mine],
             vertices, triangles,

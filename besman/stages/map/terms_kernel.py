@@ -46,7 +46,7 @@ def _fastest(
             if pose > 1:
                 bend = way - path[pose - 1, j] + path[pose - 2, j]
                 pull = max(pull, abs(bend) / step_s**2 / acceleration[j])
-    return max(0.0, max(speed, np.sqrt(pull)) - 1.0)
+    return float(max(0.0, max(speed, np.sqrt(pull)) - 1.0))
 
 
 @compiled
