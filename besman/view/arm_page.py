@@ -167,16 +167,19 @@ def verdict(tried: TriedArm, outcome: _Outcome) -> list[str]:
         )
     motion = outcome.motion
     if motion is not None:
-        before, after = (
-            "nowhere" if not np.isfinite(one) else f"{100 * one:.0f} cm"
-            for one in (motion.miss_before, motion.miss)
-        )
         end = "hits its target" if motion.success else "does not reach its target"
         said.append(
-            f"{motion.plan.name}, refined for {len(motion.returns)} episodes, {end}: it comes down "
-            f"{after} from it, {before} before."
+            f"{motion.plan.name}, refined for {len(motion.returns)} episodes, {end}: "
+            f"{_landing(motion.miss)}; before, {_landing(motion.miss_before)}."
         )
     return said
+
+
+def _landing(miss_m: float) -> str:
+    """Say where a thrown thing comes down."""
+    if not np.isfinite(miss_m):
+        return "nothing leaves the tool in time"
+    return f"it comes down {100 * miss_m:.0f} cm from it"
 
 
 def _slowest_joint(robot: Robot, mapping: MappedThrows) -> str:
