@@ -111,6 +111,7 @@ def write_arm_page(tried: TriedArm, page: Path) -> list[str]:
         ),
         "<h2>Joints</h2>",
         _joint_table(robot),
+        _sources(robot),
         "<h2>Where its hand comes</h2>",
         _figure(workspace_figure(tried.space, robot), _workspace_words(tried.space)),
         "<h2>The throws</h2>",
@@ -243,6 +244,15 @@ def _joint_table(robot: Robot) -> str:
     head = ["joint", "position [deg]", "speed [deg/s]", "acceleration [rad/s2]", "torque [Nm]",
             "home [deg]"]  # fmt: skip
     return html_table(head, rows)
+
+
+def _sources(robot: Robot) -> str:
+    """Fold the file in that says where the numbers come from."""
+    file = find_robot(robot.source).with_name("SOURCES.md")
+    if not file.is_file():
+        return ""
+    text = html.escape(file.read_text(encoding="utf-8", errors="replace"))
+    return f"<details><summary>{file.name}</summary><pre>{text}</pre></details>"
 
 
 def _with_origin(value: str, origin: str) -> str:
