@@ -6,9 +6,9 @@ URDFs, xacros and MJCFs of arms are brought in with no option but the file: five
 installed example-robot-data; with ``--all`` all of it; with FOLDERs what is below these; with
 ``--packages`` all of it and of packages that pip puts into that folder. A file counts as
 an arm if one chain of four hinges or more is found in it; what is refused otherwise is listed.
-Capsules are held against the meshes (coal) in 1000 random poses, or ``--poses``. ``--throws`` maps the 16 embedded
-throws (synthetic) to every arm, smaller ones to arms that are shorter than a person's. Then arms
-that are there as URDF and MJCF: how far apart their hands are on the path of one throw.
+Capsules are held against the meshes (coal) in 1000 random poses, or ``--poses``. ``--throws`` maps
+the 16 embedded throws (synthetic) to every arm, smaller ones to arms that are shorter than a
+person's; then of arms as URDF and MJCF: how far apart their hands are on the path of one throw.
 """
 
 from __future__ import annotations

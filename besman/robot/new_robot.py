@@ -282,9 +282,9 @@ def _complete(
         use_visual_shapes,
     )
     from besman.robot.files.standing import (
-        SHORT_ARM_M,
         arm_reach,
         assume_mounting,
+        assume_tool_scale,
         find_home,
         flange_rotation,
     )
@@ -333,11 +333,8 @@ def _complete(
     end(True)
     notes += [*said, *weights, *([flange] if flange else []), *ignored]
     notes.append("home: found by a search" + ("" if is_clear else ", nothing clear was found"))
-    if reach < SHORT_ARM_M:
-        content["tool_scale"] = max(round(reach / SHORT_ARM_M, 2), 0.01)
-        notes.append(
-            f"tools: {content['tool_scale']:.0%} of their length at least, for so short an arm"
-        )
+    content["tool_scale"], shorter = assume_tool_scale(reach)
+    notes += shorter
     height = content["mounting"]["height_m"]
     notes.append(f"mounting: base {height:g} m above the floor, for a reach of {reach:.2f} m")
     content["assumed"] = notes

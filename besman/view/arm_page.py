@@ -111,6 +111,7 @@ def write_arm_page(tried: TriedArm, page: Path) -> list[str]:
         ),
         "<h2>Joints</h2>",
         _joint_table(robot),
+        _sources(robot),
         "<h2>Where its hand comes</h2>",
         _figure(workspace_figure(tried.space, robot), _workspace_words(tried.space)),
         "<h2>The throws</h2>",
@@ -167,16 +168,19 @@ def verdict(tried: TriedArm, outcome: _Outcome) -> list[str]:
         )
     motion = outcome.motion
     if motion is not None:
-        before, after = (
-            "nowhere" if not np.isfinite(one) else f"{100 * one:.0f} cm"
-            for one in (motion.miss_before, motion.miss)
-        )
         end = "hits its target" if motion.success else "does not reach its target"
         said.append(
-            f"{motion.plan.name}, refined for {len(motion.returns)} episodes, {end}: it comes down "
-            f"{after} from it, {before} before."
+            f"{motion.plan.name}, refined for {len(motion.returns)} episodes, {end}: "
+            f"{_landing(motion.miss)}; before, {_landing(motion.miss_before)}."
         )
     return said
+
+
+def _landing(miss_m: float) -> str:
+    """Say where a thrown thing comes down."""
+    if not np.isfinite(miss_m):
+        return "nothing leaves the tool in time"
+    return f"it comes down {100 * miss_m:.0f} cm from it"
 
 
 def _slowest_joint(robot: Robot, mapping: MappedThrows) -> str:
@@ -240,6 +244,15 @@ def _joint_table(robot: Robot) -> str:
     head = ["joint", "position [deg]", "speed [deg/s]", "acceleration [rad/s2]", "torque [Nm]",
             "home [deg]"]  # fmt: skip
     return html_table(head, rows)
+
+
+def _sources(robot: Robot) -> str:
+    """Fold the file in that says where the numbers come from."""
+    file = find_robot(robot.source).with_name("SOURCES.md")
+    if not file.is_file():
+        return ""
+    text = html.escape(file.read_text(encoding="utf-8", errors="replace"))
+    return f"<details><summary>{file.name}</summary><pre>{text}</pre></details>"
 
 
 def _with_origin(value: str, origin: str) -> str:

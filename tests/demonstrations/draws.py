@@ -10,10 +10,11 @@ from besman.geometry.frames import quaternion_to_rotation, rotation_to_quaternio
 from besman.records import HandTrajectory
 from besman.robot.config import RobotConfig
 from besman.robot.kinematics import forward_kinematics, manipulability
-from besman.robot.model import Robot, list_robots, load_robot
+from besman.robot.model import Robot, load_robot
 from besman.stages.map.demonstration import MappingSettings
 
-ROBOTS = tuple(list_robots())
+# Those of which besman has the whole description.
+ROBOTS = ("compi", "iiwa7", "rh5_left", "rh5_right", "ur10", "ur5")
 KINDS = (
     "smooth",
     "step",

@@ -51,6 +51,7 @@ def test_the_page_holds_joints_figures_throws_and_replay(page):
     for name, speed in zip(robot.joint_names, robot.limits.velocity, strict=True):
         assert re.search(rf"{name}.{{0,60}}{np.degrees(speed):.0f}\s+SOURCES.md", text, re.S)
     assert raw.count("<svg") == 2
+    assert "Where the numbers of robot.yaml come from" in text
     assert "3 of 3 throws within all limits" in " ".join(said)
     assert all(line in text for line in said)
     assert re.findall(r'<a href|src="http|url\(http', raw) == []

@@ -74,6 +74,20 @@ def assume_mounting(reach: float, shoulder: float) -> dict[str, float]:
     return {"height_m": height, "yaw_deg": 0.0, "pedestal_radius_m": radius}
 
 
+def assume_tool_scale(reach: float) -> tuple[float, list[str]]:
+    """Return how much shorter the tools of a short arm are, and what is said of it.
+
+    Parameters
+    ----------
+    reach : float
+        See `arm_reach`.
+    """
+    if reach >= SHORT_ARM_M:
+        return 1.0, []
+    scale = max(round(reach / SHORT_ARM_M, 2), 0.01)
+    return scale, [f"tools: {scale:.0%} of their length, where they may be, for so short an arm"]
+
+
 def flange_rotation(model: Any, tip: str) -> tuple[FloatArray, str]:
     """Turn a link's frame so that z points away from the arm along the last axis (ISO 9787).
 

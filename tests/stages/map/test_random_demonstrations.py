@@ -19,7 +19,7 @@ from demonstrations.draws import KINDS, ROBOTS, draw
 from besman.exceptions import MappingError
 from besman.io.exports import read_joint_csv, write_joint_csv
 from besman.robot.collision import distances
-from besman.robot.model import list_robots, load_robot
+from besman.robot.model import load_robot
 
 SEED, BLOCK = 18, 1000
 BLOCKS = int(os.environ.get("BESMAN_RANDOM_DEMONSTRATIONS", BLOCK)) // BLOCK
@@ -31,7 +31,7 @@ def test_nothing_that_is_kept_violates_a_limit(block):
     numbers = range(block * BLOCK, (block + 1) * BLOCK)
     tried = [attempt(SEED, number, hand=number % 101 == 0) for number in numbers]
     assert [one for one in tried if one.found] == []
-    assert {one.robot for one in tried if not one.reason} == set(list_robots())
+    assert {one.robot for one in tried if not one.reason} == set(ROBOTS)
     assert {one.kind for one in tried} == set(KINDS)
     assert sum(one.samples for one in tried) > 100 * BLOCK
 
