@@ -32,7 +32,7 @@ def record_take():
 
 def divide_actions(recording, blocks, config):
     """Return the demonstrations of an action with their blocks."""
-    actions = FindActions(config).run((blocks,), ())
+    actions = FindActions(config).run((recording,), (blocks,), ())
     hands = config.run((recording,), actions)
     return DivideActions(config).run((recording,), (blocks,), actions, hands, MARKERS)
 

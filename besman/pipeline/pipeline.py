@@ -160,7 +160,9 @@ def _run_stages(config: PipelineConfig, run: Run, inputs: Inputs, trained_in: Pa
         if config.compose is not None and config.select.action not in config.select.actions:
             whole = pick_level(actions, config.compose, config.select.action)
         else:
-            whole = run.step("actions", FindActions(config.select), found, _by_hand(inputs))
+            whole = run.step(
+                "actions", FindActions(config.select), labelled, found, _by_hand(inputs)
+            )
     hands = run.step("select", config.select, labelled, whole, inputs.landings)
     if config.select.as_ == "blocks":
         divide = DivideActions(config.select)

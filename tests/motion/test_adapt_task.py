@@ -1,5 +1,6 @@
 """A task whose box stands, and is put, somewhere else: its goals move with the box."""
 
+import dataclasses
 import functools
 
 import numpy as np
@@ -7,8 +8,9 @@ import pytest
 from whole_task import map_box_task
 
 from besman.exceptions import PlanError
-from besman.motion.adapt_task import frame_matrix, move_task, task_goal_poses
+from besman.motion.adapt_task import frame_matrix, keep_block_range, move_task, task_goal_poses
 from besman.motion.task_rollout import sample_task
+from besman.records import TaskPlan
 from besman.robot.limits import check_limits
 from besman.stages.imitate.task_plans import plan_task
 
@@ -52,6 +54,31 @@ def test_a_box_that_stays_changes_nothing():
     for before, after in zip(plan.blocks, same.blocks, strict=True):
         np.testing.assert_array_equal(after.goal, before.goal)
     assert same.duration == plan.duration
+
+
+def test_a_joint_that_would_leave_its_range_gets_less_shape():
+    robot, plan = box_plan()
+    block = max(plan.blocks, key=lambda one: np.abs(one.weights).max())
+    swollen = dataclasses.replace(block, weights=40.0 * block.weights)
+    alone = TaskPlan(
+        "a:0", "a", plan.joint_names, (at_rest(swollen),), (), np.empty((0, 7)), np.empty((0, 7)),
+        np.empty(0), (), 0.0, 0.0,
+    )  # fmt: skip
+    low, high = robot.limits.position_min, robot.limits.position_max
+    outside = sample_task(alone)[1]
+    assert np.any((outside < low) | (outside > high))
+    kept = keep_block_range(alone.blocks[0], robot.limits)
+    inside = sample_task(dataclasses.replace(alone, blocks=(kept,)))[1]
+    assert np.all((inside >= low) & (inside <= high))
+    # As much shape as fits: one joint at least comes near to its bound.
+    assert np.min(np.minimum(inside - low, high - inside)) < 0.02
+    np.testing.assert_allclose(inside[[0, -1]], outside[[0, -1]], atol=1e-9)
+    assert keep_block_range(kept, robot.limits) is kept
+
+
+def at_rest(block):
+    still = np.zeros_like(block.start)
+    return dataclasses.replace(block, start_velocity=still, goal_velocity=still)
 
 
 def test_what_cannot_be_is_said():

@@ -29,6 +29,8 @@ RATE_HZ = 1000.0
 # A shorter rest is part of the blocks beside it.
 _LEAST_REST_S = 0.1
 _FIT_EVERY = 5
+# In less time an arm would have to jump: it speeds up within the movement then.
+_LEAST_LEAD_S = 0.02
 
 
 class _Span(NamedTuple):
@@ -118,7 +120,8 @@ def plan_task(
         Weights per joint of each block.
     leads_s : pair of float
         Before and after, to speed up from rest and to slow down to it; see
-        `besman.motion.rest_at_ends.rest_at_both_ends`.
+        `besman.motion.rest_at_ends.rest_at_both_ends`. Shorter, or 0, where a joint would leave its
+        range in them.
 
     Raises
     ------
@@ -128,6 +131,10 @@ def plan_task(
     from scipy.interpolate import CubicSpline
 
     own = task.trajectory
+    leads_s = (
+        _lead_in_range(leads_s[0], own.positions[0], -own.velocities[0], robot),
+        _lead_in_range(leads_s[1], own.positions[-1], own.velocities[-1], robot),
+    )
     way = rest_at_both_ends(own.time, own.positions, own.velocities, *leads_s)
     spline = CubicSpline(*way, bc_type="clamped")
     # A whole number of steps, so that the end is one of them.
@@ -160,6 +167,22 @@ def plan_task(
     n = min(len(imitated), len(positions))
     rmse = float(np.sqrt(np.mean((imitated[:n] - positions[:n]) ** 2)))
     return replace(keep_task_limits(plan, robot), rmse=rmse)
+
+
+def _lead_in_range(
+    lead_s: float, positions: FloatArray, velocities: FloatArray, robot: Robot
+) -> float:
+    """Return how long a lead may be, in which joints move on from where they are.
+
+    Velocities (n,) point away from the movement; a joint moves by half of its own times the lead.
+    """
+    limits = robot.limits
+    bound = np.where(velocities > 0, limits.position_max, limits.position_min)
+    room = np.maximum((bound - positions) * np.sign(velocities), 0.0)
+    longest = np.full_like(room, np.inf)
+    np.divide(2.0 * room, np.abs(velocities), out=longest, where=velocities != 0)
+    lead_s = min(lead_s, (1.0 - 1e-6) * float(longest.min()))
+    return lead_s if lead_s >= _LEAST_LEAD_S else 0.0
 
 
 def _command(kind: str) -> Literal["close", "open"]:

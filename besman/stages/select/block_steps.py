@@ -8,12 +8,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from besman.classifiers.novelty import UNKNOWN
 from besman.config.stage import Items, Truth, Work
 from besman.exceptions import MappingError, nearest
 from besman.geometry.frames import hand_frame
 from besman.person.body import find_body
 from besman.person.marker_set import MarkerSet
 from besman.records import BlockDemonstration, HandTrajectory, LabelledRecording, LabelledSegments
+from besman.records.layers import IDLE
 from besman.stages.select.block_grammar import (
     BlockRun,
     blocks_within,
@@ -29,6 +31,8 @@ FloatArray = npt.NDArray[np.float64]
 
 # Beside an action this much of the recording tells where an object stood, and where it stands.
 _MARGIN_S = 1.0
+# Within this distance a hand that rests sways and turns.
+_STAYS_M = 0.05
 
 
 @dataclass(frozen=True)
@@ -44,6 +48,7 @@ class FindActions:
 
     def run(
         self,
+        recordings: tuple[LabelledRecording, ...],
         blocks: tuple[LabelledSegments, ...],
         manual: tuple[LabelledSegments, ...],
         work: Work = Work(),
@@ -52,6 +57,7 @@ class FindActions:
 
         Parameters
         ----------
+        recordings : tuple of LabelledRecording
         blocks : tuple of LabelledSegments
             Of each recording.
         manual : tuple of LabelledSegments
@@ -69,7 +75,10 @@ class FindActions:
         known = sorted({label for found in blocks for label in found.labels})
         check_grammar(grammar, known)
         if name in grammar:
-            actions = tuple(self._by_grammar(found) for found in blocks)
+            actions = tuple(
+                self._by_grammar(call_rests(recording, found, self.config.arm))
+                for recording, found in zip(recordings, blocks, strict=True)
+            )
             if not any(found.labels for found in actions):
                 raise MappingError(
                     f"select.actions.{name}: {', '.join(grammar[name])} follow each other in none "
@@ -95,7 +104,7 @@ class FindActions:
         )
         return _as_segments(blocks, rows)
 
-    def items(self, blocks: tuple[LabelledSegments, ...], *records: Any) -> Items:
+    def items(self, recordings: Any, blocks: tuple[LabelledSegments, ...], *records: Any) -> Items:
         """Count the blocks."""
         return Items(sum(len(found.labels) for found in blocks), "blocks")
 
@@ -174,7 +183,8 @@ class DivideActions:
             at = sources.index(source)
             start = int(actions[at].bounds[int(row), 0])
             bounds = (start, start + 1 + round(float(hand.time[-1]) * recordings[at].rate_hz))
-            inside = blocks_within(join_blocks(blocks[at]), *bounds)
+            found = call_rests(recordings[at], blocks[at], self.config.arm)
+            inside = blocks_within(join_blocks(found), *bounds)
             if not inside.labels:
                 raise MappingError(f"{hand.name}: no block lies within the action {hand.label!r}")
             return self._divide(recordings[at], bounds, inside, hand, markers)
@@ -258,6 +268,30 @@ class DivideActions:
                 for one in found
             },
         }
+
+
+def call_rests(
+    recording: LabelledRecording, found: LabelledSegments, side: str
+) -> LabelledSegments:
+    """Call what is unknown idle where the hand stays: rests are like no other rest.
+
+    Parameters
+    ----------
+    recording : LabelledRecording
+    found : LabelledSegments
+        Its blocks.
+    side : "right" or "left"
+        The arm.
+    """
+    if UNKNOWN not in found.labels:
+        return found
+    path, _ = hand_motion(recording, (0, len(recording.time)), side)
+    labels = list(found.labels)
+    for k, (start, end) in enumerate(found.bounds):
+        apart = np.linalg.norm(path[start:end] - path[start], axis=1)
+        if labels[k] == UNKNOWN and np.max(apart) <= _STAYS_M:
+            labels[k] = IDLE
+    return replace(found, labels=tuple(labels))
 
 
 def hand_motion(

@@ -15,7 +15,7 @@ from besman.records.whole_tasks import TaskPlan
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.limits import check_limits
 from besman.stages.imitate.stage import ImitateConfig
-from besman.stages.imitate.task_plans import ImitateTasks, find_frame, plan_task
+from besman.stages.imitate.task_plans import ImitateTasks, _lead_in_range, find_frame, plan_task
 
 
 @functools.cache
@@ -139,6 +139,19 @@ def test_frames_where_blocks_and_grasps_meet_otherwise():
     assert frames == ["object", "world", "target", "world"]
     none = dataclasses.replace(two, holds_s=np.empty((0, 2)), held=())
     assert [find_frame(none, k) for k in range(4)] == [("world", "")] * 4
+
+
+@pytest.mark.parametrize(("room", "expected"), [(1.0, 0.1), (0.03, 0.06), (1e-4, 0.0)])
+def test_a_lead_ends_where_a_joint_would_leave_its_range(room, expected):
+    """Speeding up to 1 rad/s for 0.1 s takes a joint 0.05 rad on."""
+    robot, _, _ = map_box_task()
+    high = np.full(6, 5.0)
+    high[0] = room
+    bounded = dataclasses.replace(
+        robot, limits=dataclasses.replace(robot.limits, position_max=high)
+    )
+    found = _lead_in_range(0.1, np.zeros(6), np.array([1.0, 0, -0.5, 0, 0, 0]), bounded)
+    assert found == pytest.approx(expected, abs=1e-6)
 
 
 def test_what_does_not_join_is_no_task():

@@ -12,7 +12,7 @@ from besman.geometry.frames import quaternion_to_rotation
 from besman.pipeline.config import PipelineConfig
 from besman.records import BlockDemonstration, ShapeError
 from besman.records.files import load_record, save_record
-from besman.stages.select.block_steps import DivideActions, FindActions, hand_motion
+from besman.stages.select.block_steps import DivideActions, FindActions, call_rests, hand_motion
 from besman.stages.select.stage import SelectConfig
 
 
@@ -78,6 +78,25 @@ def test_it_is_stored_and_comes_back(take, tmp_path):
         )  # fmt: skip
 
 
+def test_a_rest_that_is_like_no_other_is_a_rest(take):
+    recording, blocks = take
+    strange = [
+        "unknown" if label == "idle" else label for label in blocks.labels
+    ]  # fmt: skip
+    (found,) = divide_actions(
+        recording, dataclasses.replace(blocks, labels=tuple(strange)), make_select()
+    )
+    assert found.labels == GRAMMAR["to_table"]
+    # A movement that nobody knows is none.
+    strange[blocks.labels.index("move_obj_table")] = "unknown"
+    unknown = dataclasses.replace(blocks, labels=tuple(strange))
+    with pytest.raises(MappingError, match="no block is labelled 'move_obj_table'"):
+        divide_actions(recording, unknown, make_select())
+    called = call_rests(recording, unknown, "right").labels
+    assert called.count("unknown") == 1
+    assert called.count("idle") == blocks.labels.count("idle")
+
+
 def test_actions_may_be_named_by_hand(take):
     recording, blocks = take
     start, stop = blocks.bounds[1, 0], blocks.bounds[5, 1]
@@ -86,21 +105,21 @@ def test_actions_may_be_named_by_hand(take):
         layers=("actions",),
     )  # fmt: skip
     config = make_select("tidy", {})
-    (actions,) = FindActions(config).run((blocks,), (manual,))
+    (actions,) = FindActions(config).run((take[0],), (blocks,), (manual,))
     assert actions.bounds.tolist() == [[start, stop]]
     hands = config.run((recording,), (actions,))
     (found,) = DivideActions(config).run((recording,), (blocks,), (actions,), hands, MARKERS)
     assert found.labels == GRAMMAR["to_table"]
     other = dataclasses.replace(blocks, source="b.tsv")
-    assert FindActions(config).run((other,), (manual,))[0].labels == ()
+    assert FindActions(config).run((take[0],), (other,), (manual,))[0].labels == ()
     with pytest.raises(MappingError, match=r"select.action: got 'tiddy'; .*tidy"):
-        FindActions(make_select("tiddy", {})).run((blocks,), (manual,))
+        FindActions(make_select("tiddy", {})).run((take[0],), (blocks,), (manual,))
 
 
 def test_figures_say_what_was_found(take):
     recording, blocks = take
     config = make_select()
-    actions = FindActions(config).run((blocks,), ())
+    actions = FindActions(config).run((take[0],), (blocks,), ())
     assert FindActions(config).figures(actions, None)["counts"] == {"to_shelf": 1, "to_table": 1}
     found = divide_actions(recording, blocks, config)
     (told,) = DivideActions(config).figures(found, None)["demonstrations"].values()
@@ -111,10 +130,12 @@ def test_figures_say_what_was_found(take):
 def test_a_misspelt_block_and_an_order_that_nobody_shows_are_errors(take):
     _, blocks = take
     with pytest.raises(MappingError, match=r"to_table: no block is labelled 'aproach_forward'"):
-        FindActions(make_select(actions={"to_table": ("aproach_forward",)})).run((blocks,), ())
+        FindActions(make_select(actions={"to_table": ("aproach_forward",)})).run(
+            (take[0],), (blocks,), ()
+        )
     backwards = {"to_table": GRAMMAR["to_table"][::-1]}
     with pytest.raises(MappingError, match="follow each other in none of 1 recordings"):
-        FindActions(make_select(actions=backwards)).run((blocks,), ())
+        FindActions(make_select(actions=backwards)).run((take[0],), (blocks,), ())
 
 
 def test_what_goes_wrong_in_one_action_is_said(take):
@@ -137,7 +158,7 @@ def test_what_goes_wrong_in_one_action_is_said(take):
         divide_actions(gone, blocks, make_select())
     config = make_select("tidy", {})
     rest = blocks.take([0])
-    (actions,) = FindActions(config).run((blocks,), (_tidy(blocks),))
+    (actions,) = FindActions(config).run((take[0],), (blocks,), (_tidy(blocks),))
     hands = config.run((recording,), (actions,))
     with pytest.raises(MappingError, match="no block lies within the action 'tidy'"):
         DivideActions(config).run((recording,), (rest,), (actions,), hands, MARKERS)
