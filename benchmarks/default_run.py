@@ -71,7 +71,7 @@ def check_exports(folder: Path) -> tuple[int, int]:
     from besman.robot.model import load_robot
 
     robot = load_robot("ur5", "stick_holder")
-    reports = [check_limits(robot, *read_joint_csv(file)[1:]) for file in folder.glob("*.csv")]
+    reports = [check_limits(robot, *read_joint_csv(file)[1:]) for file in folder.glob("*[0-9].csv")]
     return sum(r.violations for r in reports), sum(r.self_collisions for r in reports)
 
 

@@ -29,11 +29,13 @@ from besman.robot.kinematics import forward_kinematics
 from besman.robot.model import Robot, load_robot
 
 try:
+    from besman.motion.dmp import roll_out
     from besman.motion.rollout import sample_plan
     from besman.records.files import load_record, save_record
     from besman.stages.imitate.stage import CartesianDmpConfig, ImitateConfig, VelocityDmpConfig
 except ImportError:
     # A checkout of before the modules moved, as `--base`.
+    from besman.imitation.dmp import roll_out
     from besman.imitation.movement import sample_plan
     from besman.imitation.stage import CartesianDmpConfig, ImitateConfig, VelocityDmpConfig
     from besman.record_files import load_record, save_record
@@ -134,6 +136,25 @@ def show(rows: list[dict[str, Any]], before: list[dict[str, Any]]) -> None:
     print(f"greatest error: {worst:.2f} mm, bar: {BAR_MM:g} mm")
 
 
+def show_rollouts(robot: Robot) -> None:
+    """Print what a rollout at 1 kHz costs where weights and duration grow together."""
+    print("rollout of a joint_dmp at 1 kHz, processor time, best of 9:")
+    random = np.random.default_rng(0)
+    for n_weights in (20, 80, 160, 320, 640):
+        seconds = 0.075 * n_weights
+        weights, start = random.normal(size=(robot.n, n_weights)), np.zeros(robot.n)
+        times = np.arange(round(1000 * seconds) + 1) / 1000
+        spent = min(
+            timeit.repeat(
+                partial(roll_out, weights, start, start, seconds, times),
+                number=1,
+                repeat=9,
+                timer=time.process_time,
+            )
+        )
+        print(f"  {n_weights:4} weights, {seconds:5.1f} s: {1e3 * spent:6.2f} ms")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--circles", type=int, nargs="+", default=[1, 4, 12])
@@ -153,6 +174,8 @@ def main() -> None:
     rows = measure(trajectories, robot)
     before = measure_base(options.base, trajectories) if options.base else []
     show(rows, before)
+    if not options.mapped:
+        show_rollouts(robot)
     if options.json:
         options.json.write_text(json.dumps(rows, indent=1) + "\n")
 

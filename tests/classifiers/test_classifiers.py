@@ -94,25 +94,6 @@ def test_more_states_than_points_leave_a_proper_model():
     assert np.isfinite(learnt.log_likelihood(X)).all()
 
 
-@pytest.mark.parametrize("band", [0, 1, 3, 40])
-def test_the_nearest_example_is_that_of_tslearn(band):
-    """Also where it gives up examples early, and where the band is wider than the sequences."""
-    metrics = pytest.importorskip("tslearn.metrics")
-    from besman.classifiers.neighbours import DtwNeighbour
-
-    rng = np.random.default_rng(3)
-    examples, X = rng.normal(size=(12, 16)).cumsum(axis=1), rng.normal(size=(9, 16)).cumsum(axis=1)
-    learnt = DtwNeighbour(n_channels=2, band_points=band).fit(examples, np.arange(12))
-    apart = metrics.cdist_dtw(
-        X.reshape(-1, 8, 2),
-        examples.reshape(-1, 8, 2),
-        global_constraint="sakoe_chiba",
-        sakoe_chiba_radius=band,
-    )
-    np.testing.assert_allclose(learnt.uncertainty(X) * 4, apart.min(axis=1), rtol=1e-12)
-    np.testing.assert_array_equal(learnt.predict(X), apart.argmin(axis=1))
-
-
 def test_warped_distances_are_those_of_dynamic_programming():
     from besman.classifiers.neighbours import DtwNeighbour
 

@@ -48,4 +48,4 @@ def test_from_unnamed_markers_to_refined_motions(name, tmp_path, monkeypatch):
     refine = results["refine"]
     assert refine["n_motions"] == results["map"]["n_demonstrations"] == n_kept
     assert refine["n_success"] == n_kept
-    assert len(list((tmp_path / name / "exports").glob("*.csv"))) == n_kept
+    assert len(list((tmp_path / name / "exports").glob("*[0-9].csv"))) == n_kept

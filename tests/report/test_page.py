@@ -100,7 +100,7 @@ def test_every_demonstration_has_a_row_with_its_numbers(page, small_run):
 
 def test_links_lead_to_files_that_are_there(page, small_run):
     local = [link for link in page.links if not link.startswith("data:")]
-    assert len([link for link in local if link.endswith(".csv")]) == 3
+    assert len([link for link in local if link.endswith(".csv")]) == 6
     for link in local:
         assert (small_run / link).is_file(), link
 

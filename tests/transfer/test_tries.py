@@ -90,6 +90,9 @@ def test_a_suggestion_is_recorded_and_the_next_one_answers_it(suggested, robot, 
     assert first.state.motion == NAMES[0]
     assert sorted(path.name for path in first.folder.iterdir()) == [
         "limits.json",
+        "person_1_try01.approach.csv",
+        "person_1_try01.approach.ros.json",
+        "person_1_try01.approach.ros.yaml",
         "person_1_try01.csv",
         "person_1_try01.ros.json",
         "person_1_try01.ros.yaml",

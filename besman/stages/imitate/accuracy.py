@@ -18,7 +18,7 @@ from besman.robot.model import Robot
 NUMBERS = (20, 30, 40, 60, 80, 120, 160, 240, 320, 480, 640, 960)
 
 
-def measure(
+def measure_error(
     plan: AnyPlan, trajectory: JointTrajectory, since_s: float, robot: Robot | None
 ) -> AnyPlan:
     """Write into a plan how far its movement is from what it imitates, at the same time.

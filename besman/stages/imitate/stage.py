@@ -84,11 +84,11 @@ class _DmpConfig(Stage):
             raise self._needs_arm(trajectory, robot)
         if robot is None and self.n_weights is None:
             raise self._needs_arm(trajectory, robot, " without n_weights")
-        from besman.stages.imitate.accuracy import least_weights, measure, refuse_if_lost
+        from besman.stages.imitate.accuracy import least_weights, measure_error, refuse_if_lost
 
         def imitate(n_weights: int) -> AnyPlan:
             plan = self._fit(trajectory, robot, n_weights)
-            return measure(plan, trajectory, self.lead_in_s, robot)
+            return measure_error(plan, trajectory, self.lead_in_s, robot)
 
         if self.n_weights is not None:
             plan = imitate(self.n_weights)
