@@ -105,16 +105,17 @@ class GaussNewtonConfig(RefinementConfig):
     ) -> ClassModel:
         """Learn from the motion in the middle what all motions share, before any is searched.
 
-        It depends on the plans alone, not on their order but for equal ones, nor on threads.
+        It depends on the plans alone, neither on their order nor on threads.
         """
         from besman.stages.refine.class_model import keep_class, load_class
         from besman.stages.refine.search_loop import index_of_middle
 
         folder = work.checkpoints
-        name = f"class_{digest(tuple(sorted(digest(plan) for plan in plans)))[:16]}"
+        ordered = dict(sorted({digest(plan): plan for plan in plans}.items()))
+        name = f"class_{digest(tuple(ordered))[:16]}"
         model = load_class(folder, name)
         if model is None:
-            placed = [place_plan(plan, robot, task) for plan in plans]
+            placed = [place_plan(plan, robot, task) for plan in ordered.values()]
             middle = placed[index_of_middle(placed, task)]
             lesson = _Lesson(self, middle, robot, task, folder, len(plans))
             model = lesson.learn(work)
