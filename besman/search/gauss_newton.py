@@ -3,8 +3,8 @@
 The Jacobian comes from outside, measured once for many searches alike; every search corrects its
 own copy by what its steps do. Steps are those of least norm that the damping allows, so that
 directions that change no outcome stay where they are. Residuals may be those of several models of
-the world at once: what is left of them then is how far apart the models' outcomes are. The first steps
-are taken in the one model alone, until its outcome is near, because that tells where all are.
+the world at once: what is left of them then is how far apart the models' outcomes are. The first
+steps are taken in the one model alone, until its outcome is near: that tells where all are.
 
 References
 ----------
@@ -255,7 +255,7 @@ class GaussNewton:
         return np.asarray(step * min(1.0, self._reach / max(float(np.linalg.norm(step)), 1e-12)))
 
     def _end(self) -> None:
-        """End, or look at all worlds, if the outcome is within the radius; else have CMA-ES go on."""
+        """End, or look at all worlds, if an outcome is within the radius; else go on by CMA-ES."""
         if self._best is not None and self._best.cost <= 1.0:
             if self.n_worlds > 1 and not self._in_worlds:
                 self.enter_worlds(self._best.point)

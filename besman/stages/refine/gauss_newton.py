@@ -16,7 +16,7 @@ from besman.records import AnyPlan
 from besman.records.files import digest
 from besman.robot.model import Robot
 from besman.search.protocol import Part
-from besman.simulation.perturbation import Perturbation, Spreads, draw_balanced
+from besman.simulation.perturbation import Perturbation, Spreads, draw_orthogonal
 from besman.simulation.task import Task
 from besman.stages.refine.stage import RefinementConfig, place_plan
 
@@ -98,7 +98,7 @@ class GaussNewtonConfig(RefinementConfig):
         if self.robust is None:
             return ()
         seed = (self.robust.seed, _OF_THE_SEARCH)
-        return draw_balanced(self.robust.spreads, robot, seed, self.robust.models)
+        return draw_orthogonal(self.robust.spreads, robot, seed, self.robust.models)
 
     def share(
         self, plans: Sequence[AnyPlan], robot: Robot, task: Task, work: Work = Work()
@@ -181,7 +181,9 @@ class _Lesson:
 
         def evaluate(at: FloatArray) -> FloatArray:
             plan = space.plan_at(at)
-            return try_in_worlds(self.robot, self.task, [plan], worlds)[1][0]
+            _, found, _ = try_in_worlds(self.robot, self.task, [plan], worlds)
+            residuals: FloatArray = found[0]
+            return residuals
 
         usual = _DIFFERENCE_IN_WORLDS if worlds else _DIFFERENCE
         step = config.difference or usual

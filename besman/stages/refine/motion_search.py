@@ -84,9 +84,7 @@ class MotionSearch:
         search = self._search
         return bool(self._trials) and isinstance(search, ResidualSearch) and search.in_worlds
 
-    def learn(
-        self, trials: list[Trial], worlds: Sequence[tuple[Trial, ...]] = ()
-    ) -> Generation:
+    def learn(self, trials: list[Trial], worlds: Sequence[tuple[Trial, ...]] = ()) -> Generation:
         """Take what came of the plans that were proposed last; return that generation.
 
         `worlds` is what came of each in perturbed models, if they are tried there.
