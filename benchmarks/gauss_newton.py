@@ -4,8 +4,8 @@
                                       [--json FILE]
 
 Refines every motion of each pipeline (synthetic recordings), and tries what comes of it in N
-perturbed models that no search has seen. Methods: ``cma_es``, as the recipes had it; ``gauss_newton``
-with ``robust: null``; ``robust``, as it is by default; ``dfols``, DFO-LS (package ``DFO-LS``, extra
+perturbed models that no search has seen. Methods: ``cma_es``, as the recipes had it;
+``gauss_newton`` with ``robust: null``; ``robust``, as it is by default; ``dfols``, DFO-LS (package ``DFO-LS``, extra
 ``bench``) on the landing point in the model as it is, from the same start in the same coordinates.
 """
 
@@ -14,6 +14,7 @@ import json
 import os
 import tempfile
 import time
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -92,20 +93,18 @@ def by_dfols(plan, case: Case) -> tuple:
     stage = stage_of("gauss_newton", case).model_copy(update={"search": _PARTS})
     space, tried = stage.space(plan, case.robot), []
 
-    class Enough(Exception):
-        pass
+    class EnoughError(Exception):
+        """The landing is near enough."""
 
     def residual(point):
         (trial,) = try_plans(case.robot, case.task, [space.plan_at(point)])
         tried.append((trial, np.array(point)))
         if trial.success and trial.miss <= 0.5 * case.task.success_radius_m:
-            raise Enough
+            raise EnoughError
         return np.full(2, 10.0) if trial.failure else np.asarray(trial.residual)
 
-    try:
+    with suppress(EnoughError):
         dfols.solve(residual, np.zeros(space.dimension), maxfun=case.refine.episodes, rhobeg=0.5)
-    except Enough:
-        pass
     best = max(tried, key=lambda one: (one[0].success, one[0].reward))
     return space.plan_at(best[1]), len(tried), best[0].success
 

@@ -26,6 +26,7 @@ TARGETS = {
 }
 # Of one release with pin: coal; with pydantic: its core.
 DISTRIBUTIONS = {
+    "dfols": "dfo-ls",
     "OpenGL": "pyopengl",
     "PIL": "pillow",
     "coal": "pin",

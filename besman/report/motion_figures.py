@@ -73,7 +73,9 @@ def learning_curve(motions: Sequence[RefinedMotion], radius_m: float) -> str:
     str
         SVG; logarithmic centimetres.
     """
-    best = 100 * best_so_far([_by_simulation(motion, motion.misses) for motion in motions], greatest=False)
+    best = 100 * best_so_far(
+        [_by_simulation(motion, motion.misses) for motion in motions], greatest=False
+    )
     # Else the median would rise when the last motions have an outcome at last.
     best[np.isnan(best)] = np.inf
     figure = new_figure(5, 3.4)
@@ -93,7 +95,9 @@ def return_curve(motions: Sequence[RefinedMotion]) -> str:
     str
         SVG; minus the return, logarithmic, because a return is minus a sum of costs.
     """
-    best = -best_so_far([_by_simulation(motion, motion.returns) for motion in motions], greatest=True)
+    best = -best_so_far(
+        [_by_simulation(motion, motion.returns) for motion in motions], greatest=True
+    )
     figure = new_figure(5, 3.4)
     axes = figure.add_subplot()
     _draw_quantiles(axes, np.maximum(best, 1e-4))

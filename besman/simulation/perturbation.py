@@ -29,8 +29,8 @@ Share = Annotated[float, Field(ge=0, lt=1)]
 _RAMP_S = 0.1
 # Noise changes from cycle to cycle of the arm's controller, not from step to step.
 _CYCLE_S = 0.008
-# Quantities that are drawn: friction, mass of the object, masses of links, servo gains, frictions and
-# dampings of joints, delays, backlash, offsets, lags. Which column of an orthogonal array each
+# Quantities that are drawn: friction, mass of the object, masses of links, servo gains, frictions
+# and dampings of joints, delays, backlash, offsets, lags. Which column of an orthogonal array each
 # begins at: friction and delays have their own.
 _SHIFTS = (0, 3, 4, 5, 2, 6, 1, 2, 3, 4)
 _N_QUANTITIES = len(_SHIFTS)
@@ -138,7 +138,7 @@ def draw_perturbation(spreads: Spreads, robot: Robot, seed: Sequence[int]) -> Pe
     return _perturbation_of(spreads, robot, unit, seed)
 
 
-def draw_balanced(
+def draw_orthogonal(
     spreads: Spreads, robot: Robot, seed: Sequence[int], n: int
 ) -> tuple[Perturbation, ...]:
     """Draw perturbations few of which tell as much as many that are drawn independently.

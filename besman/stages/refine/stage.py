@@ -226,9 +226,7 @@ class RefinementConfig(Stage):
 
         placed = share_target([place_plan(plan, robot, task) for plan in plans], task)
         shared = self.share(placed, robot, task, replace(work, notes=None, progress=_ignore))
-        pool = [
-            self.running_search(plan, robot, task, work.checkpoints, shared) for plan in placed
-        ]
+        pool = [self.running_search(plan, robot, task, work.checkpoints, shared) for plan in placed]
         return search_side_by_side(pool, self.episodes, work).result()
 
     def running_search(
