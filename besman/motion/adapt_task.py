@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from besman.exceptions import PlanError, nearest
 from besman.geometry.frames import quaternion_to_rotation, rotation_to_quaternion
-from besman.motion.dmp import N_NODES
+from besman.motion.forcing import N_NODES
 from besman.motion.task_rollout import sample_task, stretch_task
 from besman.motion.velocity_dmp import roll_out_velocity
 from besman.records import BlockPlan, TaskPlan
