@@ -80,7 +80,9 @@ def _of_text(path, recording):
     if path.suffix == ".tsv":
         lines = text.replace("\r", "").split("\n")
         keys = {line.split("\t")[0]: line.split("\t")[1:2] for line in reversed(lines[:14])}
-        counts = [keys.get(key, [""])[0] for key in ("NO_OF_MARKERS", "NO_OF_FRAMES", "FREQUENCY")]
+        counts = [
+            (keys.get(key) or [""])[0] for key in ("NO_OF_MARKERS", "NO_OF_FRAMES", "FREQUENCY")
+        ]
         n_rows = len(recording.time)
         rows = [line for line in lines if line][-n_rows:]
         if any(_odd_digits(one) for one in (*counts, *rows)):
