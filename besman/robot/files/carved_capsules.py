@@ -35,6 +35,8 @@ Progress = Callable[[float], None]
 
 # Meshes so far apart should be called clear.
 _APART_M = 0.01
+# Where they are nearer, but do not touch, an overlap counts less.
+_NEAR_SHARE = 0.3
 # Of room that is lost in less than these shares of the poses, by all pairs or by one, nothing is
 # made: every further capsule costs time in every check.
 _FINE, _FINE_PAIR = 0.03, 0.004
@@ -99,16 +101,16 @@ class _Pieces:
 
 @dataclass
 class _Pair:
-    """Two links: least gap (B,) in all poses, and in which poses an overlap counts (B,)."""
+    """Two links: least gap (B,) in all poses, and how much an overlap counts in each (B,)."""
 
     names: tuple[str, str]
     gaps: FloatArray
-    counts: BoolArray
+    counts: FloatArray
 
     @property
     def lost(self) -> float:
         """Share of the poses in which capsules overlap, and meshes do not come near."""
-        return float(np.mean((self.gaps <= 0) & self.counts))
+        return float(np.mean(np.where(self.gaps <= 0, self.counts, 0.0)))
 
 
 def carve_capsules(
@@ -146,7 +148,7 @@ def carve_capsules(
     pairs = []
     for names in link_pairs(robot):
         if set(names) <= set(links):
-            pair = _Pair(names, _gaps(links, *names), np.ones(len(poses), dtype=np.bool_))
+            pair = _Pair(names, _gaps(links, *names), np.ones(len(poses)))
             _look(pair, poses, meshes_touch)
             margin = touching_margin(*(links[name].joint for name in names))
             if not _says_nothing(pair, poses, meshes_touch, margin):
@@ -155,11 +157,10 @@ def carve_capsules(
     given_up: list[_Pair] = []
     for count in range(_MOST_SPLITS):
         progress(count / _MOST_SPLITS)
-        pairs = [pair for pair in pairs if pair.lost > 0]
         worst = max(pairs, key=lambda pair: pair.lost, default=None)
         if worst is None or worst.lost < _FINE_PAIR or _lost_by_all(pairs, given_up) < _FINE:
             break
-        link = _split_best(links, worst, robot, poses)
+        link = _split_best(links, worst, [*pairs, *given_up], robot, poses)
         if link is None:
             pairs.remove(worst)
             given_up.append(worst)
@@ -178,7 +179,7 @@ def carve_capsules(
 
 def _lost_by_all(*pairs: list[_Pair]) -> float:
     """Return the share of the poses in which any pair overlaps though meshes are apart."""
-    lost = [(pair.gaps <= 0) & pair.counts for some in pairs for pair in some]
+    lost = [(pair.gaps <= 0) & (pair.counts > 0) for some in pairs for pair in some]
     return float(np.mean(np.any(lost, axis=0))) if lost else 0.0
 
 
@@ -240,9 +241,13 @@ def _least(placed: FloatArray, radii: FloatArray, other: _Pieces) -> FloatArray:
 
 def _look(pair: _Pair, poses: FloatArray, meshes_touch: MeshesTouch) -> None:
     """Hold meshes against each other where capsules overlap: what is near does not count."""
-    for row in np.flatnonzero((pair.gaps <= 0) & pair.counts):
-        met = meshes_touch(*pair.names, poses[row : row + 1], _APART_M)
-        pair.counts[row] = met is not None and met[0] == 0
+    for row in np.flatnonzero((pair.gaps <= 0) & (pair.counts == 1.0)):
+        pair.counts[row] = 0.0
+        for margin, share in ((0.0, _NEAR_SHARE), (_APART_M, 1.0)):
+            met = meshes_touch(*pair.names, poses[row : row + 1], margin)
+            if met is None or met[0]:
+                break
+            pair.counts[row] = share
 
 
 def _says_nothing(
@@ -256,34 +261,42 @@ def _says_nothing(
     return met is not None and met[0] == 0
 
 
-def _cost(gaps: FloatArray, counts: BoolArray) -> float:
+def _cost(gaps: FloatArray, counts: FloatArray) -> float:
     """Return what overlaps cost that count, metres."""
     deep = np.where(gaps <= 0, _TOUCH_M + np.minimum(-gaps, _DEEPEST_M), 0.0)
-    return float(np.sum(deep[counts]))
+    return float(deep @ counts)
 
 
 def _split_best(
-    links: dict[str, _Pieces], pair: _Pair, robot: Robot, poses: FloatArray
+    links: dict[str, _Pieces], pair: _Pair, pairs: Sequence[_Pair], robot: Robot, poses: FloatArray
 ) -> str | None:
     """Split one capsule of a pair where that helps most; return its link, None if nothing does."""
-    least, best = (1.0 - _WORTH) * _cost(pair.gaps, pair.counts), None
-    for name, other in (pair.names, pair.names[::-1]):
+    most, best = _WORTH * _cost(pair.gaps, pair.counts), None
+    for name in pair.names:
         own = links[name]
         if len(own.capsules) >= _MOST_PIECES:
             continue
+        touched = [one for one in pairs if name in one.names]
+        others = [links[one.names[one.names[0] == name]] for one in touched]
         each = [
-            _least(own.placed[at : at + 1], own.radii[at : at + 1], links[other])
+            [_least(own.placed[at : at + 1], own.radii[at : at + 1], other) for other in others]
             for at in range(len(own.capsules))
         ]
-        piece = int(np.argmax([_cost(gaps, pair.counts) for gaps in each]))
-        rest = np.min([np.full(len(poses), np.inf), *each[:piece], *each[piece + 1 :]], axis=0)
+        this = touched.index(pair)
+        piece = int(np.argmax([_cost(gaps[this], pair.counts) for gaps in each]))
+        rest = np.full((len(others), len(poses)), np.inf)
+        for gaps in (*each[:piece], *each[piece + 1 :]):
+            rest = np.minimum(rest, gaps)
+        before = sum(_cost(one.gaps, one.counts) for one in touched)
         for second, both in own.splits(piece):
             placed = _place(robot, own.joint, both, poses)
             radii = np.array([radius for _, radius in both])
-            gaps = np.minimum(rest, _least(placed, radii, links[other]))
-            cost = _cost(gaps, pair.counts)
-            if cost < least:
-                least, best = cost, (name, piece, second, both, placed)
+            after = sum(
+                _cost(np.minimum(left, _least(placed, radii, other)), one.counts)
+                for left, other, one in zip(rest, others, touched, strict=True)
+            )
+            if before - after > most:
+                most, best = before - after, (name, piece, second, both, placed)
     if best is None:
         return None
     name, piece, second, both, placed = best
