@@ -297,9 +297,7 @@ def _complete(
         tool = mount_tool("none", config)
         return config, build_model(config, tool, joint_limits(config.joints), tree, urdf, path)[0]
 
-    visual = use_visual_shapes(tree)
-    if visual:
-        notes.append(f"shapes of {len(visual)} links: visual ones, no collision shapes are given")
+    notes += _visual_note(use_visual_shapes(tree))
     config, model = model_now()
     progress, end = show("capsules")
     content["capsules"], said = fit_shapes(model, config, tree, urdf, path, progress)
@@ -334,11 +332,20 @@ def _complete(
     notes += [*said, *weights, *([flange] if flange else []), *ignored]
     notes.append("home: found by a search" + ("" if is_clear else ", nothing clear was found"))
     content["tool_scale"], shorter = assume_tool_scale(reach)
-    notes += shorter
-    height = content["mounting"]["height_m"]
-    notes.append(f"mounting: base {height:g} m above the floor, for a reach of {reach:.2f} m")
-    content["assumed"] = notes
+    content["assumed"] = [*notes, *shorter, _mounting_note(content, reach)]
     return {key: value for key, value in content.items() if value or key == "mounting"}
+
+
+def _visual_note(links: list[str]) -> list[str]:
+    """Say that links are held against each other by what is seen of them."""
+    text = f"shapes of {len(links)} links: visual ones, no collision shapes are given"
+    return [text] if links else []
+
+
+def _mounting_note(content: Mapping[str, Any], reach: float) -> str:
+    """Say how the arm stands."""
+    height = content["mounting"]["height_m"]
+    return f"mounting: base {height:g} m above the floor, for a reach of {reach:.2f} m"
 
 
 def _as_config(content: dict[str, Any]) -> RobotConfig:
