@@ -303,13 +303,7 @@ def _complete(
     show: Display,
 ) -> dict[str, Any]:
     """Add what is computed: capsules, masses, torques, mounting, home, ignored pairs."""
-    from besman.robot.files.carved_capsules import carve_capsules
-    from besman.robot.files.fitted_shapes import (
-        assume_masses,
-        fit_shapes,
-        replace_capsules,
-        use_visual_shapes,
-    )
+    from besman.robot.files import fitted_shapes
     from besman.robot.files.standing import arm_reach, assume_mounting, find_home, flange_rotation
     from besman.robot.files.touching_links import find_ignored_pairs, mesh_contacts
     from besman.robot.link_shapes import collision_shapes, link_surfaces
@@ -320,15 +314,15 @@ def _complete(
         tool = mount_tool("none", tools_of(config)["none"], config.flange_wxyz)
         return config, build_model(config, tool, joint_limits(config.joints), tree, urdf, path)[0]
 
-    visual = use_visual_shapes(tree)
+    visual = fitted_shapes.use_visual_shapes(tree)
     if visual:
         notes.append(f"shapes of {len(visual)} links: visual ones, no collision shapes are given")
     config, model = model_now()
     progress, end = show("capsules")
-    content["capsules"], said = fit_shapes(model, config, tree, urdf, path, progress)
+    content["capsules"], said = fitted_shapes.fit_shapes(model, config, tree, urdf, path, progress)
     end(True)
     config = _as_config(content)
-    content["inertia"], weights = assume_masses(model, config)
+    content["inertia"], weights = fitted_shapes.assume_masses(model, config)
     config, model = model_now()
     accelerations = [joint["acceleration_rad_s2"] for joint in content["joints"]]
     weights += assume_torques(content["joints"], model, accelerations)
@@ -342,9 +336,10 @@ def _complete(
     robot = build_robot(config, "none", tree, urdf, path, str(path))
     shapes = [one[:4] for one in collision_shapes(robot.model, tree, urdf)]
     contacts = mesh_contacts(robot.model, shapes)
-    surfaces = link_surfaces(robot.model, tree, urdf)
-    carved = carve_capsules(robot, surfaces, contacts, lambda share: progress(0.5 * share))
-    content["capsules"] = replace_capsules(content["capsules"], robot, carved)
+    content["capsules"] = fitted_shapes.carve(
+        content["capsules"], robot, link_surfaces(robot.model, tree, urdf), contacts,
+        lambda share: progress(0.5 * share),
+    )  # fmt: skip
     robot = build_robot(_as_config(content), "none", tree, urdf, path, str(path))
     pairs, ignored = find_ignored_pairs(robot, contacts)
     content["ignored_pairs"] = [list(pair) for pair in pairs]
