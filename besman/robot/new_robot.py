@@ -274,6 +274,7 @@ def _complete(
     show: Display,
 ) -> dict[str, Any]:
     """Add what is computed: capsules, masses, torques, mounting, home, ignored pairs."""
+<<<<<<< HEAD
     from besman.robot.files.carved_capsules import carve_capsules
     from besman.robot.files.fitted_shapes import (
         assume_masses,
@@ -288,6 +289,10 @@ def _complete(
         find_home,
         flange_rotation,
     )
+=======
+    from besman.robot.files import fitted_shapes
+    from besman.robot.files.standing import arm_reach, assume_mounting, find_home, flange_rotation
+>>>>>>> s3-j-speed
     from besman.robot.files.touching_links import find_ignored_pairs, mesh_contacts
     from besman.robot.link_shapes import collision_shapes, link_surfaces
     from besman.robot.pinocchio_model import build_model
@@ -297,13 +302,19 @@ def _complete(
         tool = mount_tool("none", config)
         return config, build_model(config, tool, joint_limits(config.joints), tree, urdf, path)[0]
 
+<<<<<<< HEAD
     notes += _visual_note(use_visual_shapes(tree))
+=======
+    visual = fitted_shapes.use_visual_shapes(tree)
+    if visual:
+        notes.append(f"shapes of {len(visual)} links: visual ones, no collision shapes are given")
+>>>>>>> s3-j-speed
     config, model = model_now()
     progress, end = show("capsules")
-    content["capsules"], said = fit_shapes(model, config, tree, urdf, path, progress)
+    content["capsules"], said = fitted_shapes.fit_shapes(model, config, tree, urdf, path, progress)
     end(True)
     config = _as_config(content)
-    content["inertia"], weights = assume_masses(model, config)
+    content["inertia"], weights = fitted_shapes.assume_masses(model, config)
     config, model = model_now()
     accelerations = [joint["acceleration_rad_s2"] for joint in content["joints"]]
     weights += assume_torques(content["joints"], model, accelerations)
@@ -317,9 +328,10 @@ def _complete(
     robot = build_robot(config, "none", tree, urdf, path, str(path))
     shapes = [one[:4] for one in collision_shapes(robot.model, tree, urdf)]
     contacts = mesh_contacts(robot.model, shapes)
-    surfaces = link_surfaces(robot.model, tree, urdf)
-    carved = carve_capsules(robot, surfaces, contacts, lambda share: progress(0.5 * share))
-    content["capsules"] = replace_capsules(content["capsules"], robot, carved)
+    content["capsules"] = fitted_shapes.carve(
+        content["capsules"], robot, link_surfaces(robot.model, tree, urdf), contacts,
+        lambda share: progress(0.5 * share),
+    )  # fmt: skip
     robot = build_robot(_as_config(content), "none", tree, urdf, path, str(path))
     pairs, ignored = find_ignored_pairs(robot, contacts)
     content["ignored_pairs"] = [list(pair) for pair in pairs]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -14,6 +14,8 @@ import pinocchio
 
 from besman.exceptions import RobotError
 from besman.robot.config import RobotConfig
+from besman.robot.files import carved_capsules
+from besman.robot.files.touching_links import MeshesTouch
 from besman.robot.link_shapes import link_capsules
 from besman.robot.model import Robot
 
@@ -139,18 +141,24 @@ def _in_link(model: Any, link: str, joint: int, ends: FloatArray, radius: float)
     }
 
 
-def replace_capsules(
-    capsules: list[dict[str, Any]], robot: Robot, others: dict[str, list[tuple[FloatArray, float]]]
+def carve(
+    capsules: list[dict[str, Any]],
+    robot: Robot,
+    surfaces: Sequence[carved_capsules.Surface],
+    meshes_touch: MeshesTouch,
+    progress: Callable[[float], None],
 ) -> list[dict[str, Any]]:
-    """Return the capsules of a robot.yaml with those of some links replaced.
+    """Return the capsules of a robot.yaml, those split that cost room.
 
     Parameters
     ----------
     capsules : list of dict
     robot : Robot
-    others : dict of list of (ends, radius)
-        By link, in the frames of the joints that move them, metres.
+        With them.
+    surfaces, meshes_touch, progress
+        As in `besman.robot.files.carved_capsules.carve_capsules`.
     """
+    others = carved_capsules.carve_capsules(robot, surfaces, meshes_touch, progress)
     joints = dict(zip(robot.chain.capsule_links, robot.chain.capsule_joints.tolist(), strict=True))
     result = [one for one in capsules if one["link"] not in others]
     for link, found in others.items():
