@@ -274,14 +274,7 @@ def _complete(
     show: Display,
 ) -> dict[str, Any]:
     """Add what is computed: capsules, masses, torques, mounting, home, ignored pairs."""
-<<<<<<< HEAD
-    from besman.robot.files.carved_capsules import carve_capsules
-    from besman.robot.files.fitted_shapes import (
-        assume_masses,
-        fit_shapes,
-        replace_capsules,
-        use_visual_shapes,
-    )
+    from besman.robot.files import fitted_shapes
     from besman.robot.files.standing import (
         arm_reach,
         assume_mounting,
@@ -289,10 +282,6 @@ def _complete(
         find_home,
         flange_rotation,
     )
-=======
-    from besman.robot.files import fitted_shapes
-    from besman.robot.files.standing import arm_reach, assume_mounting, find_home, flange_rotation
->>>>>>> s3-j-speed
     from besman.robot.files.touching_links import find_ignored_pairs, mesh_contacts
     from besman.robot.link_shapes import collision_shapes, link_surfaces
     from besman.robot.pinocchio_model import build_model
@@ -302,13 +291,7 @@ def _complete(
         tool = mount_tool("none", config)
         return config, build_model(config, tool, joint_limits(config.joints), tree, urdf, path)[0]
 
-<<<<<<< HEAD
-    notes += _visual_note(use_visual_shapes(tree))
-=======
-    visual = fitted_shapes.use_visual_shapes(tree)
-    if visual:
-        notes.append(f"shapes of {len(visual)} links: visual ones, no collision shapes are given")
->>>>>>> s3-j-speed
+    notes += _visual_note(fitted_shapes.use_visual_shapes(tree))
     config, model = model_now()
     progress, end = show("capsules")
     content["capsules"], said = fitted_shapes.fit_shapes(model, config, tree, urdf, path, progress)
