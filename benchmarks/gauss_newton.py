@@ -5,8 +5,9 @@
 
 Refines every motion of each pipeline (synthetic recordings), and tries what comes of it in N
 perturbed models that no search has seen. Methods: ``cma_es``, as the recipes had it;
-``gauss_newton`` with ``robust: null``; ``robust``, as it is by default; ``dfols``, DFO-LS (package ``DFO-LS``, extra
-``bench``) on the landing point in the model as it is, from the same start in the same coordinates.
+``gauss_newton`` with ``robust: null``; ``robust``, as it is by default; ``dfols``, DFO-LS (package
+``DFO-LS``, extra ``bench``) on the landing point in the model as it is, from the same start in the
+same coordinates.
 """
 
 import argparse

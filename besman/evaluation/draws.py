@@ -20,7 +20,7 @@ class Draw:
     test: IntArray
 
 
-def draw_orthogonal(labels: npt.NDArray[np.str_], n: int, seed: int) -> Draw:
+def draw_balanced(labels: npt.NDArray[np.str_], n: int, seed: int) -> Draw:
     """Draw as many examples of each class; a class with no more than that is left out."""
     rng = np.random.default_rng(seed)
     learn: list[int] = []

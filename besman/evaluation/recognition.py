@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from besman.classifiers.kinds import CLASSIFIERS
 from besman.classifiers.novelty import UNKNOWN
-from besman.evaluation.draws import Draw, draw_orthogonal, draw_subjects
+from besman.evaluation.draws import Draw, draw_balanced, draw_subjects
 from besman.evaluation.recognition_data import LabelledSet
 from besman.exceptions import ConfigError, nearest
 from besman.stages.recognize.model import Examples, classify_features, fit_model
@@ -134,7 +134,7 @@ def check_methods(names: Sequence[str] | None) -> tuple[str, ...]:
 def _warm_up(one: LabelledSet, method: str) -> None:
     """Load and compile what a method needs, which is no part of its times."""
     name, values = SETTINGS[method]
-    draw = draw_orthogonal(one.labels, 1, 0)
+    draw = draw_balanced(one.labels, 1, 0)
     _classify(one, method, Draw(draw.learn, draw.test[:2]), {name: min(values[1], len(draw.learn))})
 
 
@@ -142,7 +142,7 @@ def _over_examples(one: LabelledSet, method: str, draws: int) -> list[dict[str, 
     """Experiments 1 and 2: accuracy over examples per class."""
     rows = []
     for n in EXAMPLES if method == "nearest_neighbour" else _SLOW_EXAMPLES:
-        chosen = [draw_orthogonal(one.labels, n, seed) for seed in range(draws)]
+        chosen = [draw_balanced(one.labels, n, seed) for seed in range(draws)]
         if len(np.unique(one.labels[chosen[0].learn])) >= 2:
             thesis = THESIS.get((one.name, method), {}).get(n)
             rows.append({"experiment": "examples", **_measure(one, method, n, chosen, thesis)})
@@ -152,9 +152,7 @@ def _over_examples(one: LabelledSet, method: str, draws: int) -> list[dict[str, 
 def _over_settings(one: LabelledSet, method: str, draws: int) -> list[dict[str, Any]]:
     """Experiment 2: one parameter of the method varied at ten examples per class."""
     name, values = SETTINGS[method]
-    chosen = [
-        draw_orthogonal(one.labels, _SETTING_EXAMPLES, seed) for seed in range(min(draws, 10))
-    ]
+    chosen = [draw_balanced(one.labels, _SETTING_EXAMPLES, seed) for seed in range(min(draws, 10))]
     if len(np.unique(one.labels[chosen[0].learn])) < 2:
         return []
     return [
@@ -191,7 +189,7 @@ def _unknown_classes(one: LabelledSet, draws: int) -> list[dict[str, Any]]:
     First with examples of everyone, then tested on a person of whom nothing was learnt.
     """
     seeds = range(min(draws, 10))
-    mixed = {n: [draw_orthogonal(one.labels, n, seed) for seed in seeds] for n in _UNKNOWN_EXAMPLES}
+    mixed = {n: [draw_balanced(one.labels, n, seed) for seed in seeds] for n in _UNKNOWN_EXAMPLES}
     rows = [{"new_subject": False, **_leave_out(one, n, mixed[n])} for n in mixed]
     subjects = np.unique(one.subjects)
     if len(subjects) > 1:

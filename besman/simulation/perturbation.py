@@ -138,7 +138,7 @@ def draw_perturbation(spreads: Spreads, robot: Robot, seed: Sequence[int]) -> Pe
     return _perturbation_of(spreads, robot, unit, seed)
 
 
-def draw_orthogonal(
+def draw_two_level(
     spreads: Spreads, robot: Robot, seed: Sequence[int], n: int
 ) -> tuple[Perturbation, ...]:
     """Draw perturbations few of which tell as much as many that are drawn independently.

@@ -3,7 +3,7 @@ import json
 import numpy as np
 import pytest
 
-from besman.evaluation.draws import draw_orthogonal, draw_subjects
+from besman.evaluation.draws import draw_balanced, draw_subjects
 from besman.evaluation.recognition import check_methods, recognition_table, run_recognition
 from besman.evaluation.recognition_data import LabelledSet, load_sets, name_parts, simulate_sets
 from besman.evaluation.recognition_figures import write_recognition_figures
@@ -26,11 +26,11 @@ def toy():
 
 def test_draws_take_as_many_of_each_class_and_leave_small_ones_out(toy):
     labels = np.append(toy.labels, ["rare"] * 3)
-    draw = draw_orthogonal(labels, 3, 5)
+    draw = draw_balanced(labels, 3, 5)
     assert sorted(labels[draw.learn]) == ["a"] * 3 + ["b"] * 3 + ["c"] * 3
     assert "rare" not in labels[draw.test]
     assert not set(draw.learn) & set(draw.test)
-    again = draw_orthogonal(labels, 3, 5)
+    again = draw_balanced(labels, 3, 5)
     np.testing.assert_array_equal(draw.learn, again.learn)
 
 

@@ -16,7 +16,7 @@ from besman.records import AnyPlan
 from besman.records.files import digest
 from besman.robot.model import Robot
 from besman.search.protocol import Part
-from besman.simulation.perturbation import Perturbation, Spreads, draw_orthogonal
+from besman.simulation.perturbation import Perturbation, Spreads, draw_two_level
 from besman.simulation.task import Task
 from besman.stages.refine.stage import RefinementConfig, place_plan
 
@@ -98,7 +98,7 @@ class GaussNewtonConfig(RefinementConfig):
         if self.robust is None:
             return ()
         seed = (self.robust.seed, _OF_THE_SEARCH)
-        return draw_orthogonal(self.robust.spreads, robot, seed, self.robust.models)
+        return draw_two_level(self.robust.spreads, robot, seed, self.robust.models)
 
     def share(
         self, plans: Sequence[AnyPlan], robot: Robot, task: Task, work: Work = Work()

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from besman.simulation.perturbation import Spreads, draw_orthogonal
+from besman.simulation.perturbation import Spreads, draw_two_level
 from besman.simulation.tasks.kinds import load_task
 from besman.simulation.trial import try_plans
 from besman.stages.refine.class_model import (
@@ -154,7 +154,7 @@ def test_a_class_is_what_it_was_after_it_is_stored(tmp_path):
 def test_balanced_models_tell_variances_apart(robot, n):
     """The mean is the middle, and friction and every joint's delay vary independently."""
     spreads = Spreads()
-    drawn = draw_orthogonal(spreads, robot, (3,), n)
+    drawn = draw_two_level(spreads, robot, (3,), n)
     columns = np.array([[one.friction - 1.0, *one.delays] for one in drawn])
     columns[:, 1:] -= 0.5 * spreads.delay_s
     columns /= np.array([spreads.friction_share] + [0.5 * spreads.delay_s] * robot.n)
@@ -165,7 +165,7 @@ def test_balanced_models_tell_variances_apart(robot, n):
         np.testing.assert_allclose(products, np.eye(robot.n + 1) / 3.0, atol=1e-12)
     masses = np.array([one.object_mass for one in drawn])
     assert set(np.round(masses, 9)) == set(np.round(1.0 + np.array([-1, 1]) * 0.2 / 3**0.5, 9))
-    other = draw_orthogonal(spreads, robot, (4,), n)
+    other = draw_two_level(spreads, robot, (4,), n)
     assert any(one.friction != two.friction for one, two in zip(drawn, other, strict=True)) or any(
         (one.delays != two.delays).any() for one, two in zip(drawn, other, strict=True)
     )
