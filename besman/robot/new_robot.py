@@ -15,6 +15,7 @@ import numpy as np
 import yaml
 
 from besman.exceptions import RobotError
+from besman.records import FloatArray
 from besman.robot.collision import distances
 from besman.robot.config import RobotConfig
 from besman.robot.files.arm_chain import find_chain, find_tip, held_joints
@@ -320,15 +321,19 @@ def _complete(
     content["ignored_pairs"] = [list(pair) for pair in pairs]
     progress(0.75)
     robot = build_robot(_as_config(content), "none", tree, urdf, path, str(path))
-    home, is_clear = find_home(robot, reach)
-    for joint, angle in zip(content["joints"], np.degrees(home), strict=True):
-        joint["home_deg"] = round(float(angle), 6)
+    found = _write_home(content["joints"], *find_home(robot, reach))
     end(True)
-    notes += [*said, *weights, *([flange] if flange else []), *ignored]
-    notes.append("home: found by a search" + ("" if is_clear else ", nothing clear was found"))
+    notes += [*said, *weights, *([flange] if flange else []), *ignored, found]
     content["tool_scale"], shorter = assume_tool_scale(reach)
     content["assumed"] = [*notes, *shorter, _mounting_note(content, reach)]
     return {key: value for key, value in content.items() if value or key == "mounting"}
+
+
+def _write_home(joints: list[dict[str, Any]], home: FloatArray, is_clear: bool) -> str:
+    """Write the home (n,), rad, into the joints; return where it comes from."""
+    for joint, angle in zip(joints, np.degrees(home), strict=True):
+        joint["home_deg"] = round(float(angle), 6)
+    return "home: found by a search" + ("" if is_clear else ", nothing clear was found")
 
 
 def _visual_note(links: list[str]) -> list[str]:

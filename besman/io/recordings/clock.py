@@ -66,7 +66,7 @@ def settle_clock(
     frames, times : array, shape (N,), or None
         What the columns say; seconds.
     rate_hz : float or None
-        What the header says, as `parse_rate` returns it.
+        What the header says, as `read_rate` returns it.
     path : Path
         Named in messages.
     first_line : int
@@ -115,7 +115,7 @@ def settle_clock(
     )
 
 
-def parse_rate(text: str) -> float | None:
+def read_rate(text: str) -> float | None:
     """Return the rate that a header says: None where it says none, NaN where that is no number."""
     if text.strip().upper() in {"", "EXT"}:
         return None

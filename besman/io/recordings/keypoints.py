@@ -23,7 +23,7 @@ import numpy as np
 from besman.exceptions import RecordingError, RecordingWarning
 from besman.foreign.json_text import parse_json
 from besman.io.recordings.c3d_names import keep_single_names
-from besman.io.recordings.clock import parse_rate, settle_clock
+from besman.io.recordings.clock import read_rate, settle_clock
 from besman.io.recordings.format import Units, parse_up
 from besman.io.recordings.lengths import Length, body_length, find_length, parse_unit
 from besman.records import Axis, FloatArray, Origin, Recording
@@ -280,7 +280,7 @@ def _find_rate(about: Mapping[str, Any]) -> float | None:
     said = next((about[key] for key in _RATES if about.get(key) is not None), None)
     if said is None:
         return None
-    return float(said) if _is_number(said) else parse_rate(str(said))
+    return float(said) if _is_number(said) else read_rate(str(said))
 
 
 def _column(frames: list[dict[str, Any]], keys: tuple[str, ...], path: Path) -> FloatArray | None:

@@ -15,7 +15,7 @@ import numpy as np
 
 from besman.exceptions import RecordingError
 from besman.io.recordings.c3d_names import keep_single_names
-from besman.io.recordings.clock import parse_rate, settle_clock
+from besman.io.recordings.clock import read_rate, settle_clock
 from besman.io.recordings.format import Units
 from besman.io.recordings.keypoints import find_keypoint_length
 from besman.io.recordings.number_rows import find_cells, is_blank, read_rows
@@ -115,5 +115,5 @@ def _rate(about: dict[str, str]) -> float | None:
     """Return the rate that the lines above the table say."""
     for key in ("rate_hz", "fps", "frame_rate", "rate"):
         if key in about:
-            return parse_rate(about[key])
+            return read_rate(about[key])
     return None

@@ -28,7 +28,7 @@ from besman.exceptions import RecordingError, RecordingWarning
 from besman.foreign.numbers import parse_number
 from besman.io.recordings.bodies import hold_orientations, to_unit, warn_of_no_turns
 from besman.io.recordings.c3d_names import keep_single_names
-from besman.io.recordings.clock import parse_rate, settle_clock
+from besman.io.recordings.clock import read_rate, settle_clock
 from besman.io.recordings.conventions import BY_HABIT
 from besman.io.recordings.format import Units
 from besman.io.recordings.lengths import find_length
@@ -114,7 +114,7 @@ def read_motive_csv(path: Path, units: Units | None = None, partial: bool = Fals
         texts=header.texts,
     )  # fmt: skip
     said = (header.values.get(f"{key} frame rate", "") for key in ("export", "capture"))
-    rate_hz = parse_rate(next(filter(None, said), "").replace(",", "."))
+    rate_hz = read_rate(next(filter(None, said), "").replace(",", "."))
     times = None if header.time_column is None else values[:, header.time_column]
     clock = settle_clock(values[:, 0], times, rate_hz, path, header.data_line + 1)
     _check_count(header, len(values), path)

@@ -22,7 +22,7 @@ import numpy as np
 from besman.exceptions import RecordingError
 from besman.foreign.numbers import parse_number
 from besman.io.recordings.c3d_names import find_names
-from besman.io.recordings.clock import RowClock, parse_rate, settle_clock
+from besman.io.recordings.clock import RowClock, read_rate, settle_clock
 from besman.io.recordings.format import Units
 from besman.io.recordings.lengths import find_length, parse_unit
 from besman.io.recordings.number_rows import Cells, find_cells, read_rows
@@ -161,7 +161,7 @@ def _read_header(lines: TextLines, at: int, title: str, path: Path) -> _Section:
         cells = replace(cells, has_decimal_commas=True)
     sub = 1 if "".join(axes[1:2]).lower().startswith("sub") else None
     data_line = at + table + (1 if units is None else 2)
-    rate_hz = parse_rate(rate.replace(",", "."))
+    rate_hz = read_rate(rate.replace(",", "."))
     return _Section(
         title, rate_hz, labels, columns, min(words, default=None), sub, n_ends, cells, data_line
     )

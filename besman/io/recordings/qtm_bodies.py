@@ -25,7 +25,7 @@ from besman.io.recordings.bodies import (
     warn_of_no_turns,
 )
 from besman.io.recordings.c3d_names import keep_single_names
-from besman.io.recordings.clock import parse_rate, settle_clock
+from besman.io.recordings.clock import read_rate, settle_clock
 from besman.io.recordings.number_rows import TAKE, Cells, read_rows
 from besman.io.recordings.text_lines import TextLines
 from besman.records import FloatArray, Origin, Recording
@@ -92,7 +92,7 @@ def read_bodies(lines: TextLines, path: Path, partial: bool) -> Recording:
         extra = [values[:, 0], values[:, 1]]
     if all(one is None for one in extra):
         extra[0] = np.arange(1.0, len(values) + 1)
-    rate_hz = parse_rate((keys.get("FREQUENCY") or [""])[0])
+    rate_hz = read_rate((keys.get("FREQUENCY") or [""])[0])
     clock = settle_clock(extra[0], extra[1], rate_hz, path, first + 1)
     places = np.array([[body.columns[axis] for axis in "XYZ"] for body in bodies])
     positions = values[:, places] / 1000.0

@@ -24,7 +24,7 @@ import numpy as np
 from besman.exceptions import RecordingError, RecordingWarning
 from besman.foreign.numbers import parse_number
 from besman.io.recordings.c3d_names import find_names
-from besman.io.recordings.clock import parse_rate, settle_clock
+from besman.io.recordings.clock import read_rate, settle_clock
 from besman.io.recordings.format import Units
 from besman.io.recordings.lengths import find_length
 from besman.io.recordings.number_rows import Cells, find_cells, is_blank, read_rows
@@ -88,7 +88,7 @@ def read_trc(path: Path, units: Units | None = None, partial: bool = False) -> R
     values = read_rows(
         lines, header.data_line, 2 + 3 * n_markers, header.cells, path, partial=partial
     )
-    rate_hz = parse_rate(header.values.get("datarate", ""))
+    rate_hz = read_rate(header.values.get("datarate", ""))
     clock = settle_clock(values[:, 0], values[:, 1], rate_hz, path, header.data_line + 1)
     positions = clock.spread(np.ascontiguousarray(values[:, 2:]).reshape(len(values), n_markers, 3))
     _check_counts(header, values, path)
