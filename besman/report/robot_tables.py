@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from besman.robot.model import Robot, find_robot, list_robots, load_robot
+from besman.robot.tool_shelf import shelf_tools
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -29,8 +30,8 @@ def robots_table() -> Table:
     table = Table("robot", "joints", "length [m]", "speed [deg/s]", "tools")
     for name in list_robots():
         robot = load_robot(name)
-        tools = ", ".join(robot.content["config"]["tools"])
-        slow, fast = np.rad2deg(robot.limits.velocity[[0, -1]])
+        tools = ", ".join(robot.content["config"]["tools"] or shelf_tools())
+        slow, fast = np.rad2deg([robot.limits.velocity.min(), robot.limits.velocity.max()])
         table.add_row(name, str(robot.n), f"{reach(robot):.2f}", f"{slow:.0f} to {fast:.0f}", tools)
     return table
 

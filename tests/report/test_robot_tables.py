@@ -1,4 +1,5 @@
 import io
+import re
 
 import numpy as np
 import pytest
@@ -35,7 +36,12 @@ def test_every_robot_is_a_row():
     text = shown(robots_table())
     for name in list_robots():
         (row,) = [line for line in text.splitlines() if f" {name} " in line]
-        assert f"{reach(load_robot(name)):.2f}" in row
+        robot = load_robot(name)
+        assert f"{reach(robot):.2f}" in row
+        speeds = np.rad2deg(robot.limits.velocity)
+        assert f" {speeds.min():.0f} to {speeds.max():.0f} " in row
+        # A robot that names no tools has all of them.
+        assert re.split(r"[│|]", row)[-2].strip()
 
 
 def test_limits_of_one_robot_are_degrees_and_its_sources_are_named():
