@@ -51,6 +51,7 @@ _RECORDS = {
     "besman.recognition.model:Recipe": "besman.stages.recognize.model",
     "besman.recognition.model:RecognitionModel": "besman.stages.recognize.model",
     "besman.refinement.checkpoint:Generation": "besman.stages.refine.checkpoint",
+    "besman.stages.refine.class_model:ClassModel": "besman.stages.refine.class_model",
     "besman.refinement.plan_space:Units": "besman.stages.refine.plan_space",
     "besman.refinement.robustness:Robustness": "besman.stages.refine.robustness",
     "besman.templates.learning:Tries": "besman.templates.learning",

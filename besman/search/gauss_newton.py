@@ -3,7 +3,8 @@
 The Jacobian comes from outside, measured once for many searches alike; every search corrects its
 own copy by what its steps do. Steps are those of least norm that the damping allows, so that
 directions that change no outcome stay where they are. Residuals may be those of several models of
-the world at once: what is left of them then is how far apart the models' outcomes are.
+the world at once: what is left of them then is how far apart the models' outcomes are. The first steps
+are taken in the one model alone, until its outcome is near, because that tells where all are.
 
 References
 ----------
@@ -25,15 +26,13 @@ from besman.search.gaussian import Bounds, check_bounds
 
 FloatArray = npt.NDArray[np.float64]
 
-# Damping of the normal equations at first, in squared radii of success per squared unit.
-_DAMPING = 0.03
 # Longest step at first, and the one below which nothing is gained any more, in units.
 _REACH, _LEAST_REACH = 3.0, 0.1
 # What an outcome that there is not counts, in radii of success.
 _FAILED = 3.0
-# How many steps may make the models' outcomes agree more at the cost of all being elsewhere, and
-# by how much they must, in radii of success.
-_DETOURS, _CLOSER = 4, 0.02
+# By how much a step must make the models' outcomes agree more, in radii of success, if all are
+# farther from the target after it.
+_CLOSER = 0.02
 # An outcome that CMA-ES brings this near is worth Newton steps again.
 _NEAR = 0.5
 _STEPS_BACK = 2
@@ -80,6 +79,10 @@ class GaussNewton:
         Least and greatest value of every coordinate.
     steps : int
         Greatest number of Gauss-Newton steps before it ends, or CMA-ES goes on.
+    damping : float
+        Of the normal equations at first, in squared radii of success per squared unit.
+    detours : int
+        How many steps in a row may make the worlds agree more at the cost of all being elsewhere.
     jacobian : array, shape (W, R, D), optional
         Of the residuals in each of W worlds; without it there is CMA-ES alone.
     first : array, shape (D,), optional
@@ -101,7 +104,9 @@ class GaussNewton:
         seed: tuple[int, ...],
         bounds: Bounds | None = None,
         restarts: Restarts = "none",
-        steps: int = 8,
+        steps: int = 6,
+        damping: float = 0.1,
+        detours: int = 2,
         jacobian: npt.ArrayLike | None = None,
         first: npt.ArrayLike | None = None,
     ) -> None:
@@ -112,8 +117,9 @@ class GaussNewton:
         self._next = self._start if first is None else np.array(first, dtype=np.float64)
         self._at: _Tried | None = None
         self._best: _Tried | None = None
-        self._damping, self._reach, self._detours, self._back = _DAMPING, _REACH, 0, 0
-        self._ended = self.handed_over = False
+        self._wary, self._most_detours = damping, detours
+        self._damping, self._reach, self._detours, self._back = damping, _REACH, 0, 0
+        self._ended = self.handed_over = self._in_worlds = False
         self._strategy: CmaEs | None = None
         self.jacobian = None if jacobian is None else np.array(jacobian, dtype=np.float64)
         if self.jacobian is None:
@@ -127,7 +133,7 @@ class GaussNewton:
     @property
     def in_worlds(self) -> bool:
         """Whether the points asked for next are to be tried in all of them."""
-        return self._strategy is None and self.n_worlds > 1
+        return self._strategy is None and self._in_worlds
 
     @property
     def exhausted(self) -> bool:
@@ -164,19 +170,23 @@ class GaussNewton:
             self._look_for_near(points, residuals)
         elif residuals is None:
             self._begin_cma(self._start)
-        elif len(residuals[0]) == self.n_worlds:
+        else:
             self._learn(_Tried(np.array(points[0]), np.array(residuals[0])))
 
     def _look_for_near(self, points: FloatArray, residuals: FloatArray | None) -> None:
         """Take Newton steps again from a point at which CMA-ES has come near, once."""
-        if self.jacobian is None or self.n_worlds == 1 or residuals is None or self._back < 0:
+        if self.n_worlds == 1 or residuals is None or self._in_worlds:
             return
-        norms = [rms(one[:1]) for one in residuals]
+        norms = [rms(one) for one in residuals]
         at = int(np.argmin(norms))
         if norms[at] <= _NEAR:
-            self._strategy, self._at, self._best = None, None, None
-            self._next, self._left, self._back = np.array(points[at]), self._steps, -1
-            self._damping, self._reach, self._detours = _DAMPING, _REACH, 0
+            self.enter_worlds(np.array(points[at]))
+
+    def enter_worlds(self, point: FloatArray) -> None:
+        """Look at all worlds from now on, beginning at a point that is near in the first."""
+        self._strategy, self._at, self._best, self._in_worlds = None, None, None, True
+        self._next, self._left = point, self._steps
+        self._damping, self._reach, self._detours = self._wary, _REACH, 0
 
     def _learn(self, tried: _Tried) -> None:
         """Correct the Jacobian, judge the last step and take the next one."""
@@ -190,7 +200,8 @@ class GaussNewton:
         else:
             self._correct(self._at, tried)
             self._judge(self._at, tried)
-        if self._left == 0 or self._reach < _LEAST_REACH:
+        enough = self._best.cost <= _NEAR and self.n_worlds > 1 and not self._in_worlds
+        if enough or self._left == 0 or self._reach < _LEAST_REACH:
             self._end()
             return
         self._left -= 1
@@ -200,7 +211,7 @@ class GaussNewton:
 
     def _step_back(self, point: FloatArray) -> None:
         """Halve the way to the first point: there is no outcome there."""
-        if self._back < 0 or self._back == _STEPS_BACK or not np.any(point - self._start):
+        if self._back == _STEPS_BACK or not np.any(point - self._start):
             self._end()
             return
         self._back += 1
@@ -212,10 +223,12 @@ class GaussNewton:
         step = after.point - before.point
         length = float(step @ step)
         if length > 0:
-            off = np.nan_to_num(after.residuals - before.residuals - self.jacobian @ step)
+            # What the first world does, all do, as far as is known.
+            told = self.jacobian[: len(after.residuals)] @ step
+            off = np.nan_to_num(after.residuals - before.residuals - told)
             mean = off.mean(axis=0)
-            off = mean + _TRUST * (off - mean)
-            self.jacobian += off[..., None] * step / length
+            apart = _TRUST * (off - mean) if len(off) == self.n_worlds else 0.0
+            self.jacobian += (mean + apart)[..., None] * step / length
 
     def _judge(self, before: _Tried, after: _Tried) -> None:
         """Go on from where a step has led, or back and with a shorter one."""
@@ -223,7 +236,7 @@ class GaussNewton:
         closer = after.spread < before.spread - _CLOSER and np.isfinite(after.residuals).all()
         if after.cost < before.cost:
             self._at, self._detours = after, 0
-        elif closer and self._detours < _DETOURS:
+        elif closer and self._detours < self._most_detours:
             self._at, self._detours = after, self._detours + 1
         else:
             self._at, self._detours = self._best, 0
@@ -234,16 +247,20 @@ class GaussNewton:
         """Return the damped step of the linear model [1]_, no longer than the reach."""
         assert self.jacobian is not None
         known = np.isfinite(tried.residuals)
-        rows = self.jacobian[known] / np.sqrt(self.n_worlds)
-        wanted = tried.residuals[known] / np.sqrt(self.n_worlds)
+        n = len(known)
+        rows = self.jacobian[:n][known] / np.sqrt(n)
+        wanted = tried.residuals[known] / np.sqrt(n)
         system = rows @ rows.T + self._damping * np.eye(len(rows))
         step = -rows.T @ np.linalg.solve(system, wanted)
         return np.asarray(step * min(1.0, self._reach / max(float(np.linalg.norm(step)), 1e-12)))
 
     def _end(self) -> None:
-        """End if the outcome is within the radius; else have CMA-ES go on from the best point."""
+        """End, or look at all worlds, if the outcome is within the radius; else have CMA-ES go on."""
         if self._best is not None and self._best.cost <= 1.0:
-            self._ended = True
+            if self.n_worlds > 1 and not self._in_worlds:
+                self.enter_worlds(self._best.point)
+            else:
+                self._ended = True
             return
         known = self._best is not None and bool(np.isfinite(self._best.residuals).any())
         self._begin_cma(self._best.point if known and self._best is not None else self._start)

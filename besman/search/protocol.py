@@ -52,6 +52,10 @@ class ResidualSearch(Search, Protocol):
         """Take the residuals (1, R) of the start (D,), before anything is asked for."""
         ...
 
+    def enter_worlds(self, point: FloatArray) -> None:
+        """Look at all worlds from now on, beginning at a point (D,)."""
+        ...
+
     @property
     def jacobian(self) -> FloatArray | None:
         """Of the residuals, shape (W, R, D), as far as it is known."""

@@ -90,6 +90,9 @@ SAMPLES = {
     "pull_lever": Sample(pull_of, "ur10"),
 }
 
+# How many numbers say how far off an outcome is; none where a task only succeeds or not.
+RESIDUALS = {"stick_throw": 2, "ball_throw": 2, "grasp_box": 0, "pull_lever": 1, "reach": 6}
+
 
 @dataclass(frozen=True, eq=False)
 class Case:
@@ -187,6 +190,41 @@ def test_a_movement_has_an_outcome(entry):
     }
     assert case.task.succeeds(0.0, dict.fromkeys(trial.measures, 0.0))
     assert not case.task.succeeds(10.0, dict.fromkeys(trial.measures, 0.0))
+
+
+@EVERY
+def test_the_residual_is_a_success_where_the_task_is_one(entry):
+    """Its norm says what `succeeds` says of the miss; empty if the kind only succeeds or not."""
+    case = case_of(entry.name)
+    moves = case.task.move([case.plan], case.robot)
+    episodes = case.task.simulate(case.robot, [case.plan], moves, False)
+    (trial,) = case.try_out()
+    residual = case.task.residual(case.plan, episodes, 0)
+    np.testing.assert_array_equal(trial.residual, residual)
+    assert residual.shape == (RESIDUALS[entry.name],)
+    if not len(residual):
+        return
+    assert np.isfinite(residual).all()
+    for off, hits in ((0.0, True), (0.9, True), (1.5, False)):
+        moved = episodes.outcomes.copy()
+        moved[0] = case.plan.target if entry.name != "reach" else case.plan.goal_pose[:3]
+        moved[0] = moved[0] + off * case.task.success_radius_m * away_of(case)
+        elsewhere = replace(episodes, outcomes=moved)
+        elsewhere.end_poses[0, 3:] = case.plan.goal_pose[3:]
+        miss = case.task.miss(case.plan, moved[0])
+        norm = np.linalg.norm(case.task.residual(case.plan, elsewhere, 0))
+        assert norm == pytest.approx(miss / case.task.success_radius_m, abs=1e-6)
+        measures = case.task.measure(case.plan, elsewhere, 0)
+        assert case.task.succeeds(miss, measures) == hits == (norm <= 1.0)
+
+
+def away_of(case):
+    """Return a direction in which an outcome is worse."""
+    if case.task.kind != "pull_lever":
+        return np.array([0.6, 0.8, 0.0])
+    back = case.task._hinge(case.plan)
+    angle = np.radians(case.task.lever.pull_deg)
+    return -(back.axes @ np.array([-np.sin(angle), np.cos(angle), 0.0]))
 
 
 @EVERY

@@ -29,8 +29,9 @@ if TYPE_CHECKING:
 _OF_THE_SEARCH = 1_000_000
 # What is measured of a motion that is searched in the model as it is alone.
 _FEW: tuple[Part, ...] = ("goal", "duration")
-# The middle motion is worth more steps: what it finds is where all others begin.
-_STEPS_OF_MIDDLE = 2
+_DIFFERENCE, _DIFFERENCE_IN_WORLDS = 0.8, 1.5
+# The middle motion is worth more and bolder steps: what it finds is where all others begin.
+_STEPS_OF_MIDDLE, _BOLDER, _DETOURS_OF_MIDDLE = 2, 0.3, 4
 
 
 class RobustConfig(Config):
@@ -63,8 +64,14 @@ class GaussNewtonConfig(RefinementConfig):
     method : "gauss_newton"
     steps : int
         Greatest number of steps of a motion.
-    difference : float
-        Finite difference, in units of the search; contacts blur what is much smaller.
+    difference : float or None
+        Finite difference, in units of the search; contacts blur what is much smaller. null for 1.5
+        where the search is robust, because how far models are apart changes little, else 0.8.
+    damping : float
+        Of steps at first, in squared radii of success per squared unit: the less, the farther they
+        go along what changes the outcome little.
+    detours : int
+        How many steps in a row may make the models agree more though all miss by more.
     measure : list of "start", "goal", "duration", "weights" or None
         What of `search` the Jacobian is measured of, and steps move; null for all of it where the
         search is robust, else for goal and duration. CMA-ES moves all.
@@ -76,7 +83,9 @@ class GaussNewtonConfig(RefinementConfig):
 
     method: Literal["gauss_newton"]
     steps: Annotated[int, Field(ge=1)] = 6
-    difference: Annotated[float, Field(gt=0)] = 1.5
+    difference: Annotated[float, Field(gt=0)] | None = None
+    damping: Annotated[float, Field(gt=0)] = 0.1
+    detours: Annotated[int, Field(ge=0)] = 2
     measure: Annotated[tuple[Part, ...], Field(min_length=1)] | None = None
     robust: RobustConfig | None = RobustConfig()
     population: Annotated[int, Field(ge=4)] | None = 8
@@ -96,16 +105,17 @@ class GaussNewtonConfig(RefinementConfig):
     ) -> ClassModel:
         """Learn from the motion in the middle what all motions share, before any is searched.
 
-        It depends on the plans alone, not on their order but for equal ones, nor on threads.
+        It depends on the plans alone, neither on their order nor on threads.
         """
         from besman.stages.refine.class_model import keep_class, load_class
         from besman.stages.refine.search_loop import index_of_middle
 
         folder = work.checkpoints
-        name = f"class_{digest(tuple(sorted(digest(plan) for plan in plans)))[:16]}"
+        ordered = dict(sorted({digest(plan): plan for plan in plans}.items()))
+        name = f"class_{digest(tuple(ordered))[:16]}"
         model = load_class(folder, name)
         if model is None:
-            placed = [place_plan(plan, robot, task) for plan in plans]
+            placed = [place_plan(plan, robot, task) for plan in ordered.values()]
             middle = placed[index_of_middle(placed, task)]
             lesson = _Lesson(self, middle, robot, task, folder, len(plans))
             model = lesson.learn(work)
@@ -173,7 +183,9 @@ class _Lesson:
             plan = space.plan_at(at)
             return try_in_worlds(self.robot, self.task, [plan], worlds)[1][0]
 
-        jacobian = measure_jacobian(evaluate, point, measured, config.difference, work)
+        usual = _DIFFERENCE_IN_WORLDS if worlds else _DIFFERENCE
+        step = config.difference or usual
+        jacobian = measure_jacobian(evaluate, point, measured, step, work)
         spent += cost
         if why := moves_too_little(jacobian):
             return nothing(spent, why)
@@ -200,8 +212,16 @@ class _Lesson:
         """Set up a search for the middle motion, without checkpoint."""
         config = self.config
         if shared is not None:
-            config = config.model_copy(update={"steps": _STEPS_OF_MIDDLE * config.steps})
-        return config.running_search(self.plan, self.robot, self.task, None, shared)
+            bold = {
+                "steps": _STEPS_OF_MIDDLE * config.steps,
+                "damping": _BOLDER * config.damping,
+                "detours": max(_DETOURS_OF_MIDDLE, config.detours),
+            }
+            config = config.model_copy(update=bold)
+        running = config.running_search(self.plan, self.robot, self.task, None, shared)
+        if shared is not None:
+            running.search.look_at_all_worlds(shared.point)
+        return running
 
 
 def _zero(space: Space) -> FloatArray:

@@ -28,7 +28,7 @@ FloatArray = npt.NDArray[np.float64]
 _MARGIN = 0.5
 # One in perturbed models, when the outcomes there are this near: root mean square, in radii. Of the
 # two-dimensional outcomes of throws, if they are normal, 49 of 50 are within the radius then.
-_MARGIN_IN_WORLDS = 0.5
+_MARGIN_IN_WORLDS = 0.55
 # How many episodes on the way are kept with their plans.
 _MILESTONES = 5
 
@@ -247,6 +247,11 @@ class MotionSearch:
     def newton_jacobian(self) -> FloatArray | None:
         """The Jacobian as the search has corrected it, shape (W, R, D)."""
         return self._search.jacobian if isinstance(self._search, ResidualSearch) else None
+
+    def look_at_all_worlds(self, point: FloatArray) -> None:
+        """Have the search look at all worlds from the first step on, from a point (D,)."""
+        if isinstance(self._search, ResidualSearch):
+            self._search.enter_worlds(point)
 
     @property
     def handed_over(self) -> str:

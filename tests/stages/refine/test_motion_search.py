@@ -107,10 +107,12 @@ def test_a_success_is_better_than_any_reward_and_wins_with_room_to_spare(search,
     assert not succeeds(replace(close, success=False), THROW, 0.5)
     assert succeeds(close, THROW, 0.5)
     search._trials += [success]
+    search._worlds += [()]
     search._tried += [np.array([0.5])]
     assert search.best_trial is success
     assert not search.won
     search._trials += [close]
+    search._worlds += [()]
     search._tried += [np.array([0.6])]
     assert search.won
     assert search.done

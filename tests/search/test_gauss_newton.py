@@ -1,0 +1,151 @@
+"""Gauss-Newton on made-up outcomes whose Jacobian and spread are known."""
+
+import numpy as np
+import pytest
+
+from besman.search.gauss_newton import GaussNewton, rms
+
+RNG = np.random.default_rng(0)
+SLOPE = RNG.normal(size=(2, 5))
+TARGET = np.array([1.5, -0.7])
+
+
+def residuals_of(point, slopes=SLOPE[None], curve=0.0):
+    off = slopes @ point - TARGET
+    return off + curve * np.sin(3.0 * point[:2])
+
+
+def search_of(jacobian, **more):
+    return GaussNewton(np.zeros(5), 0.5, 8, (0,), jacobian=jacobian, **more)
+
+
+def run(search, evaluate, most=30, enough=0.0):
+    """Ask and tell until it ends; return the points and their costs."""
+    points, costs = [], []
+    while not search.exhausted and len(points) < most:
+        asked = search.ask()
+        found = np.stack([evaluate(point) for point in asked])
+        if not search.in_worlds:
+            found = found[:, :1]
+        cost = [rms(one) for one in found]
+        points += list(asked)
+        costs += cost
+        if min(cost) <= enough:
+            break
+        search.tell(asked, -np.nan_to_num(np.array(cost), nan=9.0), found)
+    return np.array(points), np.array(costs)
+
+
+def test_a_linear_outcome_is_reached_by_the_step_of_least_norm():
+    search = search_of(SLOPE[None], damping=1e-9)
+    search.tell_start(np.zeros(5), residuals_of(np.zeros(5)))
+    np.testing.assert_allclose(search.ask()[0], np.linalg.pinv(SLOPE) @ TARGET, atol=1e-6)
+
+
+def test_steps_leave_what_changes_no_outcome_where_it_is():
+    search = search_of(SLOPE[None])
+    points, costs = run(search, lambda point: residuals_of(point, curve=0.2), enough=1e-3)
+    assert costs[-1] <= 1e-3
+    free = np.linalg.svd(SLOPE)[2][2:]
+    np.testing.assert_allclose(points @ free.T, 0.0, atol=1e-9)
+
+
+def test_a_jacobian_of_another_motion_is_corrected():
+    search = search_of(SLOPE[None] + 0.3 * RNG.normal(size=(1, 2, 5)), steps=20)
+    _, costs = run(search, residuals_of, enough=1e-3)
+    assert costs[-1] <= 1e-3
+    assert not search.handed_over
+
+
+def test_the_update_makes_the_last_step_exact():
+    """Broyden's secant condition, in all worlds as far as the last step is believed."""
+    search = search_of(np.stack([SLOPE, SLOPE]))
+    search.enter_worlds(np.zeros(5))
+    slopes = np.stack([2.0 * SLOPE, 1.5 * SLOPE])
+    (first,) = search.ask()
+    search.tell(first[None], np.zeros(1), residuals_of(first, slopes)[None])
+    (second,) = search.ask()
+    search.tell(second[None], np.zeros(1), residuals_of(second, slopes)[None])
+    told = (search.jacobian @ (second - first)).mean(axis=0)
+    np.testing.assert_allclose(told, (slopes @ (second - first)).mean(axis=0), atol=1e-9)
+
+
+def test_worlds_come_closer_along_the_free_directions():
+    """Two worlds whose outcomes agree at one point of the plane that hits the target."""
+    slopes = np.stack([SLOPE, SLOPE + np.diag([0.4, 0.4]) @ RNG.normal(size=(2, 5))])
+    apart = np.array([[0.5, 0.2], [-0.5, -0.2]])
+
+    def evaluate(point):
+        return residuals_of(point, slopes) + apart
+
+    search = search_of(slopes, steps=20, damping=1e-3)
+    _, costs = run(search, evaluate, enough=0.02)
+    assert costs[-1] <= 0.02
+    # In one world alone none would have been missed.
+    assert rms(evaluate(np.linalg.pinv(SLOPE) @ (TARGET - apart[0]))) > 0.3
+
+
+def test_the_model_alone_comes_first_and_then_all_worlds():
+    search = search_of(np.stack([SLOPE] * 3))
+    assert search.n_worlds == 3
+    assert not search.in_worlds
+    seen = []
+    while not search.exhausted and len(seen) < 20:
+        (point,) = search.ask()
+        seen.append(search.in_worlds)
+        found = residuals_of(point, np.stack([SLOPE] * 3))
+        search.tell(point[None], np.zeros(1), found[None] if search.in_worlds else found[None, :1])
+    assert seen == sorted(seen)
+    assert seen[-1]
+
+
+def test_behind_a_cliff_it_goes_back():
+    def evaluate(point):
+        return residuals_of(point) if np.linalg.norm(point) < 0.8 else np.full((1, 2), np.nan)
+
+    search = search_of(SLOPE[None], first=np.full(5, 1.0))
+    points, _ = run(search, evaluate, most=12)
+    np.testing.assert_allclose(points[1], 0.5 * points[0])
+    assert np.isfinite(evaluate(points[2])).all()
+
+
+@pytest.mark.parametrize(
+    "evaluate",
+    [
+        lambda point: np.full((1, 2), np.nan),
+        lambda point: residuals_of(np.zeros(5)) + 0.0 * point[0],
+    ],
+    ids=["no outcome", "an outcome that nothing moves"],
+)
+def test_where_steps_stall_cma_es_goes_on(evaluate):
+    search = search_of(SLOPE[None])
+    points, _ = run(search, evaluate, most=40)
+    assert search.handed_over
+    assert len(np.unique(points, axis=0)) > 8
+
+
+def test_without_a_jacobian_or_residuals_it_is_cma_es():
+    alone = search_of(None)
+    assert alone.n_worlds == 1
+    assert alone.ask().shape == (8, 5)
+    blind = search_of(SLOPE[None])
+    blind.tell(blind.ask(), np.zeros(1))
+    assert blind.ask().shape == (8, 5)
+
+
+def test_what_cma_es_brings_near_is_looked_at_in_all_worlds():
+    search = search_of(np.stack([SLOPE] * 2), steps=1)
+    search.tell(search.ask(), np.zeros(1), np.full((1, 1, 2), np.nan))
+    assert search.handed_over
+    asked = search.ask()
+    found = np.full((len(asked), 1, 2), 5.0)
+    found[3] = 0.1
+    search.tell(asked, np.zeros(len(asked)), found)
+    assert search.in_worlds
+    np.testing.assert_array_equal(search.ask()[0], asked[3])
+
+
+def test_bounds_hold_for_steps():
+    search = search_of(SLOPE[None], bounds=(-0.1, 0.1))
+    points, _ = run(search, residuals_of, most=30)
+    assert np.abs(points).max() <= 0.1
