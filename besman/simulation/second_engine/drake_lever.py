@@ -52,7 +52,7 @@ def pull_lever(
     """
     scene = DrakeScene(robot, task.simulation.time_step_s, task.hook.friction, contact)
     _add_hook(scene, task)
-    lever, joint = _add_lever(scene, task, task.hinge(plan))
+    lever, joint = add_lever(scene, task, task.hinge(plan))
     scene.finish()
     last = last_pull_steps(task, movements)
     controls = servo_controls(
@@ -94,8 +94,8 @@ def _add_hook(scene: DrakeScene, task: PullLeverConfig) -> None:
         scene.add_rod(last, first, second, radius, False)
 
 
-def _add_lever(scene: DrakeScene, task: PullLeverConfig, hinge: Hinge) -> tuple[Any, Any]:
-    """Add the bar on its hinge; return the body and its joint."""
+def add_lever(scene: DrakeScene, task: PullLeverConfig, hinge: Hinge) -> tuple[Any, Any]:
+    """Add the bar with its handle on a hinge of the world; return the body and its joint."""
     tree, plant, conf = load_drake().tree, scene.plant, task.lever
     (near, far), handle = (
         tuple(np.array(end) for end in rod) for rod in lever_rods(task, hinge.axes)
