@@ -69,6 +69,10 @@ class TransferError(BesmanError):
     """A try on the real arm that cannot be suggested or recorded."""
 
 
+class VerificationError(BesmanError):
+    """Motions that cannot be tried in a second engine."""
+
+
 class RunError(BesmanError):
     """A run folder that cannot be written or read."""
 

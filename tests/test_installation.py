@@ -34,12 +34,13 @@ DISTRIBUTIONS = {
     "mpl_toolkits": "matplotlib",
     "pinocchio": "pin",
     "pydantic_core": "pydantic",
+    "pydrake": "drake",
     "sklearn": "scikit-learn",
     "yaml": "pyyaml",
 }
 PROJECT = tomllib.loads((TOP / "pyproject.toml").read_text())["project"]
 EXTRAS = PROJECT["optional-dependencies"]
-FOR_USERS = ("cluster", "lstm", "ros", "sequences", "transfer", "video", "xacro")
+FOR_USERS = ("cluster", "lstm", "ros", "sequences", "transfer", "verify", "video", "xacro")
 
 needs_make = pytest.mark.skipif(shutil.which("make") is None, reason="there is no make")
 

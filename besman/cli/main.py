@@ -47,6 +47,7 @@ for command in (
     run.video,
     run.report,
     run.robustness,
+    run.verify,
     run.retarget,
     recordings.train,
     recordings.segment,

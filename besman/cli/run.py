@@ -1,4 +1,4 @@
-"""Commands about runs: run, report, video, robustness, retarget, check."""
+"""Commands about runs: run, report, video, robustness, verify, retarget, check."""
 
 from __future__ import annotations
 
@@ -119,6 +119,37 @@ def robustness(
     console = open_terminal()
     console.print(robustness_table(found))
     console.print(robustness_line(results), soft_wrap=True)
+    if json_file is not None:
+        write_json(json_file, results)
+
+
+def verify(
+    run: Annotated[Path, typer.Argument(help="A finished run of throws, or of a lever.")],
+    engine: Annotated[str, typer.Option(metavar="drake", help="Which engine.")] = "drake",
+    jobs: Jobs = ALL_CORES,
+    json_file: Json = None,
+) -> None:
+    """Try a run's refined motions in a second physics engine, beside MuJoCo."""
+    from besman.cli.progress_bars import stage_display
+    from besman.cli.terminal import open_terminal
+    from besman.io.atomic_files import write_json
+    from besman.pipeline.verified_run import VERIFIED, verify_run
+    from besman.report.page import write_page
+    from besman.report.verification import verification_lines, verification_table
+    from besman.work.work import Work
+    from besman.work.workers import Workers
+
+    with stage_display() as display, Workers(jobs) as workers:
+        progress, end = display("verify")
+        _, results = verify_run(run, engine, Work(jobs, progress, workers=workers))
+        end(True)
+    console = open_terminal()
+    console.print(verification_table(results))
+    for line in verification_lines(results):
+        console.print(line, soft_wrap=True)
+    page = write_page(run)
+    console.print(f"wrote {run / VERIFIED}", soft_wrap=True)
+    console.print(f"report: {page}", soft_wrap=True)
     if json_file is not None:
         write_json(json_file, results)
 

@@ -24,6 +24,7 @@ from besman.report.run_records import ArmRecords, arm_records, load_records
 from besman.report.stage_tables import stage_tables
 from besman.report.terminal import failures, outcome_lines
 from besman.report.timing import seconds
+from besman.report.verification import verification_section
 from besman.work.versions import code_version
 
 # The page stays one file of less than three megabytes.
@@ -69,6 +70,7 @@ def _page(run: StoredRun) -> str:
         stage_tables(timing, results, config),
         confusion_table(results),
         rest,
+        verification_section(run),
         _left_out(results),
         _files(folder, stale),
         _provenance(run, results),
@@ -221,6 +223,7 @@ def _files(folder: Path, stale: list[str]) -> str:
         "exports/limits.json": "what each exported motion asks of the arm",
         "exports_second/limits.json": "the same of the second arm",
         "results.json": "every figure of this run",
+        "verify.json": "what the motions come to in a second engine",
         "timing.json": "what every stage cost",
         "pipeline.yaml": "the configuration",
         "overview.svg": "the first figure",

@@ -132,10 +132,10 @@ def try_movements(
 ) -> list[Trial]:
     """Try the movements of motion plans, all of one scene; see `try_plans`."""
     episodes = task.simulate(robot, plans, movements, paths)
-    return _score(robot, task, plans, movements, episodes)
+    return score_episodes(robot, task, plans, movements, episodes)
 
 
-def _score(
+def score_episodes(
     robot: Robot,
     task: Task,
     plans: Sequence[AnyPlan],

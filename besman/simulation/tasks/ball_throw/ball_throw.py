@@ -132,16 +132,20 @@ class BallThrowConfig(ThrowConfig):
         """Throw; the paths are those of the ball's centre."""
         model = ball_model(robot, self)
         initial = lay_in_tool(model, movements.positions[:, 0], 0.0)
-        rim = self.scoop.depth_m - self.ball.radius_m
-
-        def is_clear(place: FloatArray) -> npt.NDArray[np.bool_]:
-            return np.asarray(np.linalg.norm(place, axis=-1) > self.simulation.clear_distance_m)
-
-        def way_out(place: FloatArray) -> FloatArray:
-            return np.asarray(place[..., 2] / (rim + self.ball.radius_m))
-
-        thing = ThrownThing("ball", is_clear, way_out)
+        thing = thrown_ball(self)
         return simulate_throw(robot, self, model, initial, thing, movements, paths)
+
+
+def thrown_ball(task: BallThrowConfig) -> ThrownThing:
+    """Say of places of the ball when it is clear of the scoop, whatever simulates it."""
+
+    def is_clear(place: FloatArray) -> npt.NDArray[np.bool_]:
+        return np.asarray(np.linalg.norm(place, axis=-1) > task.simulation.clear_distance_m)
+
+    def way_out(place: FloatArray) -> FloatArray:
+        return np.asarray(place[..., 2] / task.scoop.depth_m)
+
+    return ThrownThing("ball", is_clear, way_out)
 
 
 @lru_cache(maxsize=8)
@@ -174,29 +178,48 @@ def ball_model(robot: Robot, task: BallThrowConfig) -> mujoco.MjModel:
 
 
 def _add_scoop(scoop: Any, task: BallThrowConfig) -> None:
-    """Add a plate and a rim; every wall would touch a ball that is larger by the clearance."""
+    """Add a plate and a rim."""
     import mujoco
 
+    for pose, size in scoop_plates(task):
+        quaternion = np.empty(4)
+        mujoco.mju_mat2Quat(quaternion, pose[:3, :3].ravel())
+        scoop.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            pos=pose[:3, 3],
+            quat=quaternion,
+            size=size,
+            mass=0.0,
+            contype=ARM_BIT,
+            conaffinity=0,
+            **contact(task.simulation.contact_time_s, task.scoop.friction),
+        )
+
+
+def scoop_plates(task: BallThrowConfig) -> list[tuple[FloatArray, FloatArray]]:
+    """Return the plates of the scoop; every wall would touch a ball larger by the clearance.
+
+    Returns
+    -------
+    list of (array (4, 4), array (3,))
+        Poses in the frame of the tool centre point and half lengths, metres: the one below the
+        ball, then the walls of the rim.
+    """
     radius, steep = task.ball.radius_m, np.radians(task.scoop.wall_deg)
     reach = radius + task.scoop.clearance_m
-    shape = {
-        "type": mujoco.mjtGeom.mjGEOM_BOX,
-        "mass": 0.0,
-        "contype": ARM_BIT,
-        "conaffinity": 0,
-        **contact(task.simulation.contact_time_s, task.scoop.friction),
-    }
     # Where the walls, tangents of the larger ball, meet the plate; and how long they are.
     foot = (reach - radius * np.cos(steep)) / np.sin(steep)
     length = task.scoop.depth_m / np.sin(steep)
     width = (foot + length * np.cos(steep)) * np.tan(np.pi / _N_WALLS) + _WALL_M
-    scoop.add_geom(pos=[0.0, 0.0, -radius - _WALL_M], size=[foot, foot, _WALL_M], **shape)
+    below = np.eye(4)
+    below[2, 3] = -radius - _WALL_M
+    plates = [(below, np.array([foot, foot, _WALL_M]))]
     for turn in 2.0 * np.pi / _N_WALLS * np.arange(_N_WALLS):
         out = np.array([np.cos(turn), np.sin(turn), 0.0])
         along = np.cos(steep) * out + [0.0, 0.0, np.sin(steep)]
         inwards = -np.sin(steep) * out + [0.0, 0.0, np.cos(steep)]
-        axes = np.column_stack([np.cross(along, inwards), along, inwards])
-        centre = foot * out - [0.0, 0.0, radius] + 0.5 * length * along - _WALL_M * inwards
-        quaternion = np.empty(4)
-        mujoco.mju_mat2Quat(quaternion, axes.ravel())
-        scoop.add_geom(pos=centre, quat=quaternion, size=[width, length / 2, _WALL_M], **shape)
+        pose = np.eye(4)
+        pose[:3, :3] = np.column_stack([np.cross(along, inwards), along, inwards])
+        pose[:3, 3] = foot * out - [0.0, 0.0, radius] + 0.5 * length * along - _WALL_M * inwards
+        plates.append((pose, np.array([width, length / 2, _WALL_M])))
+    return plates

@@ -56,6 +56,20 @@ def lever_model(robot: Robot, task: PullLeverFields, hinge: tuple[float, ...]) -
 
 def _add_hook(hook: Any, task: PullLeverFields, touch: dict[str, list[float]]) -> None:
     """Add three rods in the plane of TCP x and z."""
+    for first, second in hook_rods(task):
+        hook.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+            fromto=[*first, *second],
+            size=[task.hook.rod_radius_m, 0.0, 0.0],
+            mass=0.0,
+            contype=ARM_BIT,
+            conaffinity=0,
+            **touch,
+        )
+
+
+def hook_rods(task: PullLeverFields) -> list[tuple[list[float], list[float]]]:
+    """Return the ends of the hook's rods in the frame of the tool centre point, metres."""
     rod = task.hook.rod_radius_m
     reach = task.lever.handle_radius_m + task.hook.clearance_m + rod
     corners = [
@@ -64,16 +78,26 @@ def _add_hook(hook: Any, task: PullLeverFields, touch: dict[str, list[float]]) -
         [-reach, 0.0, reach],
         [task.hook.tip_m, 0.0, reach],
     ]
-    for first, second in pairwise(corners):
-        hook.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_CAPSULE,
-            fromto=[*first, *second],
-            size=[rod, 0.0, 0.0],
-            mass=0.0,
-            contype=ARM_BIT,
-            conaffinity=0,
-            **touch,
-        )
+    return list(pairwise(corners))
+
+
+def lever_rods(
+    task: PullLeverFields, axes: FloatArray
+) -> tuple[tuple[list[float], list[float]], tuple[list[float], list[float]]]:
+    """Return the ends of the bar and of the handle in the lever's frame, metres.
+
+    Parameters
+    ----------
+    task : PullLeverFields
+    axes : array, shape (3, 3)
+        Of the hinge, see `besman.simulation.tasks.pull_lever.hinge.Hinge`.
+    """
+    conf = task.lever
+    left = np.cross([0.0, 0.0, 1.0], axes[:, 0]) @ axes[:, 2]
+    sign = float(np.sign(left)) * (1.0 if conf.bar_side == "left" else -1.0)
+    side = sign * conf.handle_length_m / 2
+    bar = ([0.0, 0.0, side], [conf.length_m, 0.0, side])
+    return bar, ([conf.length_m, 0.0, side], [conf.length_m, 0.0, -side])
 
 
 def _add_lever(
@@ -94,18 +118,11 @@ def _add_lever(
     )
     joint.limited = mujoco.mjtLimited.mjLIMITED_TRUE
     joint.frictionloss, joint.damping = conf.friction_nm, [conf.damping_nms, 0.0, 0.0]
-    left = np.cross([0.0, 0.0, 1.0], axes[:, 0]) @ axes[:, 2]
-    sign = np.sign(left) * (1.0 if conf.bar_side == "left" else -1.0)
-    side, radius = sign * conf.handle_length_m / 2, conf.handle_radius_m
-    rods = [
-        ([0.0, 0.0, side], [conf.length_m, 0.0, side], conf.mass_kg),
-        ([conf.length_m, 0.0, side], [conf.length_m, 0.0, -side], 0.0),
-    ]
-    for first, second, mass in rods:
+    for (first, second), mass in zip(lever_rods(task, axes), (conf.mass_kg, 0.0), strict=True):
         lever.add_geom(
             type=mujoco.mjtGeom.mjGEOM_CAPSULE,
             fromto=[*first, *second],
-            size=[radius, 0.0, 0.0],
+            size=[conf.handle_radius_m, 0.0, 0.0],
             mass=mass,
             contype=0,
             conaffinity=ARM_BIT,

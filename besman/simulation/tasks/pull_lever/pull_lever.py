@@ -54,22 +54,22 @@ class PullLeverConfig(PullLeverFields):
         if not np.isfinite([plan.start_pose, plan.goal_pose]).all():
             return replace(plan, target=np.full(3, np.nan))
         angle = np.radians(self.lever.pull_deg)
-        return replace(plan, target=self._hinge(plan).handle(angle, self.lever.length_m))
+        return replace(plan, target=self.hinge(plan).handle(angle, self.lever.length_m))
 
     def scene(self, plan: AnyPlan, robot: Robot) -> Hashable:
         """Return where the lever's hinge is."""
-        return self._hinge(plan).key
+        return self.hinge(plan).key
 
     def miss(self, plan: AnyPlan, outcome: FloatArray) -> float:
         """Return the arc that the handle's way is short, metres."""
-        short = np.radians(self.lever.pull_deg) - self._hinge(plan).angle(outcome)
+        short = np.radians(self.lever.pull_deg) - self.hinge(plan).angle(outcome)
         return float(self.lever.length_m * np.maximum(short, 0.0))
 
     def residual(self, plan: AnyPlan, episodes: Episodes, index: int) -> FloatArray:
         """Return the arc that the handle's way is short, shape (1,), in radii of success."""
         return np.array([self.miss(plan, episodes.outcomes[index]) / self.success_radius_m])
 
-    def _hinge(self, plan: AnyPlan) -> Hinge:
+    def hinge(self, plan: AnyPlan) -> Hinge:
         """Find the hinge that belongs to a demonstration."""
         return find_hinge(
             plan.start_pose, plan.goal_pose, self.lever.length_m, self.lever.offset_m, plan.name
@@ -81,7 +81,7 @@ class PullLeverConfig(PullLeverFields):
         """Pull; the paths are those of the handle."""
         from besman.simulation.tasks.pull_lever.lever_scene import lever_model
 
-        model = lever_model(robot, self, self._hinge(plans[0]).key)
+        model = lever_model(robot, self, self.hinge(plans[0]).key)
         return simulate_pulling(robot, self, model, movements, paths)
 
 
@@ -115,14 +115,40 @@ def simulate_pulling(
     controls = servo_controls(
         robot, movements.positions, movements.velocities, movements.accelerations
     )
-    ends = movements.durations + task.simulation.settling_s
-    last = np.ceil(ends / task.simulation.time_step_s).astype(np.int64) - 1
     initial = np.pad(movements.positions[:, 0], ((0, 0), (0, 1)))
+    last = last_pull_steps(task, movements)
 
     def finished(_: SimulatedStates, span: slice) -> npt.NDArray[np.bool_]:
         return np.asarray(last < span.stop)
 
     run = run_physics(model, initial, controls, finished, movements.perturbations)
+    episodes = judge_pulls(run, task, movements, paths)
+    if not paths:
+        return episodes
+    played = (Playback(model, run.qpos[i, : at + 1]) for i, at in enumerate(last))
+    return replace(episodes, playbacks=tuple(played))
+
+
+def last_pull_steps(task: PullLeverConfig, movements: Movements) -> npt.NDArray[np.int64]:
+    """Return the step (B,) of each movement at which the lever is looked at."""
+    ends = movements.durations + task.simulation.settling_s
+    return np.asarray(np.ceil(ends / task.simulation.time_step_s).astype(np.int64) - 1)
+
+
+def judge_pulls(
+    run: SimulatedStates, task: PullLeverConfig, movements: Movements, paths: bool = False
+) -> Episodes:
+    """Find out what came of every pull, whatever simulated it.
+
+    Parameters
+    ----------
+    run : SimulatedStates
+        Joints of the arm, then the lever's; sensors as in
+        `besman.simulation.tasks.pull_lever.lever_scene.lever_model`.
+    task, movements, paths
+        As in `simulate_pulling`.
+    """
+    last = last_pull_steps(task, movements)
     rows = np.arange(len(last))
     tracking = tracking_errors(run.qpos[:, :, :-1], movements, last)
     poses, handle = run.sensors[rows, last, :7], run.sensors[rows, last, _HANDLE]
@@ -138,7 +164,6 @@ def simulate_pulling(
         failures=failures,
         object_paths=tuple(run.sensors[i, : last[i] + 1, _HANDLE] for i in rows) if paths else (),
         measures={"slip_m": slips},
-        playbacks=tuple(Playback(model, run.qpos[i, : last[i] + 1]) for i in rows) if paths else (),
     )
 
 

@@ -41,7 +41,8 @@ if TYPE_CHECKING:
 
 FloatArray = npt.NDArray[np.float64]
 
-_WALL_M = 0.003  # half a wall's thickness
+HALF_WALL_M = 0.003
+"""Half the thickness of a holder's wall, metres."""
 _PLATE_BIT = 2 * ARM_BIT
 
 
@@ -116,7 +117,7 @@ def stick_throw_model(robot: Robot, task: StickThrowConfig) -> mujoco.MjModel:
     spec.option.solver = mujoco.mjtSolver.mjSOL_CG
     spec.option.tolerance = 1e-7
     holder = add_tool_body(last, robot, "holder")
-    _add_holder(holder, task, _holder_length(robot, task))
+    _add_holder(holder, task, holder_length(robot, task))
     stick = spec.worldbody.add_body(name="stick")
     stick.add_freejoint()
     _add_stick(stick, task)
@@ -133,7 +134,7 @@ def _contact(task: StickThrowConfig) -> dict[str, list[float]]:
     return contact(task.simulation.contact_time_s, task.holder.friction)
 
 
-def _holder_length(robot: Robot, task: StickThrowConfig) -> float:
+def holder_length(robot: Robot, task: StickThrowConfig) -> float:
     """Return how long the tube is, metres: a small arm's is shorter."""
     return task.holder.length_m * robot.tool.scale
 
@@ -148,19 +149,19 @@ def _add_holder(holder: Any, task: StickThrowConfig, length: float) -> None:
     import mujoco
 
     inner = task.stick.radius_m + task.holder.clearance_m
-    outer = inner + 2 * _WALL_M
-    plates = [([0.0, 0.0, -_WALL_M], [outer, outer, _WALL_M])]
+    outer = inner + 2 * HALF_WALL_M
+    plates = [([0.0, 0.0, -HALF_WALL_M], [outer, outer, HALF_WALL_M])]
     for axis, side in product((0, 1), (-1.0, 1.0)):
         position, size = [0.0, 0.0, length / 2], [outer, outer, length / 2]
-        position[axis], size[axis] = side * (inner + _WALL_M), _WALL_M
+        position[axis], size[axis] = side * (inner + HALF_WALL_M), HALF_WALL_M
         plates.append((position, size))
         ends = np.zeros((2, 3))
-        ends[:, 2], ends[:, axis] = length - _WALL_M, side * (inner + _WALL_M)
+        ends[:, 2], ends[:, axis] = length - HALF_WALL_M, side * (inner + HALF_WALL_M)
         ends[:, 1 - axis] = -outer, outer
         holder.add_geom(
             type=mujoco.mjtGeom.mjGEOM_CAPSULE,
             fromto=ends.ravel(),
-            size=[_WALL_M, 0.0, 0.0],
+            size=[HALF_WALL_M, 0.0, 0.0],
             mass=0.0,
             contype=ARM_BIT,
             conaffinity=0,
@@ -226,7 +227,12 @@ def simulate_stick_throws(
     """
     model = stick_throw_model(robot, task)
     initial = lay_in_tool(model, movements.positions[:, 0], task.stick.length_m / 2)
-    length = _holder_length(robot, task)
+    return simulate_throw(robot, task, model, initial, thrown_stick(robot, task), movements, paths)
+
+
+def thrown_stick(robot: Robot, task: StickThrowConfig) -> ThrownThing:
+    """Say of places of the stick's tail when it is clear of the holder, whatever simulates it."""
+    length = holder_length(robot, task)
 
     def is_clear(tail: FloatArray) -> npt.NDArray[np.bool_]:
         ahead = tail[..., 2] - length
@@ -237,5 +243,4 @@ def simulate_stick_throws(
     def way_out(tail: FloatArray) -> FloatArray:
         return np.asarray(tail[..., 2] / length)
 
-    stick = ThrownThing("stick", is_clear, way_out)
-    return simulate_throw(robot, task, model, initial, stick, movements, paths)
+    return ThrownThing("stick", is_clear, way_out)

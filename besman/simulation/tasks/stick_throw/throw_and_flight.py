@@ -149,15 +149,14 @@ def simulate_throw(
     controls = servo_controls(
         robot, movements.positions, movements.velocities, movements.accelerations
     )
-    longest = movements.durations + task.simulation.longest_wait_s
-    last = np.ceil(longest / task.simulation.time_step_s).astype(np.int64) - 1
+    last = last_steps(task, movements)
 
     def finished(run: SimulatedStates, span: slice) -> BoolArray:
         clear = thing.is_clear(run.sensors[:, span, THING])
         return np.asarray(clear.any(axis=1) | (last < span.stop))
 
     run = run_physics(model, initial, controls, finished, movements.perturbations)
-    episodes = _judge(run, task, thing, movements, last, paths)
+    episodes = judge_throws(run, task, thing, movements, paths)
     if not paths:
         return episodes
     clear = thing.is_clear(run.sensors[:, :, THING]) & (
@@ -201,15 +200,30 @@ def _states(
     return np.concatenate([states, rest])
 
 
-def _judge(
+def last_steps(task: ThrowConfig, movements: Movements) -> npt.NDArray[np.int64]:
+    """Return the last step (B,) of each movement in which the thing may still leave."""
+    longest = movements.durations + task.simulation.longest_wait_s
+    return np.asarray(np.ceil(longest / task.simulation.time_step_s).astype(np.int64) - 1)
+
+
+def judge_throws(
     run: SimulatedStates,
     task: ThrowConfig,
     thing: ThrownThing,
     movements: Movements,
-    last: npt.NDArray[np.int64],
-    paths: bool,
+    paths: bool = False,
 ) -> Episodes:
-    """Find out what came of every throw, up to its last step."""
+    """Find out what came of every throw, up to its last step, whatever simulated it.
+
+    Parameters
+    ----------
+    run : SimulatedStates
+        Joints of the arm, then the thing's position, quaternion wxyz; sensors as in
+        `simulate_throw`.
+    task, thing, movements, paths
+        As in `simulate_throw`.
+    """
+    last = last_steps(task, movements)
     batch, steps, n = movements.positions.shape
     rows = np.arange(batch)
     places = run.sensors[:, :, THING]

@@ -1,0 +1,1 @@
+"""The tasks in a second physics engine, which shares no code with the first."""
