@@ -40,7 +40,9 @@ DISTRIBUTIONS = {
 }
 PROJECT = tomllib.loads((TOP / "pyproject.toml").read_text())["project"]
 EXTRAS = PROJECT["optional-dependencies"]
-FOR_USERS = ("cluster", "lstm", "ros", "sequences", "transfer", "verify", "video", "xacro")
+FOR_USERS = (
+    "cluster", "lerobot", "lstm", "ros", "sequences", "transfer", "verify", "video", "xacro",
+)  # fmt: skip
 
 needs_make = pytest.mark.skipif(shutil.which("make") is None, reason="there is no make")
 

@@ -19,6 +19,7 @@ import typer
 from besman.cli import recordings, run, run_folders, templates, transfer
 from besman.cli.annotate import annotate
 from besman.cli.evaluate import evaluate_app
+from besman.cli.export import export
 from besman.cli.look import look, markers_app
 from besman.cli.robots import robots
 from besman.cli.terminal import complain
@@ -60,6 +61,7 @@ for command in (
     run_folders.runs,
     run_folders.clean,
     run_folders.join,
+    export,
 ):
     app.command()(command)
 app.add_typer(evaluate_app, name="evaluate")
