@@ -206,9 +206,10 @@ def keep_task_limits(plan: TaskPlan, robot: Robot) -> TaskPlan:
     blocks = tuple(keep_block_range(block, robot.limits) for block in plan.blocks)
     plan = replace(plan, blocks=blocks)
     *_, velocities, accelerations = sample_task(plan)
-    factor = _MARGIN * time_stretch(robot.limits, velocities, accelerations)
+    factor = time_stretch(robot.limits, velocities, accelerations)
+    # Without the margin: what was stretched keeps its limits, and is not stretched again.
     if factor > 1.0:
-        plan = stretch_task(plan, factor)
+        plan = stretch_task(plan, _MARGIN * factor)
     slower = 1.0
     while True:
         report = check_limits(robot, *sample_task(plan)[1:])

@@ -101,6 +101,9 @@ class BlockPlan(
     goal_pose : array, shape (7,)
         Pose of the tool centre point at the goal in that frame: position (m), quaternion wxyz. The
         frame of an object has its origin in its centre, z up, and x along its heading.
+    path_error : float, optional
+        Greatest distance of the tool from what the block imitates at the same time, evenly
+        stretched as the task is, metres; None where that is not known.
     """
 
     label: str
@@ -113,6 +116,7 @@ class BlockPlan(
     frame: Frame
     thing: str
     goal_pose: FloatArray
+    path_error: float | None = None
 
     def __post_init__(self) -> None:
         ends = ("start", "goal", "start_velocity", "goal_velocity")
@@ -189,6 +193,12 @@ class TaskPlan(
     def duration(self) -> float:
         """Seconds of all blocks."""
         return float(sum(block.duration for block in self.blocks))
+
+    @property
+    def path_error(self) -> float | None:
+        """Greatest distance of the tool from what is imitated at the same time, metres."""
+        known = [block.path_error for block in self.blocks if block.path_error is not None]
+        return max(known) if known else None
 
     @property
     def starts_s(self) -> FloatArray:

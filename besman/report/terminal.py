@@ -148,9 +148,10 @@ def _arm_lines(results: dict[str, Any], suffix: str) -> list[str]:
             f"{mapped['limit_violations']} samples outside a limit, "
             f"{mapped['self_collisions']} in self-collision"
         )
-    imitate = results.get(f"imitate{suffix}", {})
-    if imitate.get("position_error_m", {}).get("max") is not None:
-        lines.append(_imitation(imitate))
+    for stage, what in ((f"task_plans{suffix}", "block by block"), (f"imitate{suffix}", "")):
+        imitate = results.get(stage, {})
+        if imitate.get("position_error_m", {}).get("max") is not None:
+            lines.append(_imitation(imitate, what))
     refine = results.get(f"refine{suffix}", {})
     if refine:
         lines.append(
@@ -166,12 +167,13 @@ def _arm_lines(results: dict[str, Any], suffix: str) -> list[str]:
     return lines
 
 
-def _imitation(found: dict[str, Any]) -> str:
+def _imitation(found: dict[str, Any], what: str) -> str:
     """Say how far the imitations' tool is from the mapped path, and of which it is too far."""
     error, numbers = found["position_error_m"], found["n_weights"]
     weights = " to ".join(str(number) for number in sorted(set(numbers.values())))
+    rms = f"rms {1000 * error['rms']:.1f} mm, " if "rms" in error else ""
     line = (
-        f"imitation: position error at the same time rms {1000 * error['rms']:.1f} mm, "
+        f"imitation{f' {what}' if what else ''}: position error at the same time {rms}"
         f"max {1000 * error['max']:.1f} mm, {weights} weights"
     )
     beyond = found["beyond"]

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Protocol, TypeVar
 
 import numpy as np
 
 from besman.exceptions import PlanError
 from besman.motion.rollout import roll_out_plans
-from besman.records import AnyPlan, JointTrajectory
+from besman.records import AnyPlan, BlockPlan, JointTrajectory, TaskPlan
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.model import Robot
 
@@ -55,28 +56,39 @@ def measure_error(
     )
 
 
+class Imitation(Protocol):
+    """What knows how far its tool is from what it imitates."""
+
+    @property
+    def path_error(self) -> float | None:
+        """Greatest distance at the same time, metres."""
+
+
+ImitationT = TypeVar("ImitationT", bound=Imitation)
+
+
 def least_weights(
-    imitate: Callable[[int], AnyPlan], trajectory: JointTrajectory, wanted_m: float
-) -> AnyPlan:
+    imitate: Callable[[int], ImitationT], n_samples: int, wanted_m: float
+) -> ImitationT:
     """Imitate with the least number of weights whose error is as small as wanted.
 
     Parameters
     ----------
     imitate : callable
-        Gives the measured plan of so many weights.
-    trajectory : JointTrajectory
-        What is imitated; there are no more weights than it has samples, but for the first number.
+        Gives the measured plan, or block of one, of so many weights.
+    n_samples : int
+        Of what is imitated; there are no more weights than that, but for the first number.
     wanted_m : float
         Greatest distance of the tool at the same time, metres.
 
     Returns
     -------
-    MotionPlan or CartesianPlan
+    MotionPlan, CartesianPlan or BlockPlan
         The one with the smallest error, if none is as good as wanted.
     """
-    best: AnyPlan | None = None
+    best: ImitationT | None = None
     for number in NUMBERS:
-        if best is not None and number > len(trajectory.time):
+        if best is not None and number > n_samples:
             break
         plan = imitate(number)
         if best is None or _error_m(plan) < _error_m(best):
@@ -87,7 +99,7 @@ def least_weights(
     return best
 
 
-def _error_m(plan: AnyPlan) -> float:
+def _error_m(plan: Imitation) -> float:
     """Return the greatest distance, metres."""
     assert plan.path_error is not None
     return plan.path_error
@@ -101,10 +113,27 @@ def refuse_if_lost(plan: AnyPlan, greatest_m: float | None) -> None:
     PlanError
         With the error, the number of weights and what would help.
     """
+    _refuse_if_beyond(plan, plan.name, greatest_m)
+
+
+def refuse_if_task_lost(plan: TaskPlan, greatest_m: float | None) -> None:
+    """Refuse a task of which a block is farther from what it imitates than is permitted.
+
+    Raises
+    ------
+    PlanError
+        As of `refuse_if_lost`; it names the block.
+    """
+    for block in plan.blocks:
+        _refuse_if_beyond(block, f"{plan.name}: {block.label}", greatest_m)
+
+
+def _refuse_if_beyond(plan: AnyPlan | BlockPlan, name: str, greatest_m: float | None) -> None:
+    """Raise a PlanError if an imitation is farther off than permitted."""
     if greatest_m is None or plan.path_error is None or plan.path_error <= greatest_m:
         return
     raise PlanError(
-        f"{plan.name}: not imitated: {plan.weights.shape[1]} weights for {plan.duration:.1f} s "
+        f"{name}: not imitated: {plan.weights.shape[1]} weights for {plan.duration:.1f} s "
         f"leave the tool up to {1e3 * plan.path_error:.1f} mm beside the mapped path, allowed: "
         f"{1e3 * greatest_m:g} mm (imitate.greatest_error_mm); more weights follow closer "
         "(imitate.n_weights: null takes as many as imitate.error_mm asks for)"

@@ -93,7 +93,7 @@ class _DmpConfig(Stage):
         if self.n_weights is not None:
             plan = imitate(self.n_weights)
         else:
-            plan = least_weights(imitate, trajectory, 1e-3 * self.error_mm)
+            plan = least_weights(imitate, len(trajectory.time), 1e-3 * self.error_mm)
         greatest = self.greatest_error_mm
         refuse_if_lost(plan, None if greatest is None else 1e-3 * greatest)
         return plan

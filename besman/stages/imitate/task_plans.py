@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -14,16 +13,17 @@ from besman.exceptions import PlanError
 from besman.geometry.frames import rotation_to_quaternion
 from besman.motion.adapt_task import frame_matrix, keep_task_limits
 from besman.motion.rest_at_ends import rest_at_both_ends
-from besman.motion.task_rollout import sample_task
-from besman.motion.velocity_dmp import fit_velocity_weights
+from besman.motion.velocity_dmp import fit_velocity_weights, roll_out_velocity
 from besman.records import BlockPlan, MappedTask, TaskPlan
 from besman.records.layers import IDLE
 from besman.records.whole_tasks import Frame
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.model import Robot
+from besman.stages.imitate.accuracy import least_weights, refuse_if_task_lost
 from besman.stages.imitate.methods import ImitateStage
 
 FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
 
 RATE_HZ = 1000.0
 # A shorter rest is part of the blocks beside it.
@@ -48,7 +48,8 @@ class ImitateTasks:
     Parameters
     ----------
     config : imitate stage
-        Its ``n_weights`` and leads; the kind of plan is that of `besman.motion.velocity_dmp`.
+        Its ``n_weights``, ``error_mm``, ``greatest_error_mm`` and leads; the kind of plan is that
+        of `besman.motion.velocity_dmp`.
     """
 
     def __init__(self, config: ImitateStage) -> None:
@@ -69,11 +70,17 @@ class ImitateTasks:
         Raises
         ------
         PlanError
-            If no task is within the arm's limits when it is imitated.
+            If no task is imitated within the arm's limits, and as near as permitted.
         """
         config = self.config
         leads = (config.lead_in_s, config.lead_out_s)
-        fit = partial(plan_task, robot=robot, n_weights=config.n_weights, leads_s=leads)
+        greatest = config.greatest_error_mm
+
+        def fit(task: MappedTask) -> TaskPlan:
+            plan = plan_task(task, robot, config.n_weights, leads, 1e-3 * config.error_mm)
+            refuse_if_task_lost(plan, None if greatest is None else 1e-3 * greatest)
+            return plan
+
         here = replace(work, jobs=1, workers=None)
         return tuple(here.map(fit, tasks, name=lambda task: task.name))
 
@@ -84,13 +91,31 @@ class ImitateTasks:
     def figures(self, plans: tuple[TaskPlan, ...], truth: Truth, *records: Any) -> dict[str, Any]:
         """Return the blocks of each plan with their frames, and how far they are off."""
         errors = [plan.rmse for plan in plans]
+        blocks = [block for plan in plans for block in plan.blocks]
+        numbers = [block.weights.shape[1] for block in blocks]
+        away = [block.path_error for block in blocks if block.path_error is not None]
+        wanted_m = 1e-3 * self.config.error_mm
         return {
             "rmse_rad": {"mean": float(np.mean(errors)), "max": float(np.max(errors))},
+            "position_error_m": {"max": max(away) if away else None},
+            "n_weights": {"min": min(numbers), "max": max(numbers)},
+            "wanted_error_m": wanted_m,
+            "beyond": [
+                plan.name
+                for plan in plans
+                if plan.path_error is not None and plan.path_error > wanted_m
+            ],
             "plans": {
                 plan.name: {
                     "duration_s": plan.duration,
                     "blocks": [
-                        {"label": block.label, "duration_s": block.duration, "frame": block.frame}
+                        {
+                            "label": block.label,
+                            "duration_s": block.duration,
+                            "frame": block.frame,
+                            "n_weights": block.weights.shape[1],
+                            "position_error_m": block.path_error,
+                        }
                         for block in plan.blocks
                     ],
                     "gripper": [
@@ -104,7 +129,11 @@ class ImitateTasks:
 
 
 def plan_task(
-    task: MappedTask, robot: Robot, n_weights: int = 20, leads_s: tuple[float, float] = (0.0, 0.0)
+    task: MappedTask,
+    robot: Robot,
+    n_weights: int | None = None,
+    leads_s: tuple[float, float] = (0.0, 0.0),
+    wanted_m: float = 0.001,
 ) -> TaskPlan:
     """Fit chained primitives to a mapped task.
 
@@ -116,12 +145,16 @@ def plan_task(
     ----------
     task : MappedTask
     robot : Robot
-    n_weights : int
-        Weights per joint of each block.
+    n_weights : int, optional
+        Weights per joint of each block; None for the least of
+        `besman.stages.imitate.accuracy.NUMBERS` that keep the block's tool as near as wanted, for
+        each block by itself.
     leads_s : pair of float
         Before and after, to speed up from rest and to slow down to it; see
         `besman.motion.rest_at_ends.rest_at_both_ends`. Shorter, or 0, where a joint would leave its
         range in them.
+    wanted_m : float
+        Greatest distance of the tool at the same time, metres.
 
     Raises
     ------
@@ -142,9 +175,8 @@ def plan_task(
     time = np.linspace(0.0, float(way[0][-1]), n_steps + 1)
     positions, velocities = spline(time), spline(time, 1)
     spans = _divide(task, leads_s[0], n_steps)
-    blocks = tuple(
-        _fit_block(task, span, time, positions, velocities, robot, n_weights) for span in spans
-    )
+    movement = (time, positions, velocities)
+    blocks = tuple(_fit_block(task, span, movement, robot, n_weights, wanted_m) for span in spans)
     events = sorted(
         (float(at) + leads_s[0], kind)
         for hold in task.holds_s
@@ -163,10 +195,37 @@ def plan_task(
         opening_m=task.opening_m,
         rmse=0.0,
     )
-    _, imitated, _, _ = sample_task(plan)
-    n = min(len(imitated), len(positions))
-    rmse = float(np.sqrt(np.mean((imitated[:n] - positions[:n]) ** 2)))
-    return replace(keep_task_limits(plan, robot), rmse=rmse)
+    return _measure(keep_task_limits(plan, robot), spans, positions, robot)
+
+
+def _measure(plan: TaskPlan, spans: list[_Span], positions: FloatArray, robot: Robot) -> TaskPlan:
+    """Write into a plan how far it is from the positions at 1 kHz that it imitates."""
+    blocks, square, n = [], 0.0, 0
+    for block, span in zip(plan.blocks, spans, strict=True):
+        rows = _fitted_rows(span)
+        moved = _roll_out(block, span, rows)
+        square += float(np.sum((moved - positions[rows]) ** 2))
+        n += moved.size
+        blocks.append(replace(block, path_error=_greatest_m(moved, positions[rows], robot)))
+    return replace(plan, blocks=tuple(blocks), rmse=float(np.sqrt(square / n)))
+
+
+def _fitted_rows(span: _Span) -> IntArray:
+    """Return the rows at 1 kHz that a block is fitted to, its ends among them."""
+    return np.append(np.arange(span.start, span.end, _FIT_EVERY), span.end)
+
+
+def _roll_out(block: BlockPlan, span: _Span, rows: IntArray) -> FloatArray:
+    """Return the joints of a block at rows of its span, however slow it is, shape (T, n)."""
+    time = (rows - span.start) * (block.duration / (span.end - span.start))
+    ends = (block.start, block.goal, block.start_velocity, block.goal_velocity)
+    return roll_out_velocity(block.weights, *ends, block.duration, np.zeros(2), time)[0]
+
+
+def _greatest_m(moved: FloatArray, wanted: FloatArray, robot: Robot) -> float:
+    """Return the greatest distance of the tool at the same time, metres."""
+    there, here = (forward_kinematics(robot.chain, q)[:, :3, 3] for q in (moved, wanted))
+    return float(np.linalg.norm(there - here, axis=1).max())
 
 
 def _lead_in_range(
@@ -211,35 +270,40 @@ def _divide(task: MappedTask, lead_in_s: float, n_steps: int) -> list[_Span]:
 def _fit_block(
     task: MappedTask,
     span: _Span,
-    time: FloatArray,
-    positions: FloatArray,
-    velocities: FloatArray,
+    movement: tuple[FloatArray, FloatArray, FloatArray],
     robot: Robot,
-    n_weights: int,
+    n_weights: int | None,
+    wanted_m: float,
 ) -> BlockPlan:
-    """Fit the primitive of one block or rest."""
-    rows = np.append(np.arange(span.start, span.end, _FIT_EVERY), span.end)
+    """Fit the primitive of one block or rest to its part of a movement at 1 kHz."""
+    time, positions, velocities = movement
+    rows = _fitted_rows(span)
     first, last = velocities[span.start], velocities[span.end]
-    weights = fit_velocity_weights(
-        time[rows] - time[span.start], positions[rows], first, last, n_weights
-    )
     frame, thing = find_frame(task, span.block)
     goal = positions[span.end]
     reached = forward_kinematics(robot.chain, goal[np.newaxis])[0]
     at = _frame_pose(task, frame, thing)
     inside = at[:3, :3].T @ np.column_stack([reached[:3, :3], reached[:3, 3] - at[:3, 3]])
-    return BlockPlan(
-        span.label,
-        weights,
-        positions[span.start],
-        goal,
-        first,
-        last,
-        float(time[span.end] - time[span.start]),
-        frame,
-        thing,
-        np.concatenate([inside[:, 3], rotation_to_quaternion(inside[:, :3])]),
-    )
+
+    def fit(number: int) -> BlockPlan:
+        block = BlockPlan(
+            span.label,
+            fit_velocity_weights(
+                time[rows] - time[span.start], positions[rows], first, last, number
+            ),
+            positions[span.start],
+            goal,
+            first,
+            last,
+            float(time[span.end] - time[span.start]),
+            frame,
+            thing,
+            np.concatenate([inside[:, 3], rotation_to_quaternion(inside[:, :3])]),
+        )
+        moved = _roll_out(block, span, rows)
+        return replace(block, path_error=_greatest_m(moved, positions[rows], robot))
+
+    return least_weights(fit, len(rows), wanted_m) if n_weights is None else fit(n_weights)
 
 
 def find_frame(task: MappedTask, block: int) -> tuple[Frame, str]:

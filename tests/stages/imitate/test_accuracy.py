@@ -21,7 +21,7 @@ def series(plan, errors):
 
 def test_the_least_number_that_is_good_enough(robots, plan_of, demonstrate):
     imitate, asked = series(plan_of("joint_dmp"), [0.02, 0.005, 0.0009, 0.0])
-    plan = least_weights(imitate, demonstrate(robots["ur5"]), 1e-3)
+    plan = least_weights(imitate, len(demonstrate(robots["ur5"]).time), 1e-3)
     assert asked == list(NUMBERS[:3])
     assert plan.weights.shape[1] == 40
 
@@ -29,7 +29,7 @@ def test_the_least_number_that_is_good_enough(robots, plan_of, demonstrate):
 def test_the_best_of_all_where_none_is_and_no_more_than_samples(robots, plan_of, demonstrate):
     """81 samples: 80 weights are the last that are tried."""
     imitate, asked = series(plan_of("joint_dmp"), [0.02, 0.005, 0.006, 0.007, 0.008])
-    plan = least_weights(imitate, demonstrate(robots["ur5"]), 1e-3)
+    plan = least_weights(imitate, len(demonstrate(robots["ur5"]).time), 1e-3)
     assert asked == [20, 30, 40, 60, 80]
     assert plan.weights.shape[1] == 30
 

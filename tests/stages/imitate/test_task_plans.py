@@ -14,6 +14,7 @@ from besman.records.files import load_record, save_record
 from besman.records.whole_tasks import TaskPlan
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.limits import check_limits
+from besman.stages.imitate.accuracy import NUMBERS
 from besman.stages.imitate.stage import ImitateConfig
 from besman.stages.imitate.task_plans import ImitateTasks, _lead_in_range, find_frame, plan_task
 
@@ -124,6 +125,43 @@ def test_figures_say_blocks_frames_and_gripper():
     assert {block["frame"] for block in own["blocks"]} == {"object", "target", "world"}
     assert [one["command"] for one in own["gripper"]] == ["close", "open"]
     assert told["rmse_rad"]["max"] == plans[0].rmse
+    assert told["wanted_error_m"] == 1e-3
+    assert told["position_error_m"]["max"] == max(b["position_error_m"] for b in own["blocks"])
+    assert told["n_weights"]["min"] == min(b["n_weights"] for b in own["blocks"])
+
+
+def test_each_block_has_the_least_weights_that_keep_the_tool_near():
+    """Brute force: the next smaller number of weights is farther off than was asked for."""
+    robot, _, task = map_box_task()
+    plan = plan_task(task, robot, None, (0.1, 0.2), 0.0005)
+    assert plan.path_error == max(block.path_error for block in plan.blocks)
+    numbers = [block.weights.shape[1] for block in plan.blocks]
+    assert len(set(numbers)) > 1
+    _, q, _, _ = sample_task(plan)
+    own = task.trajectory
+    stretch = plan.duration / (own.time[-1] + 0.3)
+    rows = np.round((own.time + 0.1) * stretch * 1000).astype(int)
+    tool, wanted = (
+        forward_kinematics(robot.chain, one)[:, :3, 3] for one in (q[rows], own.positions)
+    )
+    speed = np.linalg.norm(np.diff(tool, axis=0), axis=1).max() / np.diff(own.time).min()
+    # Samples lie up to half a millisecond beside those of the mapped movement.
+    away = np.linalg.norm(tool - wanted, axis=1).max()
+    assert away <= plan.path_error + 0.0005 * speed + 1e-4
+    for k, block in enumerate(plan.blocks):
+        assert block.path_error <= 0.0005
+        at = NUMBERS.index(numbers[k])
+        if at > 0:
+            fewer = plan_task(task, robot, NUMBERS[at - 1], (0.1, 0.2))
+            assert fewer.blocks[k].path_error > 0.0005
+
+
+def test_a_block_that_is_far_from_what_it_imitates_leaves_its_task_out():
+    robot, _, task = map_box_task()
+    with pytest.raises(
+        PlanError, match=r"\w+: \w+: not imitated: 6 weights for .* allowed: 0\.1 mm"
+    ):
+        ImitateTasks(ImitateConfig(n_weights=6, greatest_error_mm=0.1)).run((task,), robot)
 
 
 def test_frames_where_blocks_and_grasps_meet_otherwise():
