@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from besman.exceptions import RecordingError, RecordingWarning
-from besman.io.recordings.clock import parse_rate, settle_clock, whole_if_near
+from besman.io.recordings.clock import read_rate, settle_clock, whole_if_near
 
 PATH = Path("a.x")
 
@@ -45,13 +45,13 @@ def test_uneven_times_are_said():
 )
 def test_a_rate_of_the_header_that_is_none_is_said(text, said):
     with pytest.warns(RecordingWarning, match=f"the header has {said}.*; 50, as the times show"):
-        assert settle(times=[0, 0.02, 0.04], rate_hz=parse_rate(text)).rate_hz == 50.0
+        assert settle(times=[0, 0.02, 0.04], rate_hz=read_rate(text)).rate_hz == 50.0
     with pytest.raises(RecordingError, match="neither the header"):
-        settle(frames=[1, 2, 3], rate_hz=parse_rate(text))
+        settle(frames=[1, 2, 3], rate_hz=read_rate(text))
 
 
 def test_rates_of_headers():
-    assert [parse_rate(text) for text in ("", " EXT", "59.94 ")] == [None, None, 59.94]
+    assert [read_rate(text) for text in ("", " EXT", "59.94 ")] == [None, None, 59.94]
 
 
 @pytest.mark.parametrize(
