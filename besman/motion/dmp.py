@@ -178,6 +178,8 @@ def interpolate(
     tuple of three arrays, shape (..., T, c)
         Value, first and second derivative.
     """
+    # Many movements may share their places.
+    x = x[(None,) * (position.ndim - 1 - x.ndim)]
     n_samples = x.shape[-1]
     if n_samples <= _BLOCK:
         return _interpolate(position, velocity, acceleration, x)

@@ -144,7 +144,7 @@ def _encode(value: Any, arrays: dict[str, np.ndarray]) -> Any:
         fields = {
             field.name: _encode(getattr(value, field.name), arrays)
             for field in dataclasses.fields(value)
-            if field.name not in later or getattr(value, field.name) is not None
+            if field.name not in later or not value.is_as_before(field.name)
         }
         return {"record": _stored_name(type(value)), "fields": fields}
     raise RunError(f"a {type(value).__name__} is no part of a record")

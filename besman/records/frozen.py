@@ -77,8 +77,8 @@ class Record:
     distinct : tuple of str
         Fields that are names, none empty and none there twice; None is no name.
     later : tuple of str
-        Fields that files of before do not have: left out of a file while they are None, so that
-        what has none is written as it always was.
+        Fields that files of before do not have: left out of a file while they are what a file
+        without them gives (`is_as_before`), so that it is written as it always was.
     """
 
     stored_as: ClassVar[str]
@@ -126,6 +126,12 @@ class Record:
                 raise ShapeError(
                     f"{type(self).__name__}.{field} must be names, none empty and none twice"
                 )
+
+    def is_as_before(self, name: str) -> bool:
+        """Tell whether a field of `later` is what a file without it gives: its default."""
+        default = next(one.default for one in fields(cast(Any, self)) if one.name == name)
+        value = getattr(self, name)
+        return name in self.later and (value is None or value == default)
 
     def __reduce__(self) -> tuple[Any, ...]:
         values = {one.name: getattr(self, one.name) for one in fields(cast(Any, self))}

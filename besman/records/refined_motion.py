@@ -16,6 +16,7 @@ class RefinedMotion(
     Record,
     stored_as="besman.records:RefinedMotion",
     finite=("time", "positions", "velocities", "accelerations"),
+    later=("simulations", "handed_over", "shared_simulations"),
 ):
     """A motion plan after the search, and what it does in simulation.
 
@@ -115,3 +116,9 @@ class RefinedMotion(
             generations=np.int64,
             simulations=np.int64,
         )
+
+    def is_as_before(self, name: str) -> bool:
+        """Tell whether a field is what a file of before gives: every episode was one simulation."""
+        if name == "simulations":
+            return bool(np.all(self.simulations == 1))
+        return super().is_as_before(name)

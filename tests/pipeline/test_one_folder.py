@@ -17,6 +17,7 @@ from besman.pipeline.stored_run import open_run
 from besman.report.run_records import load_records
 
 ENDINGS = ("csv", "ros.json", "ros.yaml", "script")
+ENDINGS += tuple(f"approach.{one}" for one in ENDINGS[:-1])
 
 
 @pytest.fixture(autouse=True)

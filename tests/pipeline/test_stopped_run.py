@@ -15,6 +15,7 @@ from besman.pipeline.run_lock import is_locked
 from besman.pipeline.stored_run import open_run
 
 SCRIPT = """
+import signal
 import sys
 from besman.cli import main
 from besman.config.stage import Stage, Work
@@ -35,6 +36,8 @@ class Slow(Stage):
 def run_stages(config, run, inputs, trained_in):
     run.step("slow", Slow(), MARKS)
 
+# A process that was started in the background by a shell is deaf to Ctrl-C, and so are its children.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 pipeline._run_stages = run_stages
 sys.argv = ["besman", "run", "ur5_stick_throw", "--jobs", "2", "--out", OUT]
 main.main()

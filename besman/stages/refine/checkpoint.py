@@ -26,6 +26,7 @@ class Generation(
     Record,
     stored_as="besman.refinement.checkpoint:Generation",
     finite=("points",),
+    later=("worlds",),
 ):
     """One generation of a search.
 

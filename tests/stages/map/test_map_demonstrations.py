@@ -106,9 +106,17 @@ def test_a_throw_without_a_target_is_listed():
 
 
 def test_a_demonstration_ten_metres_long():
-    message = "none of 1 demonstrations can be transferred to ur5 .*: a.tsv:0: position error"
+    message = r"ur5 \(tool stick_holder\) is too short for all of 1 demonstrations; a.tsv:0: "
+    message += r"its tool's places are up to 10.06 m apart, the arm's at most 2.\d\d m; made smaller"
     with pytest.raises(MappingError, match=message):
         AHEAD.run((throw(0, size=17.0),), ROBOT)
+
+
+def test_a_demonstration_that_fits_by_its_size_alone():
+    message = "none of 1 demonstrations can be transferred to ur5 .*: a.tsv:0: position error"
+    exact = AHEAD.model_copy(update={"greatest_error_m": 1e-9})
+    with pytest.raises(MappingError, match=message):
+        exact.run((throw(0),), ROBOT)
 
 
 def broken(poses=None, n_samples=51):
