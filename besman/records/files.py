@@ -140,11 +140,11 @@ def _encode(value: Any, arrays: dict[str, np.ndarray]) -> Any:
     if isinstance(value, BaseModel):
         return {"config": value.model_dump(mode="json"), "type": type(value).__name__}
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        later = getattr(value, "later", ())
+        record: Any = value if isinstance(value, Record) else None
         fields = {
             field.name: _encode(getattr(value, field.name), arrays)
             for field in dataclasses.fields(value)
-            if field.name not in later or not value.is_as_before(field.name)
+            if record is None or not record.is_as_before(field.name)
         }
         return {"record": _stored_name(type(value)), "fields": fields}
     raise RunError(f"a {type(value).__name__} is no part of a record")

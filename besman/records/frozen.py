@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import MISSING, fields
 from typing import Any, ClassVar, cast
 
 import numpy as np
@@ -129,9 +129,13 @@ class Record:
 
     def is_as_before(self, name: str) -> bool:
         """Tell whether a field of `later` is what a file without it gives: its default."""
-        default = next(one.default for one in fields(cast(Any, self)) if one.name == name)
+        if name not in self.later:
+            return False
+        one = next(one for one in fields(cast(Any, self)) if one.name == name)
         value = getattr(self, name)
-        return name in self.later and (value is None or value == default)
+        if one.default_factory is not MISSING:
+            return np.array_equal(value, one.default_factory())
+        return value is None or bool(value == one.default)
 
     def __reduce__(self) -> tuple[Any, ...]:
         values = {one.name: getattr(self, one.name) for one in fields(cast(Any, self))}

@@ -27,7 +27,7 @@ _CLEARANCE_M = 0.002
 
 
 @dataclass(frozen=True)
-class Trial(Record, stored_as="besman.simulation.trial:Trial"):
+class Trial(Record, stored_as="besman.simulation.trial:Trial", later=("residual",)):
     """What came of one motion plan.
 
     Attributes

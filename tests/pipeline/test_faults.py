@@ -217,10 +217,10 @@ def test_a_full_disk_at_every_write_loses_nothing(tmp_path, robot, motions, monk
 
 @pytest.fixture
 def small_disk(tmp_path):
-    """A disk of 400 kB."""
+    """A disk of 800 kB."""
     place = tmp_path / "disk"
     place.mkdir()
-    command = ["mount", "-t", "tmpfs", "-o", "size=400k", "tmpfs", place]
+    command = ["mount", "-t", "tmpfs", "-o", "size=800k", "tmpfs", place]
     mounted = subprocess.run(command, check=False, capture_output=True)
     if mounted.returncode:
         pytest.skip("needs the right to mount a disk")
