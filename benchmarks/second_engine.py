@@ -50,13 +50,6 @@ def refine(recipe: str, settings: tuple[str, ...], folder: Path, jobs: int) -> P
     return folder
 
 
-def try_one(motion, robot, task, contact):
-    """Try a motion in Drake; return its miss and where it ends beside MuJoCo, metres."""
-    model = replace(ContactModel(), **contact)
-    trial = try_in_second_engine(robot, task, motion.plan, model)
-    return trial.miss, trial.outcome - motion.outcome
-
-
 def show(said: str, misses, ways) -> None:
     """Print a row."""
     misses, far = np.array(misses), np.linalg.norm(ways, axis=1)
@@ -72,9 +65,10 @@ def show(said: str, misses, ways) -> None:
 
 def verify(said: str, run, task, contact, work: Work) -> None:
     """Try all motions of a run, and print a row."""
-    one = partial(try_one, robot=run.robot, task=task, contact=contact)
-    found = work.map(one, run.motions, name=lambda motion: motion.plan.name, processes=2)
-    show(said, [miss for miss, _ in found], [way for _, way in found])
+    one = partial(try_in_second_engine, run.robot, task, contact=replace(ContactModel(), **contact))
+    trials = work.map(one, [motion.plan for motion in run.motions], processes=2)
+    ways = [one.outcome - motion.outcome for one, motion in zip(trials, run.motions, strict=True)]
+    show(said, [one.miss for one in trials], ways)
 
 
 def with_friction(task, factor: float):
