@@ -55,7 +55,7 @@ def start(scene, body=None, place=None, velocity=(0.0, 0.0, 0.0), turn=None):
         pose[:3, :3], pose[:3, 3] = np.eye(3) if turn is None else turn, place
         scene.plant.SetFloatingBaseBodyPoseInWorldFrame(context, body, as_transform(pose))
         moving = SpatialVelocity(np.zeros(3), np.array(velocity))
-        scene.plant.SetFreeBodySpatialVelocity(body, moving, context)
+        scene.plant.SetFreeBodySpatialVelocity(context=context, body=body, V_JpJc=moving)
     simulator.Initialize()
     return simulator, context
 
