@@ -1,11 +1,13 @@
 from __future__ import annotations
 
+import io
 import json
 import shutil
 
 import numpy as np
 import pytest
 from command_line import besman
+from rich.console import Console
 
 from besman.exceptions import RunError, VerificationError
 from besman.pipeline import verified_run
@@ -19,7 +21,7 @@ from besman.pipeline.verified_run import (
     verify_run,
 )
 from besman.report.page import write_page
-from besman.report.verification import verification_lines
+from besman.report.verification import verification_lines, verification_table
 from besman.work.work import Work
 
 
@@ -54,6 +56,12 @@ def test_figures_are_those_of_the_motions(run):
     lines = verification_lines(results)
     assert lines[1].startswith("drake: 1 of 3 succeed, 1 within 5 cm, 1 within 10 cm, miss ")
     assert lines[2] == "25.0 cm apart (median), 50.0 cm (most)"
+    console = Console(width=80, file=io.StringIO())
+    console.print(verification_table(results))
+    said = console.file.getvalue()
+    assert "…" not in said
+    x, y, _ = found[1].outcome
+    assert f"{x:.2f} {y:.2f}" in said
 
 
 def test_the_page_shows_what_was_verified_until_motions_change(run):
