@@ -6,7 +6,7 @@ import html
 from typing import TYPE_CHECKING, Any, Literal
 
 from besman.pipeline.stored_run import StoredRun
-from besman.pipeline.verified_run import read_verification
+from besman.pipeline.verification_file import read_verification
 from besman.report.html_tables import html_table
 
 if TYPE_CHECKING:

@@ -14,9 +14,9 @@ from besman.pipeline import verified_run
 from besman.pipeline.derived_files import note_file
 from besman.pipeline.finished_run import read_run
 from besman.pipeline.stored_run import open_run
+from besman.pipeline.verification_file import read_verification
 from besman.pipeline.verified_run import (
     VerifiedMotion,
-    read_verification,
     verification_results,
     verify_run,
 )
