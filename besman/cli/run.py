@@ -133,7 +133,8 @@ def verify(
     from besman.cli.progress_bars import stage_display
     from besman.cli.terminal import open_terminal
     from besman.io.atomic_files import write_json
-    from besman.pipeline.verified_run import VERIFIED, verify_run
+    from besman.pipeline.verification_file import VERIFIED
+    from besman.pipeline.verified_run import verify_run
     from besman.report.page import write_page
     from besman.report.verification import verification_lines, verification_table
     from besman.work.work import Work

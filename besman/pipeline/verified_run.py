@@ -11,20 +11,17 @@ from typing import Any
 
 import numpy as np
 
-from besman.exceptions import RunError, VerificationError
+from besman.exceptions import VerificationError
 from besman.io.atomic_files import write_json
-from besman.pipeline.derived_files import note_file, stale_files
+from besman.pipeline.derived_files import note_file
 from besman.pipeline.finished_run import read_run
-from besman.pipeline.stored_run import StoredRun, read_object
+from besman.pipeline.verification_file import VERIFIED
 from besman.records import RefinedMotion
 from besman.records.frozen import FloatArray
 from besman.robot.model import Robot
 from besman.simulation.second_engine.engines import check_engine, try_in_second_engine
 from besman.simulation.task import Task
 from besman.work.work import Work
-
-VERIFIED = "verify.json"
-"""What is written into the run folder."""
 
 RADII_M = (0.05, 0.10)
 """Distances to the target within which motions are counted, metres."""
@@ -146,26 +143,6 @@ def verification_results(
             for one, far in zip(found, apart, strict=True)
         ],
     }
-
-
-def read_verification(run: StoredRun) -> dict[str, Any] | None:
-    """Read what a run's motions do in a second engine; None if that is not known of these."""
-    path = run.folder / VERIFIED
-    if not path.is_file() or VERIFIED in stale_files(run):
-        return None
-    results = read_object(path)
-    try:
-        engine = results["engine"]
-        whole = isinstance(results[engine]["within"], dict) and bool(results["motions"])
-        whole = whole and all(one[engine].keys() == _KEYS for one in results["motions"])
-    except (KeyError, TypeError, AttributeError):
-        whole = False
-    if not whole:
-        raise RunError(f"{path}: is not as besman writes it; besman verify writes it anew")
-    return results
-
-
-_KEYS = {"outcome_m", "miss_m", "success", "failure"}
 
 
 def _figures(motions: Sequence[tuple[bool, float]]) -> dict[str, Any]:

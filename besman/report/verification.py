@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import html
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from besman.pipeline.stored_run import StoredRun
-from besman.pipeline.verified_run import read_verification
+from besman.pipeline.verification_file import read_verification
 from besman.report.html_tables import html_table
 
 if TYPE_CHECKING:
     from rich.table import Table
+
+_UNITS = "outcomes in metres, miss and apart in centimetres"
+_WORDS = ("motion", "hit")
 
 
 def verification_table(results: dict[str, Any]) -> Table:
@@ -24,10 +27,12 @@ def verification_table(results: dict[str, Any]) -> Table:
     from rich.box import SIMPLE
     from rich.table import Table
 
-    table = Table(box=SIMPLE, pad_edge=False)
+    table = Table(box=SIMPLE, pad_edge=False, caption=_UNITS)
     header, rows = _header(results), _rows(results)
     for name in header:
-        table.add_column(name, justify="left" if name == header[0] else "right", no_wrap=True)
+        # Why something failed may take several lines.
+        justify: Literal["left", "right"] = "right" if name not in _WORDS else "left"
+        table.add_column(name, justify=justify, no_wrap=name != "hit")
     for row in rows:
         table.add_row(*row)
     return table
@@ -64,21 +69,14 @@ def verification_section(run: StoredRun) -> str:
         f"<h2>In a second engine: {engine}</h2><ul>{lines}</ul>"
         + html_table(header, rows, sortable=True)
         + '<p class="soft">The same arm, tool, object, servos and friction, built anew in an '
-        "engine that shares no code with MuJoCo; contact is on patches of surfaces.</p>"
+        "engine that shares no code with MuJoCo; contact is on patches of surfaces. Here "
+        f"{_UNITS}.</p>"
     )
 
 
 def _header(results: dict[str, Any]) -> list[str]:
     engine = results["engine"]
-    return [
-        "motion",
-        "mujoco [m]",
-        "miss [cm]",
-        f"{engine} [m]",
-        "miss [cm]",
-        "apart [cm]",
-        "success",
-    ]
+    return ["motion", "mujoco", "miss", engine, "miss", "apart", "hit"]
 
 
 def _rows(results: dict[str, Any]) -> list[list[str]]:
@@ -107,7 +105,7 @@ def _place(metres: list[float | None]) -> str:
     if len(known) < 3:
         return "-"
     # On the floor the height says nothing.
-    return ", ".join(f"{value:.2f}" for value in (known if known[2] else known[:2]))
+    return " ".join(f"{value:.2f}" for value in (known if known[2] else known[:2]))
 
 
 def _hundredfold(metres: float | None) -> str:

@@ -15,6 +15,7 @@ JSON = {
     "label-markers": (RECORDING, "--out", "named.tsv"),
     "follow": (RECORDING,),
     "robustness": ("run",),
+    "verify": ("run",),
     "template apply": ("run", "--context", "x=1"),
     "evaluate segmentation": (),
     "evaluate labelling": (),

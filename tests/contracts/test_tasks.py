@@ -222,7 +222,7 @@ def away_of(case):
     """Return a direction in which an outcome is worse."""
     if case.task.kind != "pull_lever":
         return np.array([0.6, 0.8, 0.0])
-    back = case.task._hinge(case.plan)
+    back = case.task.hinge(case.plan)
     angle = np.radians(case.task.lever.pull_deg)
     return -(back.axes @ np.array([-np.sin(angle), np.cos(angle), 0.0]))
 

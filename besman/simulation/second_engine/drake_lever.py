@@ -108,9 +108,7 @@ def add_lever(scene: DrakeScene, task: PullLeverConfig, hinge: Hinge) -> tuple[A
     lever = plant.AddRigidBody("lever", instance, inertia)
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = hinge.axes, hinge.centre
-    base = plant.AddFrame(
-        tree.FixedOffsetFrame("hinge", plant.world_frame(), as_transform(pose))
-    )
+    base = plant.AddFrame(tree.FixedOffsetFrame("hinge", plant.world_frame(), as_transform(pose)))
     stop = np.radians(conf.stop_deg)
     joint = plant.AddJoint(
         tree.RevoluteJoint(

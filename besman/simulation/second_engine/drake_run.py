@@ -62,11 +62,9 @@ def run_drake(
         scene.plant.SetFloatingBaseBodyPoseInWorldFrame(context, body, as_transform(pose))
     asked = scene.plant.get_desired_state_input_port(scene.arm)
     rest = np.zeros(len(start))
-    first = look(context)
-    run = SimulatedStates(
-        *(np.full((1, len(controls), len(part)), np.nan) for part in first),
-        steps=np.zeros(1, dtype=np.int64),
-    )
+    widths = (len(part) for part in look(context))
+    qpos, qvel, sensors = (np.full((1, len(controls), width), np.nan) for width in widths)
+    run = SimulatedStates(qpos, qvel, sensors, np.zeros(1, dtype=np.int64))
     try:
         for brake in scene.brakes:
             scene.plant.get_desired_state_input_port(brake).FixValue(context, np.zeros(2))

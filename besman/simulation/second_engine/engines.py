@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from besman.exceptions import VerificationError, nearest, one_of
 from besman.records import AnyPlan
 from besman.robot.model import Robot
+from besman.simulation.second_engine.drake_scene import ContactModel, load_drake
 from besman.simulation.task import Task
 from besman.simulation.trial import Trial, score_episodes
 
@@ -34,12 +35,12 @@ def check_engine(engine: str, task: Task) -> None:
         raise VerificationError(
             f"verify: got a run of task {task.kind}; {engine} knows {one_of(VERIFIED_KINDS)}"
         )
-    from besman.simulation.second_engine.drake_scene import load_drake
-
     load_drake()
 
 
-def try_in_second_engine(robot: Robot, task: Task, plan: AnyPlan) -> Trial:
+def try_in_second_engine(
+    robot: Robot, task: Task, plan: AnyPlan, contact: ContactModel = ContactModel()
+) -> Trial:
     """Try a motion plan in Drake, as `besman.simulation.trial.try_plans` does in MuJoCo.
 
     The same movement, servos and criteria; arm, tool and what they touch are built anew.
@@ -51,6 +52,8 @@ def try_in_second_engine(robot: Robot, task: Task, plan: AnyPlan) -> Trial:
     task : Task
         Of one of `VERIFIED_KINDS`.
     plan : MotionPlan or CartesianPlan
+    contact : ContactModel
+        What of contacts the task does not say.
 
     Raises
     ------
@@ -58,11 +61,13 @@ def try_in_second_engine(robot: Robot, task: Task, plan: AnyPlan) -> Trial:
         If Drake cannot simulate it.
     """
     movements = task.move([plan], robot)
-    episodes = _simulate(robot, task, plan, movements)
+    episodes = _simulate(robot, task, plan, movements, contact)
     return score_episodes(robot, task, [plan], movements, episodes)[0]
 
 
-def _simulate(robot: Robot, task: Task, plan: AnyPlan, movements: Movements) -> Episodes:
+def _simulate(
+    robot: Robot, task: Task, plan: AnyPlan, movements: Movements, contact: ContactModel
+) -> Episodes:
     """Perform a movement in Drake."""
     from besman.simulation.second_engine.drake_lever import pull_lever
     from besman.simulation.second_engine.drake_throws import throw_ball, throw_stick
@@ -71,9 +76,9 @@ def _simulate(robot: Robot, task: Task, plan: AnyPlan, movements: Movements) -> 
     from besman.simulation.tasks.stick_throw.stick_throw import StickThrowConfig
 
     if isinstance(task, StickThrowConfig):
-        return throw_stick(robot, task, movements)
+        return throw_stick(robot, task, movements, contact)
     if isinstance(task, BallThrowConfig):
-        return throw_ball(robot, task, movements)
+        return throw_ball(robot, task, movements, contact)
     if isinstance(task, PullLeverConfig):
-        return pull_lever(robot, task, plan, movements)
+        return pull_lever(robot, task, plan, movements, contact)
     raise VerificationError(f"verify: got task {task.kind}; expected {one_of(VERIFIED_KINDS)}")

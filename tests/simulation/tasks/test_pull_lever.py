@@ -39,7 +39,7 @@ def test_the_lever_is_pulled(puller, pull):
     np.testing.assert_allclose(trial.object_path[-1], trial.outcome)
     # The handle stays on its arc.
     placed = TASK.place(pull, puller)
-    hinge = TASK._hinge(placed)
+    hinge = TASK.hinge(placed)
     radii = np.linalg.norm(trial.object_path - hinge.centre, axis=1)
     np.testing.assert_allclose(radii, TASK.lever.length_m, atol=1e-9)
     angles = [hinge.angle(place) for place in trial.object_path]
@@ -48,7 +48,7 @@ def test_the_lever_is_pulled(puller, pull):
 
 def test_a_pull_that_ends_too_early_misses_by_the_arc(puller, pull):
     trial = try_pull(puller, pull, changed(lever={"pull_deg": 90.0}))
-    hinge = TASK._hinge(pull)
+    hinge = TASK.hinge(pull)
     expected = 0.28 * (np.pi / 2 - hinge.angle(trial.outcome))
     assert trial.miss == pytest.approx(expected)
     assert trial.miss > 0.1
