@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from besman.cli.terminal import complain, say
-from besman.exceptions import ConfigError, StoppedError, one_of
+from besman.exceptions import ConfigError, FileError, StoppedError, one_of
 
 if TYPE_CHECKING:
     from besman.following.plans import FollowPlan
+    from besman.live.capture import CaptureFile, WholeLines
 
 _SYSTEMS = ("qtm", "lsl")
 
@@ -62,49 +63,57 @@ def follow_live(
     from besman.live.capture import CaptureFile, WholeLines
 
     follower = LiveFollower(find_source(address), plan, horizon_blocks, steady_s)
-    lines: WholeLines | None = None
+    teller = _Teller()
 
     def capture(names: Sequence[str | None], rate_hz: float) -> CaptureFile:
-        nonlocal lines
         assert record is not None
         made = CaptureFile(record, names, rate_hz)
-        lines = WholeLines(record.with_suffix(".jsonl"))
+        teller.lines = WholeLines(record.with_suffix(".jsonl"))
         return made
 
     found = follower.open(capture if record is not None else None)
-    told: list[dict[str, Any]] = []
     begin = {"kind": "stream", "source": found.source, "rate_hz": found.rate_hz}
-    _tell(begin | {"markers": list(found.names)}, lines)
-    stopped: StoppedError | None = None
-    news = follower.run()
-    while True:
-        try:
-            one = next(news, None)
-        except StoppedError as error:
-            # What was known until then is said, and recorded whole.
-            stopped = error
-            news = follower.end_now()
-            continue
-        if one is None:
-            break
-        _tell(one, lines)
-        if json_file is not None:
-            told.append(one)
-    if lines is not None:
-        lines.close()
+    teller.tell(begin | {"markers": list(found.names)})
+    try:
+        for one in follower.run():
+            teller.tell(one)
+    except StoppedError as error:
+        # What was known until then is said, and recorded whole.
+        for one in follower.end_now():
+            teller.tell(one)
+        complain("", str(error))
     if json_file is not None:
-        write_json(json_file, told)
-    if stopped is not None:
-        complain("", str(stopped))
+        write_json(json_file, teller.told)
+    teller.close()
 
 
-def _tell(one: dict[str, Any], lines: Any) -> None:
-    """Print a line of JSON, and record it."""
-    text = json.dumps(_finite(one)) + "\n"
-    sys.stdout.write(text)
-    sys.stdout.flush()
-    if lines is not None:
-        lines.append(text)
+class _Teller:
+    """Prints lines of JSON, and records them; where that fails they are printed all the same."""
+
+    def __init__(self) -> None:
+        self.lines: WholeLines | None = None
+        self.told: list[dict[str, Any]] = []
+        self._failed: FileError | None = None
+
+    def tell(self, one: dict[str, Any]) -> None:
+        text = json.dumps(_finite(one)) + "\n"
+        sys.stdout.write(text)
+        sys.stdout.flush()
+        self.told.append(one)
+        if self.lines is None:
+            return
+        try:
+            self.lines.append(text)
+        except FileError as error:
+            self._failed, lines, self.lines = error, self.lines, None
+            lines.close()
+
+    def close(self) -> None:
+        """End; raise what went wrong on the way."""
+        if self.lines is not None:
+            self.lines.close()
+        if self._failed is not None:
+            raise self._failed
 
 
 def _finite(one: dict[str, Any]) -> dict[str, Any]:

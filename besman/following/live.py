@@ -47,6 +47,8 @@ class LiveFollower:
     since_sent : list of float
         The same from the time in the packet: of use where the source's clock is
         `time.perf_counter` of this machine.
+    busy : list of float
+        What of it this thread computed, seconds: the rest is waiting.
     """
 
     def __init__(
@@ -61,6 +63,7 @@ class LiveFollower:
         self._horizon, self._steady_s, self._patience_s = horizon_blocks, steady_s, patience_s
         self.seconds: list[float] = []
         self.since_sent: list[float] = []
+        self.busy: list[float] = []
         self.follower: Follower | None = None
         self._n_waited = self._n_pushed = 0
         self._capture: CaptureFile | None = None
@@ -151,7 +154,9 @@ class LiveFollower:
 
     def _take_all(self, frames: list[Frame]) -> Iterator[dict[str, Any]]:
         for frame in frames:
+            begun_s = time.thread_time()
             yield from self._take(frame)
+            self.busy.append(time.thread_time() - begun_s)
             now = time.perf_counter()
             self.seconds.append(now - frame.arrived_s)
             self.since_sent.append(now - frame.sent_s)
