@@ -135,14 +135,10 @@ class LslSource:
         places: dict[str, dict[str, int]] = {}
         said: dict[int, str] = {}
         for channel, (label, kind, unit) in enumerate(zip(labels, types, units, strict=False)):
-            label = label or ""
-            axis = _AXIS.search(label)
-            by_type = _TYPE.search(kind or "")
-            if axis is None or (kind and "position" in kind.lower() and by_type is None):
-                continue
-            letter = (by_type.group(1) if by_type else label[-1]).lower()
-            places.setdefault(label[: axis.start()], {})[letter] = channel
-            said[channel] = unit or ""
+            found = _find_axis(label or "", kind or "")
+            if found is not None:
+                places.setdefault(found[0], {})[found[1]] = channel
+                said[channel] = unit or ""
         markers = {name: one for name, one in places.items() if name and set(one) == set("xyz")}
         if not markers:
             first = ", ".join(repr(label) for label in labels[:4]) or "none"
@@ -189,3 +185,11 @@ class LslSource:
                 positions = turn(positions, self._up)
             self._inbox.put(Packet(float(stamp), positions, time.perf_counter()))
         inlet.close_stream()
+
+
+def _find_axis(label: str, kind: str) -> tuple[str, str] | None:
+    """Return the marker and the axis that a channel is of; None if it is no position."""
+    by_label, by_kind = _AXIS.search(label), _TYPE.search(kind)
+    if by_label is None or ("position" in kind.lower() and by_kind is None):
+        return None
+    return label[: by_label.start()], (by_kind.group(1) if by_kind else label[-1]).lower()
