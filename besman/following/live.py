@@ -86,7 +86,7 @@ class LiveFollower:
         found = self._format = self._source.open()
         # What is missing is said before anything is recorded.
         self._labels = StreamLabels(found, load_marker_set(self._plan.label.markers))
-        self._checks = StreamChecks(found, self._labels.required)
+        self._checks = StreamChecks(found, self._labels, next(iter(self._plan.earlier), None))
         blank = self._labels.blank
         self.follower = make_follower(self._plan, blank, self._horizon, self._steady_s)
         self._aligner = Aligner(found.rate_hz, len(found.names), self._patience_s)

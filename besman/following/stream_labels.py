@@ -12,12 +12,16 @@ from besman.geometry.up_axis import find_up_axis
 from besman.live.stream import StreamFormat
 from besman.person.marker_set import MarkerSet
 from besman.person.mirror import mirror_positions
-from besman.records import FloatArray, Recording
+from besman.records import FloatArray, LabelledRecording, Recording
 
 # Markers of a person, farthest from each other, metres; what is beyond is in another unit.
 _EXTENT_M = (0.1, 8.0)
 _SURE = 0.95
 _AXIS_AFTER_S = 1.0
+# Correlations of the heights of markers with those of an earlier recording: as good as the same,
+# and not the same whatever the person does.
+_ALIKE, _UNLIKE = 0.98, 0.9
+_LEAST_MARKERS = 5
 
 
 class StreamLabels:
@@ -72,12 +76,19 @@ class StreamChecks:
     Parameters
     ----------
     stream : StreamFormat
-    required : int array, shape (R,)
-        Columns to measure.
+    labels : StreamLabels
+        Of it.
+    earlier : LabelledRecording, optional
+        An earlier movement of such a person, z up: markers that were high are so again.
     """
 
-    def __init__(self, stream: StreamFormat, required: np.ndarray) -> None:
-        self._stream, self._required = stream, required
+    def __init__(
+        self,
+        stream: StreamFormat,
+        labels: StreamLabels,
+        earlier: LabelledRecording | None = None,
+    ) -> None:
+        self._stream, self._labels, self._earlier = stream, labels, earlier
         self._first: list[FloatArray] | None = []
 
     def look_at(self, positions: FloatArray) -> None:
@@ -99,7 +110,7 @@ class StreamChecks:
             self._first = None
 
     def _check_extent(self, positions: FloatArray) -> None:
-        extent = float(np.linalg.norm(np.ptp(positions[self._required], axis=0)))
+        extent = float(np.linalg.norm(np.ptp(positions[self._labels.required], axis=0)))
         if not _EXTENT_M[0] <= extent <= _EXTENT_M[1]:
             raise RecordingError(
                 f"{self._stream.source}: the required markers are {extent:.4g} m apart; expected "
@@ -109,8 +120,39 @@ class StreamChecks:
 
     def _check_axis(self, frames: FloatArray) -> None:
         found = find_up_axis(frames, self._stream.names, self._stream.rate_hz)
-        if found.axis != "z" and found.confidence >= _SURE:
+        axis: str | None = found.axis if found.confidence >= _SURE else None
+        why = found.told_by
+        if axis is None and self._earlier is not None:
+            axis, why = self._compare(frames, self._earlier), "the earlier recordings"
+        if axis not in (None, "z"):
             raise RecordingError(
-                f"{self._stream.source}: {found.axis} points up, as {found.told_by} tell; expected "
-                "z: --up tells a stream's axis"
+                f"{self._stream.source}: {axis} points up, as {why} tell; expected z: --up tells a "
+                "stream's axis"
             )
+
+    def _compare(self, frames: FloatArray, earlier: LabelledRecording) -> str | None:
+        """Return the axis along which markers are as high as they were; None if none is."""
+        names = self._labels.blank.markers
+        shared = [name for name in names if name in earlier.markers]
+        if len(shared) < _LEAST_MARKERS:
+            return None
+        n = int(_AXIS_AFTER_S * earlier.rate_hz)
+        columns = [earlier.markers.index(name) for name in shared]
+        heights = _middle(earlier.positions[:n, columns, 2])
+        now = np.array([self._labels.label(frame) for frame in frames])
+        places = _middle(now[:, [names.index(name) for name in shared]])
+        known = np.isfinite(heights) & np.isfinite(places).all(axis=1)
+        if known.sum() < _LEAST_MARKERS:
+            return None
+        alike = [float(np.corrcoef(heights[known], axis)[0, 1]) for axis in places[known].T]
+        best = int(np.argmax(np.abs(alike)))
+        if abs(alike[best]) < _ALIKE or alike[2] > _UNLIKE:
+            return None
+        return ("" if alike[best] > 0 else "-") + "xyz"[best]
+
+
+def _middle(values: FloatArray) -> FloatArray:
+    """Return the mean over time; NaN where a marker was never seen."""
+    seen = np.isfinite(values)
+    total: FloatArray = np.where(seen, values, 0.0).sum(axis=0)
+    return np.where(seen.any(axis=0), total / np.maximum(seen.sum(axis=0), 1), np.nan)

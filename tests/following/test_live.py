@@ -14,11 +14,13 @@ from besman.config.resources import resource_folder
 from besman.exceptions import BesmanError, ConfigError, RecordingError
 from besman.following.files import Replay
 from besman.following.live import LiveFollower
-from besman.following.plans import make_plan
+from besman.following.plans import label_by_names, make_plan
+from besman.following.stream_labels import StreamChecks, StreamLabels
 from besman.io.recordings.formats import read_recording, write_recording
 from besman.live.file_source import FileSource
 from besman.live.playing import schedule_frames
 from besman.live.stream import Packet, StreamFormat
+from besman.person.marker_set import load_marker_set
 from besman.standalone.train_files import train_files
 
 SAMPLE = resource_folder("data") / "stick_throw" / "subject1.tsv"
@@ -165,6 +167,26 @@ def test_what_is_no_person_in_metres_is_one_line(plan, start):
     with pytest.raises(RecordingError, match="ended before every required marker was seen"):
         lines.extend(follower.run())
     assert lines == [{"kind": "notice", "text": "waiting until marker hand_top is seen"}]
+
+
+@pytest.mark.parametrize("up", ["x", "y", "-z", None])
+def test_an_axis_that_is_not_z_is_told_by_earlier_recordings(start, up):
+    recording = read_recording(start)
+    marker_set = load_marker_set("right_arm")
+    stream = StreamFormat("network", recording.names, recording.rate_hz)
+    earlier = label_by_names(read_recording(SAMPLE), marker_set)
+    checks = StreamChecks(stream, StreamLabels(stream, marker_set), earlier)
+    # As if the frame of the laboratory lay otherwise: what is z here is the axis that is up there.
+    order = {"x": [2, 0, 1], "y": [1, 2, 0]}.get(up, [0, 1, 2])
+    positions = recording.positions[:, :, order] * (-1 if up == "-z" else 1)
+    if up is None:
+        for frame in positions:
+            checks.look_at(frame)
+        return
+    for frame in positions[:100]:
+        checks.look_at(frame)
+    with pytest.raises(RecordingError, match=f"network: {up} points up, as .*--up"):
+        checks.look_at(positions[100])
 
 
 def call(monkeypatch, *arguments):
