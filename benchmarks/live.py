@@ -21,6 +21,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+import psutil
 
 from besman.config.resources import resource_folder
 from besman.following.live import LiveFollower
@@ -28,16 +29,18 @@ from besman.following.plans import make_plan
 from besman.io.recordings.formats import read_recording, write_recording
 from besman.io.ros_logs import write_mcap
 from besman.live.qtm_source import QtmSource
+from besman.live.stream import Packet, StreamFormat
 from besman.pipeline.run_log import read_log
 from besman.pipeline.stored_run import open_run
 
 N_MARKERS, RATE_HZ, PORT = 13, 100.0, 22299
 MARGIN_S = 0.1
+SAMPLE = resource_folder("data") / "stick_throw" / "subject1.tsv"
 
 
 def make_recording(folder: Path, seconds: float) -> Path:
     """Write the sample with markers added up to 13, as often as it takes."""
-    sample = read_recording(resource_folder("data") / "stick_throw" / "subject1.tsv")
+    sample = read_recording(SAMPLE)
     n = round(seconds * RATE_HZ)
     rows = np.arange(n) % len(sample.time)
     # There and back, so that nobody jumps.
@@ -81,6 +84,52 @@ def f1(found: np.ndarray, truth: np.ndarray) -> float:
     return 2 * near.any(axis=1).sum() / (len(found) + len(truth))
 
 
+class Flood:
+    """Frames of the sample, resampled, as fast as they are taken."""
+
+    def __init__(self, n_markers: int, rate_hz: float, seconds: float) -> None:
+        sample = read_recording(SAMPLE)
+        self.time = np.arange(round(seconds * rate_hz)) / rate_hz
+        there_and_back = np.mod(self.time, 2 * sample.time[-1])
+        at = np.minimum(there_and_back, 2 * sample.time[-1] - there_and_back)
+        rows = np.clip(np.round(at * sample.rate_hz).astype(int), 0, len(sample.time) - 1)
+        more = np.arange(n_markers - len(sample.names)) % len(sample.names)
+        positions = sample.positions[rows]
+        self.positions = np.concatenate([positions, positions[:, more] + 0.05], axis=1)
+        names = (*sample.names, *(f"extra {k}" for k in range(len(more))))
+        self.format, self.row, self.ended = StreamFormat("flood", names, rate_hz), 0, False
+
+    def open(self) -> StreamFormat:
+        return self.format
+
+    def start(self) -> None:
+        pass
+
+    def close(self) -> None:
+        pass
+
+    def read(self, timeout_s: float) -> Packet:
+        row, self.row = self.row, self.row + 1
+        self.ended = self.row == len(self.time)
+        return Packet(self.time[row], self.positions[row], time.perf_counter(), row)
+
+
+def flood(plan, n_markers: int, rate_hz: float, seconds: float) -> None:
+    """Say how many frames a second of computing takes, and what it leaves in memory."""
+    follower = LiveFollower(Flood(n_markers, rate_hz, seconds), plan)
+    follower.open()
+    process, begun = psutil.Process(), time.process_time()
+    before = 0
+    for _ in follower.run():
+        before = before or process.memory_info().rss
+    spent_s, n = time.process_time() - begun, follower.summary()["frames"]
+    grown = (process.memory_info().rss - before) / 1e6
+    print(
+        f"{n_markers} markers at {rate_hz:g} Hz, {seconds:g} s: {n / spent_s:.0f} frames a second "
+        f"of computing, {grown:.1f} MB more memory"
+    )
+
+
 def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("run", type=Path)
@@ -92,9 +141,9 @@ def main() -> None:
         clean = follow(path, plan)
         found = clean.summary()
         for name, seconds in (
-            ("since it was received", clean.seconds),
-            ("since it was due", clean.since_sent),
-            ("computed of it", clean.busy),
+            ("since it was received", clean.times[0]),
+            ("since it was due", clean.times[1]),
+            ("computed of it", clean.times[2]),
         ):
             median, high = 1e3 * np.nanpercentile(seconds, (50, 99.9))
             print(f"packet to label, {name}: {median:.2f} ms median, {high:.2f} ms 99.9 %")
@@ -107,6 +156,8 @@ def main() -> None:
             f"1 % lost, late by 50 ms: F1 of borders against those without "
             f"{f1(borders(bad), borders(clean)):.4f}; {bad.summary()}"
         )
+        flood(plan, 13, 500.0, 120.0)
+        flood(plan, 60, 240.0, 120.0)
         log = read_log(open_run(asked.run))
         target = Path(folder) / "run.mcap"
         times = []

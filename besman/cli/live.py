@@ -63,7 +63,7 @@ def follow_live(
     from besman.live.capture import CaptureFile, WholeLines
 
     follower = LiveFollower(find_source(address), plan, horizon_blocks, steady_s)
-    teller = _Teller()
+    teller = _Teller(keeps=json_file is not None)
 
     def capture(names: Sequence[str | None], rate_hz: float) -> CaptureFile:
         assert record is not None
@@ -90,7 +90,8 @@ def follow_live(
 class _Teller:
     """Prints lines of JSON, and records them; where that fails they are printed all the same."""
 
-    def __init__(self) -> None:
+    def __init__(self, keeps: bool) -> None:
+        self._keeps = keeps
         self.lines: WholeLines | None = None
         self.told: list[dict[str, Any]] = []
         self._failed: FileError | None = None
@@ -99,7 +100,8 @@ class _Teller:
         text = json.dumps(_finite(one)) + "\n"
         sys.stdout.write(text)
         sys.stdout.flush()
-        self.told.append(one)
+        if self._keeps:
+            self.told.append(one)
         if self.lines is None:
             return
         try:

@@ -24,6 +24,7 @@ from besman.records import FloatArray
 # How long a read waits: little where packets wait for one that is missing.
 _IDLE_S, _WAITING_S = 0.05, 0.005
 _WARM_S = 8.0
+_KEPT = 60_000
 _PATIENCE_S = 2.0
 
 
@@ -42,13 +43,10 @@ class LiveFollower:
 
     Attributes
     ----------
-    seconds : list of float
-        From the arrival of each frame until all that follows from it was taken.
-    since_sent : list of float
-        The same from the time in the packet: of use where the source's clock is
-        `time.perf_counter` of this machine.
-    busy : list of float
-        What of it this thread computed, seconds: the rest is waiting.
+    times : array, shape (3, n)
+        Seconds that each of the last frames took, of no more than 60 000: from its arrival until
+        all that follows from it was taken; the same from the time in its packet, of use where the
+        source's clock is `time.perf_counter` of this machine; and what of it this thread computed.
     """
 
     def __init__(
@@ -61,9 +59,9 @@ class LiveFollower:
     ) -> None:
         self._source, self._plan = source, plan
         self._horizon, self._steady_s, self._patience_s = horizon_blocks, steady_s, patience_s
-        self.seconds: list[float] = []
-        self.since_sent: list[float] = []
-        self.busy: list[float] = []
+        # A session of hours must not fill the memory.
+        self._times = np.empty((3, _KEPT))
+        self._n_taken = 0
         self.follower: Follower | None = None
         self._n_waited = self._n_pushed = 0
         self._capture: CaptureFile | None = None
@@ -142,10 +140,15 @@ class LiveFollower:
         if self._failed is not None:
             raise self._failed
 
+    @property
+    def times(self) -> FloatArray:
+        """How long the last frames took; see the class."""
+        return self._times[:, : min(self._n_taken, _KEPT)]
+
     def summary(self) -> dict[str, Any]:
         """Return what became of the packets, and how long each frame took."""
-        times = self.seconds or [float("nan")]
-        median, high = 1e3 * np.percentile(times, (50, 99.9))
+        since_arrival = self.times[0] if self._n_taken else np.array([np.nan])
+        median, high = 1e3 * np.percentile(since_arrival, (50, 99.9))
         return {
             "frames": self._n_pushed,
             **asdict(self._aligner.delivery),
@@ -156,10 +159,10 @@ class LiveFollower:
         for frame in frames:
             begun_s = time.thread_time()
             yield from self._take(frame)
-            self.busy.append(time.thread_time() - begun_s)
-            now = time.perf_counter()
-            self.seconds.append(now - frame.arrived_s)
-            self.since_sent.append(now - frame.sent_s)
+            busy_s, now = time.thread_time() - begun_s, time.perf_counter()
+            row = now - frame.arrived_s, now - frame.sent_s, busy_s
+            self._times[:, self._n_taken % _KEPT] = row
+            self._n_taken += 1
 
     def _take(self, frame: Frame) -> Iterator[dict[str, Any]]:
         """Take one frame; nothing is followed before every required marker was seen together."""
