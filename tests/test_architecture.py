@@ -15,7 +15,7 @@ LAYERS = (
     {"pipeline"},
     {"stages"},
     {"simulation"},
-    {"motion", "pictures", "synthetic"},
+    {"live", "motion", "pictures", "synthetic"},
     {"robot", "io", "person"},
     {"config"},
     {"work", "classifiers", "search", "geometry", "web"},

@@ -20,6 +20,7 @@ from besman.cli import recordings, run, run_folders, templates, transfer
 from besman.cli.annotate import annotate
 from besman.cli.evaluate import evaluate_app
 from besman.cli.export import export
+from besman.cli.live import play
 from besman.cli.look import look, markers_app
 from besman.cli.robots import robots
 from besman.cli.terminal import complain
@@ -53,6 +54,7 @@ for command in (
     recordings.train,
     recordings.segment,
     recordings.follow,
+    play,
     view,
     annotate,
     recordings.label_markers,

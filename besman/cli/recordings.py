@@ -10,7 +10,7 @@ import typer
 
 from besman.cli.options import Json, Recordings, target_file, target_folder
 from besman.cli.terminal import say
-from besman.exceptions import one_of
+from besman.exceptions import ConfigError, one_of
 from besman.io.recordings.formats import WRITTEN_SUFFIXES
 from besman.stages.segment.kinds import SEGMENTATION_NAMES
 from besman.synthetic.names import DATASET_NOTES
@@ -72,7 +72,17 @@ def segment(
 
 
 def follow(
-    recording: Annotated[Path, typer.Argument(help="A recording, replayed as a stream.")],
+    recording: Annotated[
+        Path | None, typer.Argument(help="A recording, replayed as a stream.")
+    ] = None,
+    live: Annotated[
+        str | None,
+        typer.Option(metavar="SOURCE", help="file://PATH?pace=1, lsl:NAME or qtm://HOST[:PORT]."),
+    ] = None,
+    record: Annotated[
+        Path | None,
+        typer.Option(help="Record the live stream, NAME.tsv; what is printed as NAME.jsonl."),
+    ] = None,
     run: Annotated[Path | None, typer.Option(help="A run, whose trained models are used.")] = None,
     models: Annotated[
         list[Path] | None,
@@ -96,13 +106,25 @@ def follow(
     ] = None,
     json_file: Json = None,
 ) -> None:
-    """Keep blocks and actions current sample by sample; print what changes and what comes next."""
+    """Keep blocks and actions current sample by sample; print what changes and what comes next.
+
+    Of a live source as lines of JSON.
+    """
     from besman.following.files import Replay, describe_change, describe_forecast
     from besman.following.foreseeing import BlockForecast
     from besman.following.plans import make_plan
     from besman.io.atomic_files import write_json
 
+    if (recording is None) == (live is None):
+        raise ConfigError("besman follow: expected either a recording or --live SOURCE")
+    if live is None and record is not None:
+        raise ConfigError("--record: is of a live stream; expected --live SOURCE with it")
     plan = make_plan(run, models or [], markers, calibration)
+    if recording is None:
+        from besman.cli.live import follow_live
+
+        follow_live(str(live), plan, horizon or None, steady, record, json_file)
+        return
     replay = Replay(recording, plan, speed, horizon or None, steady)
     rate_hz = replay.recording.rate_hz
     for at, news in replay.run():

@@ -12,6 +12,7 @@ import numpy as np
 from besman.exceptions import ConfigError
 from besman.following.follower import Follower
 from besman.following.foreseeing import BlockForecast
+from besman.following.news import content_of_forecast, content_of_piece
 from besman.following.pieces import Change, Piece
 from besman.following.plans import FollowPlan, label_stream, make_follower
 from besman.io.recordings.formats import read_recording
@@ -103,7 +104,9 @@ class Replay:
                 {"time_s": at, "status": change.status, **self._describe(change.piece)}
                 for at, change in self.changes
             ],
-            "forecasts": [self._tell(forecast) for forecast in self.forecasts],
+            "forecasts": [
+                content_of_forecast(one, self.recording.rate_hz) for one in self.forecasts
+            ],
             "seconds_per_sample": {
                 "median": float(np.median(self.seconds)),
                 "p99_9": float(np.percentile(self.seconds, 99.9)),
@@ -135,31 +138,8 @@ class Replay:
         self.changes += [(at, change) for change in changes]
         yield from self.changes[len(self.changes) - len(changes) :]
 
-    def _tell(self, forecast: BlockForecast) -> dict[str, Any]:
-        rate_hz, next_row = self.recording.rate_hz, forecast.next_row
-        return {
-            "time_s": forecast.row / rate_hz,
-            "of": forecast.of,
-            "start_s": forecast.start / rate_hz,
-            "label": forecast.label,
-            "probability": forecast.probability,
-            "next_label": forecast.next_label,
-            "next_probability": forecast.next_probability,
-            "next_start_s": None if next_row is None else next_row / rate_hz,
-        }
-
     def _describe(self, piece: Piece) -> dict[str, Any]:
-        rate_hz, first = self.recording.rate_hz, self.recording.first_frame
-        return {
-            "kind": piece.kind,
-            "of": piece.of,
-            "label": piece.label,
-            "uncertainty": piece.uncertainty,
-            "final": piece.final,
-            "start_s": piece.start / rate_hz,
-            "end_s": piece.end / rate_hz,
-            "frames": [first + piece.start, first + piece.end],
-        }
+        return content_of_piece(piece, self.recording.rate_hz, self.recording.first_frame)
 
 
 def _delays(

@@ -161,6 +161,17 @@ def label_stream(plan: FollowPlan, recording: Recording) -> LabelledRecording:
         teachers = () if plan.teacher is None else (read_recording(Path(plan.teacher)),)
         labelled: LabelledRecording = plan.label.run((recording,), marker_set, *teachers)[0]
         return labelled
+    return label_by_names(recording, marker_set)
+
+
+def label_by_names(recording: Recording, marker_set: MarkerSet) -> LabelledRecording:
+    """Give the trajectories of a recording the names that the marker set has for theirs.
+
+    Raises
+    ------
+    BesmanError
+        If a required marker is not among the names.
+    """
     columns = list(marker_set.match(recording.names, recording.source).items())
     if marker_set.side == "left":
         recording = mirror_recording(recording)

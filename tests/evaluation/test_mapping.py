@@ -190,7 +190,8 @@ def test_where_nothing_can_be_transferred_there_is_a_row_and_a_table(tmp_path):
     empty = DemonstrationSet("d", "real", "hold", (), (Failure("s1_a.tsv:1", "a gap"),))
     result, mapped = evaluate_mapping([far, empty], ["ur5"], config=QUICK)
     first, second = result["rows"]
-    assert first["failed"][0]["reason"].startswith("map: ur5 (tool gripper) is too short for all of 1 ")
+    reason = "map: ur5 (tool gripper) is too short for all of 1 "
+    assert first["failed"][0]["reason"].startswith(reason)
     assert second["failed"] == [{"name": "s1_a.tsv:1", "reason": "a gap"}]
     assert first["n_transferred"] == second["n_transferred"] == 0
     assert json.loads(json.dumps(result))["rows"][1]["position_error_m"] is None

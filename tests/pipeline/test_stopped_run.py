@@ -36,7 +36,7 @@ class Slow(Stage):
 def run_stages(config, run, inputs, trained_in):
     run.step("slow", Slow(), MARKS)
 
-# A process that was started in the background by a shell is deaf to Ctrl-C, and so are its children.
+# Children of what a shell started in the background are deaf to Ctrl-C.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 pipeline._run_stages = run_stages
 sys.argv = ["besman", "run", "ur5_stick_throw", "--jobs", "2", "--out", OUT]

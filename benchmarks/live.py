@@ -1,0 +1,172 @@
+"""Live streams: how long from a packet to the label of its block, and what a bad network costs.
+
+``besman play`` serves a recording over loopback from a process of its own, spoken to by the maker's
+client; this process follows it. The time is that from when a frame was due in the player until all
+that follows from it was taken: transport, waiting and label. Synthetic: the embedded sample, with
+copies of its markers up to 13. And a finished run as MCAP: size, and time to write.
+
+    python benchmarks/live.py RUN [--seconds 60]
+
+RUN is a finished run of ``besman run``, whose model is followed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+import psutil
+
+from besman.config.resources import resource_folder
+from besman.following.live import LiveFollower
+from besman.following.plans import make_plan
+from besman.io.recordings.formats import read_recording, write_recording
+from besman.io.ros_logs import write_mcap
+from besman.live.qtm_source import QtmSource
+from besman.live.stream import Packet, StreamFormat
+from besman.pipeline.run_log import read_log
+from besman.pipeline.stored_run import open_run
+
+N_MARKERS, RATE_HZ, PORT = 13, 100.0, 22299
+MARGIN_S = 0.1
+SAMPLE = resource_folder("data") / "stick_throw" / "subject1.tsv"
+
+
+def make_recording(folder: Path, seconds: float) -> Path:
+    """Write the sample with markers added up to 13, as often as it takes."""
+    sample = read_recording(SAMPLE)
+    n = round(seconds * RATE_HZ)
+    rows = np.arange(n) % len(sample.time)
+    # There and back, so that nobody jumps.
+    rows = np.where((np.arange(n) // len(sample.time)) % 2 == 0, rows, len(sample.time) - 1 - rows)
+    positions = sample.positions[rows]
+    names = list(sample.names)
+    while len(names) < N_MARKERS:
+        k = len(names)
+        positions = np.concatenate([positions, positions[:, k % 9 : k % 9 + 1] + 0.05], axis=1)
+        names.append(f"extra {k}")
+    made = dataclasses.replace(
+        sample, time=np.arange(n) / RATE_HZ, positions=positions, names=tuple(names)
+    )
+    path = folder / "stream.tsv"
+    write_recording(made, path)
+    return path
+
+
+def follow(path: Path, plan, *options: str):
+    """Play in another process, follow in this one."""
+    command = [sys.executable, "-m", "besman", "play", str(path), "--as", "qtm"]
+    player = subprocess.Popen(
+        [*command, "--port", str(PORT), *options], stdout=subprocess.PIPE, text=True
+    )
+    player.stdout.readline()
+    follower = LiveFollower(QtmSource("127.0.0.1", PORT, wait_s=1.0), plan)
+    follower.open()
+    for _ in follower.run():
+        pass
+    player.wait()
+    return follower
+
+
+def borders(follower: LiveFollower) -> np.ndarray:
+    pieces = next(iter(follower.follower.state.blocks.values()))
+    return np.array([one.start for one in pieces[1:]])
+
+
+def f1(found: np.ndarray, truth: np.ndarray) -> float:
+    near = np.abs(found[:, None] - truth) <= MARGIN_S * RATE_HZ
+    return 2 * near.any(axis=1).sum() / (len(found) + len(truth))
+
+
+class Flood:
+    """Frames of the sample, resampled, as fast as they are taken."""
+
+    def __init__(self, n_markers: int, rate_hz: float, seconds: float) -> None:
+        sample = read_recording(SAMPLE)
+        self.time = np.arange(round(seconds * rate_hz)) / rate_hz
+        there_and_back = np.mod(self.time, 2 * sample.time[-1])
+        at = np.minimum(there_and_back, 2 * sample.time[-1] - there_and_back)
+        rows = np.clip(np.round(at * sample.rate_hz).astype(int), 0, len(sample.time) - 1)
+        more = np.arange(n_markers - len(sample.names)) % len(sample.names)
+        positions = sample.positions[rows]
+        self.positions = np.concatenate([positions, positions[:, more] + 0.05], axis=1)
+        names = (*sample.names, *(f"extra {k}" for k in range(len(more))))
+        self.format, self.row, self.ended = StreamFormat("flood", names, rate_hz), 0, False
+
+    def open(self) -> StreamFormat:
+        return self.format
+
+    def start(self) -> None:
+        pass
+
+    def close(self) -> None:
+        pass
+
+    def read(self, timeout_s: float) -> Packet:
+        row, self.row = self.row, self.row + 1
+        self.ended = self.row == len(self.time)
+        return Packet(self.time[row], self.positions[row], time.perf_counter(), row)
+
+
+def flood(plan, n_markers: int, rate_hz: float, seconds: float) -> None:
+    """Say how many frames a second of computing takes, and what it leaves in memory."""
+    follower = LiveFollower(Flood(n_markers, rate_hz, seconds), plan)
+    follower.open()
+    process, begun = psutil.Process(), time.process_time()
+    before = 0
+    for _ in follower.run():
+        before = before or process.memory_info().rss
+    spent_s, n = time.process_time() - begun, follower.summary()["frames"]
+    grown = (process.memory_info().rss - before) / 1e6
+    print(
+        f"{n_markers} markers at {rate_hz:g} Hz, {seconds:g} s: {n / spent_s:.0f} frames a second "
+        f"of computing, {grown:.1f} MB more memory"
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("run", type=Path)
+    parser.add_argument("--seconds", type=float, default=60.0)
+    asked = parser.parse_args()
+    plan = make_plan(asked.run, [])
+    with tempfile.TemporaryDirectory() as folder:
+        path = make_recording(Path(folder), asked.seconds)
+        clean = follow(path, plan)
+        found = clean.summary()
+        for name, seconds in (
+            ("since it was received", clean.times[0]),
+            ("since it was due", clean.times[1]),
+            ("computed of it", clean.times[2]),
+        ):
+            median, high = 1e3 * np.nanpercentile(seconds, (50, 99.9))
+            print(f"packet to label, {name}: {median:.2f} ms median, {high:.2f} ms 99.9 %")
+        print(
+            f"{found['frames']} frames of {N_MARKERS} markers at {RATE_HZ:g} Hz, "
+            f"{found['lost']} lost"
+        )
+        bad = follow(path, plan, "--lose", "0.01", "--late", "0.05", "--seed", "3")
+        print(
+            f"1 % lost, late by 50 ms: F1 of borders against those without "
+            f"{f1(borders(bad), borders(clean)):.4f}; {bad.summary()}"
+        )
+        flood(plan, 13, 500.0, 120.0)
+        flood(plan, 60, 240.0, 120.0)
+        log = read_log(open_run(asked.run))
+        target = Path(folder) / "run.mcap"
+        times = []
+        for _ in range(3):
+            begun = time.perf_counter()
+            write_mcap(log, target)
+            times.append(time.perf_counter() - begun)
+        print(f"MCAP: {target.stat().st_size / 1e6:.2f} MB, {np.median(times):.2f} s")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,127 @@
+"""Commands about live streams: follow --live, and play, which serves a recording as one."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from besman.cli.terminal import complain, say
+from besman.exceptions import ConfigError, FileError, StoppedError, one_of
+
+if TYPE_CHECKING:
+    from besman.following.plans import FollowPlan
+    from besman.live.capture import CaptureFile, WholeLines
+
+_SYSTEMS = ("qtm", "lsl")
+
+
+def play(
+    recording: Annotated[Path, typer.Argument(help="A recording with names.")],
+    system: Annotated[str, typer.Option("--as", metavar="qtm|lsl", help="Which system it plays.")],
+    pace: Annotated[float, typer.Option(help="Seconds of it in a second.")] = 1.0,
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, help="Of qtm; 0: any that is free.")
+    ] = 22223,
+    name: Annotated[str, typer.Option(help="Of the stream of lsl.")] = "besman",
+    lose: Annotated[float, typer.Option(help="Share of the frames that get lost.")] = 0.0,
+    late: Annotated[
+        float, typer.Option(help="Seconds by which one frame in twenty is late at most.")
+    ] = 0.0,
+    seed: Annotated[int, typer.Option(min=0, help="Of what is lost and late.")] = 0,
+) -> None:
+    """Serve a recording over loopback as a capture system would, to who connects first."""
+    from besman.io.recordings.formats import read_recording
+    from besman.live.play_lsl import play_as_lsl
+    from besman.live.play_qtm import Delays, play_as_qtm
+
+    if system not in _SYSTEMS:
+        raise ConfigError(f"--as: got {system!r:.60}; expected {one_of(_SYSTEMS)}")
+    found, delays = read_recording(recording), Delays(pace, lose, late, seed)
+    if system == "qtm":
+        play_as_qtm(found, delays, port, say)
+    else:
+        play_as_lsl(found, name, delays, say)
+
+
+def follow_live(
+    address: str,
+    plan: FollowPlan,
+    horizon_blocks: int | None,
+    steady_s: float,
+    record: Path | None,
+    json_file: Path | None,
+) -> None:
+    """Follow a source; print and record lines of JSON. Ctrl-C ends it in order."""
+    from besman.following.live import LiveFollower
+    from besman.io.atomic_files import write_json
+    from besman.live.addresses import find_source
+    from besman.live.capture import CaptureFile, WholeLines
+
+    follower = LiveFollower(find_source(address), plan, horizon_blocks, steady_s)
+    teller = _Teller(keeps=json_file is not None)
+
+    def capture(names: Sequence[str | None], rate_hz: float) -> CaptureFile:
+        assert record is not None
+        made = CaptureFile(record, names, rate_hz)
+        teller.lines = WholeLines(record.with_suffix(".jsonl"))
+        return made
+
+    found = follower.open(capture if record is not None else None)
+    begin = {"kind": "stream", "source": found.source, "rate_hz": found.rate_hz}
+    teller.tell(begin | {"markers": list(found.names)})
+    try:
+        for one in follower.run():
+            teller.tell(one)
+    except StoppedError as error:
+        # What was known until then is said, and recorded whole.
+        for one in follower.end_now():
+            teller.tell(one)
+        complain("", str(error))
+    if json_file is not None:
+        write_json(json_file, teller.told)
+    teller.close()
+
+
+class _Teller:
+    """Prints lines of JSON, and records them; where that fails they are printed all the same."""
+
+    def __init__(self, keeps: bool) -> None:
+        self._keeps = keeps
+        self.lines: WholeLines | None = None
+        self.told: list[dict[str, Any]] = []
+        self._failed: FileError | None = None
+
+    def tell(self, one: dict[str, Any]) -> None:
+        text = json.dumps(_finite(one)) + "\n"
+        sys.stdout.write(text)
+        sys.stdout.flush()
+        if self._keeps:
+            self.told.append(one)
+        if self.lines is None:
+            return
+        try:
+            self.lines.append(text)
+        except FileError as error:
+            self._failed, lines, self.lines = error, self.lines, None
+            lines.close()
+
+    def close(self) -> None:
+        """End; raise what went wrong on the way."""
+        if self.lines is not None:
+            self.lines.close()
+        if self._failed is not None:
+            raise self._failed
+
+
+def _finite(one: dict[str, Any]) -> dict[str, Any]:
+    """Return what JSON can say: what is not finite becomes null."""
+    inf = float("inf")
+    return {
+        key: None if isinstance(value, float) and not abs(value) < inf else value
+        for key, value in one.items()
+    }

@@ -1,0 +1,87 @@
+"""Which source an address means: ``file://``, ``lsl:`` or ``qtm://``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from urllib.parse import parse_qsl, unquote, urlsplit
+
+from besman.exceptions import ConfigError, nearest
+from besman.io.recordings.format import READING
+from besman.live.stream import Source
+
+KNOWN_SOURCES = "file://PATH?pace=1, lsl:NAME, qtm://HOST"
+
+
+def find_source(address: str) -> Source:
+    """Return the source that an address means; nothing is connected yet.
+
+    Parameters
+    ----------
+    address : str
+        ``file://PATH`` with ``pace`` (1; 0: as fast as can be); ``lsl:NAME`` with ``source_id``
+        and ``wait``; ``qtm://HOST[:PORT]`` with ``version`` and ``wait``: seconds of silence after
+        which a stream that had begun has ended (10).
+
+    Raises
+    ------
+    ConfigError
+        If there is no such source, or it has no such option.
+    """
+    scheme, _, rest = address.partition(":")
+    if scheme == "file":
+        path, options = _split(address, rest.removeprefix("//"), ("pace",))
+        from besman.live.file_source import FileSource
+
+        return FileSource(Path(path), _number(address, options, "pace", 1.0))
+    if scheme == "lsl":
+        name, options = _split(address, rest.removeprefix("//"), ("source_id", "wait"))
+        from besman.live.lsl_source import LslSource
+
+        usual, wait_s = READING.get(), _number(address, options, "wait", 10.0)
+        return LslSource(name, options.get("source_id"), usual.units, usual.up, wait_s)
+    if scheme == "qtm":
+        host, options = _split(address, rest.removeprefix("//"), ("version", "wait"))
+        return _find_qtm(address, host, options)
+    raise ConfigError(f"--live: got {address!r:.100}; expected one of {KNOWN_SOURCES}")
+
+
+def _find_qtm(address: str, host: str, options: dict[str, str]) -> Source:
+    from besman.live.qtm_source import PORT, VERSION, QtmSource
+
+    try:
+        parts = urlsplit(f"//{host}")
+        port = parts.port or PORT
+    except ValueError:
+        raise ConfigError(f"--live: {address!r:.100}: expected qtm://HOST:PORT") from None
+    version = options.get("version", VERSION)
+    if not version.replace(".", "", 1).isdecimal():
+        raise ConfigError(f"--live: version: got {version!r:.40}; expected a number such as 1.19")
+    wait_s = _number(address, options, "wait", 10.0)
+    return QtmSource(parts.hostname or "127.0.0.1", port, version, wait_s)
+
+
+def _split(address: str, rest: str, allowed: tuple[str, ...]) -> tuple[str, dict[str, str]]:
+    """Return what is named, and the options behind the question mark."""
+    name, _, query = rest.partition("?")
+    options = dict(parse_qsl(query, keep_blank_values=True))
+    for key in options:
+        if key not in allowed:
+            raise ConfigError(
+                f"--live: {address!r:.100}: no option {key!r:.40}; {nearest(key, allowed)}"
+            )
+    if not name:
+        raise ConfigError(f"--live: got {address!r:.100}; expected one of {KNOWN_SOURCES}")
+    return unquote(name), options
+
+
+def _number(address: str, options: dict[str, str], key: str, usual: float) -> float:
+    text = options.get(key, str(usual))
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not 0 <= value <= 1e6:
+        raise ConfigError(
+            f"--live: {address!r:.100}: {key}: got {text!r:.40}; expected a number from 0"
+        )
+    return value

@@ -1,0 +1,88 @@
+"""A recording over Lab Streaming Layer, on this machine alone."""
+
+import threading
+
+import numpy as np
+import pytest
+
+from besman.exceptions import RecordingError
+from besman.live import lsl_source
+from besman.live.lsl_source import LslSource
+from besman.live.play_lsl import announce_only_here, play_as_lsl
+from besman.live.play_qtm import Delays
+from besman.records import Recording
+
+pylsl = pytest.importorskip("pylsl", reason="the extra lsl is not installed")
+announce_only_here()
+
+
+@pytest.fixture
+def soon(monkeypatch):
+    """Look for no longer than a moment."""
+    monkeypatch.setattr(lsl_source, "_FIND_S", 0.5)
+
+
+def announce(name, source_id, labels, units, rate_hz=100.0):
+    about = pylsl.StreamInfo(name, "MoCap", len(labels), rate_hz, "float32", source_id)
+    about.set_channel_labels(labels)
+    if units:
+        about.set_channel_units(units)
+    return pylsl.StreamOutlet(about)
+
+
+def test_what_is_played_arrives():
+    positions = np.random.default_rng(4).normal(size=(40, 2, 3))
+    positions[3, 1] = np.nan
+    recording = Recording(np.arange(40) / 100, positions, ("hand top", "elbow"), 100.0, "x")
+    player = threading.Thread(
+        target=play_as_lsl, args=(recording, "besman_test", Delays(pace=4.0)), daemon=True
+    )
+    player.start()
+    source = LslSource("besman_test", wait_s=0.4)
+    found = source.open()
+    assert (found.names, found.rate_hz) == (recording.names, 100.0)
+    source.start()
+    packets = []
+    while len(packets) < 40 and not source.ended:
+        packet = source.read(0.1)
+        if packet is not None:
+            packets.append(packet)
+    source.close()
+    player.join(10)
+    np.testing.assert_allclose([one.positions for one in packets], positions, atol=1e-6)
+    np.testing.assert_allclose(np.diff([one.time_s for one in packets]), 0.01, atol=1e-3)
+
+
+def test_other_units_and_axes_are_turned(soon):
+    labels = [f"hand.{axis}" for axis in "xyz"] + ["battery"]
+    outlet = announce("besman_mm", "one", labels, ["mm"] * 3 + ["percent"])
+    source = LslSource("besman_mm", up="y")
+    assert source.open().names == ("hand",)
+    source.start()
+    assert outlet.wait_for_consumers(5)
+    outlet.push_sample([1000.0, 2000.0, 3000.0, 50.0])
+    packet = source.read(3.0)
+    source.close()
+    # What was y is z; x stays.
+    np.testing.assert_allclose(packet.positions, [[1.0, -3.0, 2.0]])
+
+
+def test_streams_that_cannot_be_used_are_one_line(soon):
+    with pytest.raises(RecordingError, match=r"no such stream was found within 0\.5 s"):
+        LslSource("besman_nowhere").open()
+    labels = [f"hand_{axis}" for axis in "XYZ"]
+    first = announce("besman_two", "left", labels, ["m"] * 3)
+    second = announce("besman_two", "right", labels, None)
+    with pytest.raises(RecordingError, match=r"2 streams have this name: .*say which"):
+        LslSource("besman_two").open()
+    with pytest.raises(RecordingError, match="channels are in ''; expected one unit of length"):
+        LslSource("besman_two", "right").open()
+    with pytest.raises(RecordingError, match="those of this name have the ids"):
+        LslSource("besman_two", "middle").open()
+    eeg = announce("besman_eeg", "x", ["Fp1", "Fp2"], ["uV"] * 2)
+    with pytest.raises(RecordingError, match="no channels that are markers; got labels 'Fp1'"):
+        LslSource("besman_eeg").open()
+    uneven = announce("besman_uneven", "y", labels, ["m"] * 3, 0.0)
+    with pytest.raises(RecordingError, match="says no rate"):
+        LslSource("besman_uneven").open()
+    del first, second, eeg, uneven

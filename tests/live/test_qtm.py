@@ -1,0 +1,132 @@
+"""A recording over loopback, spoken to by the maker's own client."""
+
+import contextlib
+import socket
+import threading
+
+import numpy as np
+import pytest
+
+from besman.exceptions import RecordingError, WebError
+from besman.live import qtm_source
+from besman.live.play_qtm import Delays, play_as_qtm
+from besman.live.qtm_source import QtmSource
+from besman.records import Recording
+
+pytest.importorskip("qtm_rt", reason="the extra qualisys is not installed")
+
+
+def make_recording(n=40, names=("hand", "el & bow")):
+    positions = np.random.default_rng(4).normal(size=(n, len(names), 3))
+    positions[3, 1] = np.nan
+    return Recording(np.arange(n) / 100, positions, names, 100.0, "x")
+
+
+@contextlib.contextmanager
+def served(recording, delays=Delays(pace=20.0), port=0):  # noqa: B008
+    """Serve a recording in a thread; give its port."""
+    said, heard = [], threading.Event()
+
+    def say(line):
+        said.append(line)
+        heard.set()
+
+    thread = threading.Thread(target=play_as_qtm, args=(recording, delays, port, say), daemon=True)
+    thread.start()
+    assert heard.wait(10)
+    yield int(said[0].rpartition(":")[2])
+    thread.join(10)
+
+
+def read_all(source):
+    packets = []
+    while not source.ended:
+        packet = source.read(0.05)
+        if packet is not None:
+            packets.append(packet)
+    return packets
+
+
+def test_what_is_played_arrives():
+    recording = make_recording()
+    with served(recording) as port:
+        source = QtmSource("127.0.0.1", port, wait_s=0.3)
+        found = source.open()
+        assert (found.names, found.rate_hz) == (recording.names, 100.0)
+        source.start()
+        packets = read_all(source)
+        source.close()
+    assert [one.number for one in packets] == list(range(1, 41))
+    np.testing.assert_allclose([one.positions for one in packets], recording.positions, atol=1e-6)
+    times = np.array([one.time_s for one in packets])
+    np.testing.assert_allclose(np.diff(times), 0.01, atol=2e-6)
+
+
+def test_a_source_that_is_started_again_is_found_again():
+    recording = make_recording()
+    with served(recording) as port:
+        source = QtmSource("127.0.0.1", port, wait_s=3.0)
+        source.open()
+        source.start()
+        packets = [source.read(1.0) for _ in range(40)]
+    with served(recording, port=port):
+        packets += [source.read(3.0) for _ in range(40)]
+    source.close()
+    assert [one.number for one in packets] == [*range(1, 41)] * 2
+
+
+def test_no_server_and_a_wrong_version_are_one_line():
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        with pytest.raises(WebError, match=f"port {port}: cannot be listened at"):
+            play_as_qtm(make_recording(), port=port)
+    with pytest.raises(RecordingError, match=r"cannot be connected to \(.*expected QTM"):
+        QtmSource("127.0.0.1", port).open()
+    with served(make_recording()) as port:
+        with pytest.raises(RecordingError, match=r"QTM does not speak version 2\.9.*say which"):
+            QtmSource("127.0.0.1", port, version="2.9").open()
+        # So that it plays, and ends.
+        source = QtmSource("127.0.0.1", port, wait_s=0.1)
+        source.open()
+        source.start()
+        read_all(source)
+        source.close()
+
+
+@pytest.mark.parametrize("answer", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n"])
+def test_a_server_of_something_else_is_one_line(answer, monkeypatch):
+    monkeypatch.setattr(qtm_source, "_ANSWER_S", 0.3)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def talk():
+            client, _ = server.accept()
+            client.sendall(answer)
+            ended.wait(5)
+            client.close()
+
+        ended = threading.Event()
+        thread = threading.Thread(target=talk, daemon=True)
+        thread.start()
+        with pytest.raises(RecordingError, match=r"no answer within 0\.3 s.*expected QTM") as error:
+            QtmSource("127.0.0.1", server.getsockname()[1]).open()
+        ended.set()
+        thread.join()
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("<a/>", "got 0 named markers at nan Hz; expected 3D tracking"),
+        ("<!DOCTYPE a><a/>", "settings cannot be read: a document type"),
+        ("<a>", "settings cannot be read"),
+        (
+            "<a><General><Frequency>100</Frequency></General><The_3D><AxisUpwards>+W</AxisUpwards>"
+            "<Label><Name>hand</Name></Label></The_3D></a>",
+            "axis upwards: got 'w'",
+        ),
+    ],
+)
+def test_settings_that_cannot_be_used_are_one_line(text, said):
+    with pytest.raises(RecordingError, match=said):
+        QtmSource("127.0.0.1")._read_format(text)
