@@ -87,6 +87,9 @@ class GaussNewton:
         Of the residuals in each of W worlds; without it there is CMA-ES alone.
     first : array, shape (D,), optional
         First point; the start if not given.
+    trust : array, shape (D,), optional
+        How far each coordinate's slopes can be relied on, 0 to 1: what it is scaled by before
+        steps of least norm are sought. 1 if not given.
 
     Attributes
     ----------
@@ -109,8 +112,10 @@ class GaussNewton:
         detours: int = 2,
         jacobian: npt.ArrayLike | None = None,
         first: npt.ArrayLike | None = None,
+        trust: npt.ArrayLike | None = None,
     ) -> None:
         self._start = np.array(start, dtype=np.float64)
+        self._trust = np.ones(len(self._start)) if trust is None else np.array(trust)
         self._bounds = check_bounds(self._start, bounds)
         self._options = (sigma, population, seed, bounds, restarts)
         self._steps, self._left = steps, steps
@@ -248,10 +253,10 @@ class GaussNewton:
         assert self.jacobian is not None
         known = np.isfinite(tried.residuals)
         n = len(known)
-        rows = self.jacobian[:n][known] / np.sqrt(n)
+        rows = self.jacobian[:n][known] * self._trust / np.sqrt(n)
         wanted = tried.residuals[known] / np.sqrt(n)
         system = rows @ rows.T + self._damping * np.eye(len(rows))
-        step = -rows.T @ np.linalg.solve(system, wanted)
+        step = -self._trust * (rows.T @ np.linalg.solve(system, wanted))
         return np.asarray(step * min(1.0, self._reach / max(float(np.linalg.norm(step)), 1e-12)))
 
     def _end(self) -> None:

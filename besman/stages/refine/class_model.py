@@ -19,13 +19,15 @@ FloatArray = npt.NDArray[np.float64]
 
 # An outcome that moves less than this, in radii per unit, is not moved.
 _LEAST_SLOPE = 0.05
+# Two slopes of a coordinate that are this far apart halve the square of what it is trusted with.
+_KINK = 1.0
 
 
 @dataclass(frozen=True, eq=False)
 class ClassModel(
     Record,
     stored_as="besman.stages.refine.class_model:ClassModel",
-    finite=("point", "jacobian"),
+    finite=("point", "jacobian", "trust"),
 ):
     """What the motions of a class share, in the coordinates that a search has.
 
@@ -38,6 +40,8 @@ class ClassModel(
         if they are searched in perturbed models.
     jacobian : array, shape (W, R, D)
         Of the residuals there in W worlds, in radii of success per unit.
+    trust : array, shape (D,)
+        How far steps may use each coordinate, 0 to 1; see `trust_of`.
     simulations : int
         How many it took.
     useless : str
@@ -47,17 +51,39 @@ class ClassModel(
     name: str
     point: FloatArray
     jacobian: FloatArray
+    trust: FloatArray
     simulations: int
     useless: str = ""
 
     def __post_init__(self) -> None:
         """Copy the arrays, make them read-only and check their shapes."""
-        freeze(self, {"point": ("D",), "jacobian": ("W", "R", "D")})
+        freeze(self, {"point": ("D",), "jacobian": ("W", "R", "D"), "trust": ("D",)})
 
 
 def nothing_shared(name: str, dimension: int, simulations: int, why: str) -> ClassModel:
     """Return the model of a class that has nothing to share."""
-    return ClassModel(name, np.zeros(dimension), np.empty((0, 0, dimension)), simulations, why)
+    nothing = np.empty((0, 0, dimension))
+    return ClassModel(name, np.zeros(dimension), nothing, np.ones(dimension), simulations, why)
+
+
+def trust_of(ahead: FloatArray, behind: FloatArray) -> FloatArray:
+    """Return how far the slopes of coordinates can be relied on.
+
+    An arm at its limits slows down for any change that asks more of a joint: the outcome has a kink
+    there, and a slope measured on one side is worth nothing on the other.
+
+    Parameters
+    ----------
+    ahead, behind : array, shape (R, D)
+        Jacobians of finite differences to both sides, in radii of success per unit.
+
+    Returns
+    -------
+    array, shape (D,)
+        1 where they are the same, falling to 0 with how far they are apart.
+    """
+    apart = np.linalg.norm(ahead - behind, axis=0)
+    return np.asarray(1.0 / np.sqrt(1.0 + np.square(apart / _KINK)))
 
 
 def moves_too_little(jacobian: FloatArray) -> str:

@@ -154,6 +154,7 @@ class _Lesson:
             measure_jacobian,
             moves_too_little,
             nothing_shared,
+            trust_of,
         )
         from besman.stages.refine.search_loop import try_in_worlds
 
@@ -185,6 +186,9 @@ class _Lesson:
             residuals: FloatArray = found[0]
             return residuals
 
+        def evaluate_here(at: FloatArray) -> FloatArray:
+            return try_in_worlds(self.robot, self.task, [space.plan_at(at)], ())[1][0]
+
         usual = _DIFFERENCE_IN_WORLDS if worlds else _DIFFERENCE
         step = config.difference or usual
         jacobian = measure_jacobian(evaluate, point, measured, step, work)
@@ -192,8 +196,16 @@ class _Lesson:
         if why := moves_too_little(jacobian):
             return nothing(spent, why)
         if not worlds:
-            return ClassModel(self.plan.name, point, jacobian, spent)
-        shared = ClassModel(self.plan.name, point, jacobian, spent)
+            return ClassModel(self.plan.name, point, jacobian, np.ones(len(point)), spent)
+        # Where to aim is told by short differences to both sides, how far models are apart is not.
+        ahead, behind = (
+            measure_jacobian(evaluate_here, point, measured, side, work)[0]
+            for side in (_DIFFERENCE, -_DIFFERENCE)
+        )
+        spent += 2 * (len(measured) + 1)
+        trust = trust_of(ahead, behind)
+        jacobian += 0.5 * (ahead + behind) - jacobian[0]
+        shared = ClassModel(self.plan.name, point, jacobian, trust, spent)
         search = self._search(shared)
         # Beyond what is enough for itself: all others begin there.
         while search.search.may_go_on and not search.search.handed_over:
@@ -201,7 +213,8 @@ class _Lesson:
         spent += search.search.n_episodes
         moved = search.search.newton_jacobian
         best = search.search.best_point if search.search.best_trial.success else point
-        return ClassModel(self.plan.name, best, jacobian if moved is None else moved, spent)
+        jacobian = jacobian if moved is None else moved
+        return ClassModel(self.plan.name, best, jacobian, trust, spent)
 
     def _measured(self, space: Space) -> list[int]:
         """Return the coordinates that are measured."""

@@ -104,7 +104,11 @@ class RefinementConfig(Stage):
         own = type(self).model_fields.keys() - RefinementConfig.model_fields.keys()
         learnt = {}
         if shared is not None and not shared.useless:
-            learnt = {"jacobian": shared.jacobian, "first": shared.point}
+            learnt = {
+                "jacobian": shared.jacobian,
+                "trust": shared.trust,
+                "first": shared.point,
+            }
         search: Search = search_kind(self.method).load()(
             np.zeros(dimension),
             sigma=self.sigma,
