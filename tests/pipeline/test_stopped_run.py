@@ -15,12 +15,14 @@ from besman.pipeline.run_lock import is_locked
 from besman.pipeline.stored_run import open_run
 
 SCRIPT = """
-import sys
+import signal, sys
 from besman.cli import main
 from besman.config.stage import Stage, Work
 from besman.pipeline import pipeline
 import worker_items
 
+# Whoever runs tests in the background has told them not to hear Ctrl-C.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 FUNCTION, PROCESSES, MARKS, OUT = sys.argv[1:]
 
 class Slow(Stage):
