@@ -86,3 +86,14 @@ def small_run(made_once, tmp_path_factory):
     """Give this worker's own copy of a finished run of `small_capture`."""
     made = made_once("small_run", run_small)
     return shutil.copytree(made / "run", tmp_path_factory.mktemp("small") / "run")
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Have reports made without rendering their figures: half of the time of a short run.
+
+    What is drawn is shown by the small run and by the tests of the report, the tasks and the views.
+    """
+    canvas = "matplotlib.backends.backend_svg.FigureCanvasSVG.print_svg"
+    monkeypatch.setattr("besman.report.figures._settle_layout", lambda figure: None)
+    monkeypatch.setattr(canvas, lambda self, file, **options: file.write("<svg></svg>"))

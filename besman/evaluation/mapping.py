@@ -9,7 +9,6 @@ doi:10.1109/TASSP.1978.1163055
 
 from __future__ import annotations
 
-import importlib.util
 import resource
 import time
 from collections.abc import Callable, Sequence
@@ -72,14 +71,13 @@ class TransferMeasures:
     ----------
     limit_violations, self_collisions : int
         Samples of the trajectory at 1 kHz.
-    dtw_m : float or None
-        Average DTW distance between the path that the hand asks for and the tool's, metres; None
-        without tslearn.
+    dtw_m : float
+        Average DTW distance between the path that the hand asks for and the tool's, metres.
     """
 
     limit_violations: int
     self_collisions: int
-    dtw_m: float | None
+    dtw_m: float
 
 
 def evaluate_mapping(
@@ -111,7 +109,7 @@ def evaluate_mapping(
         transferred_to_all (share that every robot can do), position_error_m and
         orientation_error_deg (mean, p95 and max over samples), time_stretch (median, p95 and
         max), unscaled_share, limit_violations and self_collisions (samples at 1 kHz), dtw_m
-        (mean, p95, max; None without tslearn), seconds_per_demonstration,
+        (mean, p95, max), seconds_per_demonstration,
         cpu_seconds_per_demonstration, peak_rss_mb, thesis.
     mapped : list of Transferred
         What was transferred, in the order of the rows.
@@ -213,8 +211,7 @@ def measure(trajectory: JointTrajectory, robot: Robot) -> TransferMeasures:
     )
     report = check_limits(robot, *dense)
     reached = forward_kinematics(robot.chain, trajectory.positions)[:, :3, 3]
-    has_dtw = importlib.util.find_spec("tslearn") is not None
-    distance = average_dtw(trajectory.poses[:, :3], reached) if has_dtw else None
+    distance = average_dtw(trajectory.poses[:, :3], reached)
     return TransferMeasures(report.violations, report.self_collisions, distance)
 
 
@@ -236,10 +233,18 @@ def average_dtw(first: FloatArray, second: FloatArray) -> float:
     Thesis 7.2.3; Sakoe and Chiba, 1978, doi:10.1109/TASSP.1978.1163055
     """
     from scipy.spatial.distance import cdist
-    from tslearn.metrics import dtw_path_from_metric
 
-    _, total = dtw_path_from_metric(cdist(first, second), metric="precomputed")
-    return float(total) / max(len(first), len(second))
+    apart = cdist(first, second)
+    n_first, n_second = apart.shape
+    least = np.full((n_first + 1, n_second + 1), np.inf)
+    least[0, 0] = 0.0
+    # All pairs of samples whose numbers add up to the same depend only on earlier ones.
+    for both in range(n_first + n_second - 1):
+        i = np.arange(max(0, both - n_second + 1), min(n_first, both + 1))
+        j = both - i
+        before = np.minimum(np.minimum(least[i, j], least[i, j + 1]), least[i + 1, j])
+        least[i + 1, j + 1] = apart[i, j] + before
+    return float(least[-1, -1]) / max(n_first, n_second)
 
 
 def transfer_figures(
@@ -257,7 +262,7 @@ def transfer_figures(
         names = ("position_error_m", "orientation_error_deg", "time_stretch", "unscaled_share")
         return {**dict.fromkeys((*names, "dtw_m")), "limit_violations": 0, "self_collisions": 0}
     stretch = np.array([one.time_stretch for one in trajectories])
-    paths = [one.dtw_m for one in measured if one.dtw_m is not None]
+    paths = [one.dtw_m for one in measured]
     position = np.concatenate([one.position_error for one in trajectories])
     orientation = np.concatenate([one.orientation_error for one in trajectories])
     return {
@@ -265,7 +270,7 @@ def transfer_figures(
         "orientation_error_deg": _spread(np.degrees(orientation), np.mean),
         "time_stretch": _spread(stretch, np.median),
         "unscaled_share": float(np.mean(stretch <= _UNSCALED)),
-        "dtw_m": _spread(np.array(paths), np.mean) if paths else None,
+        "dtw_m": _spread(np.array(paths), np.mean),
         "limit_violations": sum(one.limit_violations for one in measured),
         "self_collisions": sum(one.self_collisions for one in measured),
     }

@@ -42,8 +42,6 @@ def _reach_table(rows: Sequence[dict[str, Any]], title: str) -> Table:
     if thesis:
         n, n_all = thesis["n_transferred_to_all"], thesis["n_demonstrations"]
         caption += f"; thesis: {n} of {n_all} real throws to all of its four robots"
-    if any(row["n_transferred"] and row["dtw_m"] is None for row in rows):
-        caption += "; DTW needs tslearn: pip install besman[sequences]"
     columns = ("moved", "to all", "position\n\\[mm]", "orientation\n\\[deg]", "DTW\n\\[mm]")
     table = _new_table(title, caption, columns)
     for row, label in zip(rows, _labels(rows), strict=True):

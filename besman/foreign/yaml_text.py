@@ -6,6 +6,8 @@ cannot make, recurses as deep as a text nests, and expands aliases without end.
 
 from __future__ import annotations
 
+import copy
+from functools import lru_cache
 from typing import Any
 
 import yaml
@@ -95,7 +97,8 @@ def parse_yaml(text: str) -> tuple[Any, yaml.Node | None]:
     -------
     value : dict, list, str, int, float, bool or None
     node : yaml.Node or None
-        The same with the place of everything; aliases are one node at several places.
+        The same with the place of everything, to read only; aliases are one node at several
+        places.
 
     Raises
     ------
@@ -103,7 +106,19 @@ def parse_yaml(text: str) -> tuple[Any, yaml.Node | None]:
         If it is no YAML, holds other than plain values, keys that are lists or mappings, an alias
         inside of what it stands for, more than `MOST_NODES` nodes, or is nested deeper than
         `DEEPEST`.
+
+    Notes
+    -----
+    A text is parsed once in a process: robots, tools and marker sets are read again and again, and
+    parsing is nine tenths of it. Every value that is returned is the caller's own.
     """
+    value, node = _parse(text)
+    return copy.deepcopy(value), node
+
+
+@lru_cache(maxsize=64)
+def _parse(text: str) -> tuple[Any, yaml.Node | None]:
+    """Parse one document; what is returned is shared, and not to be changed."""
     try:
         loader = _Loader(text)
         node = loader.get_single_node()

@@ -121,12 +121,12 @@ def test_a_single_recording_teaches_with_its_first_fifth(tmp_path):
 
 
 # Two recordings of each of two persons, one seed; and one that teaches itself, where a single seed
-# says little, least and most spoilt. The whole table is in benchmarks/README.md.
+# says little, most spoilt. The whole table is in benchmarks/README.md.
 CHOSEN = {
     "pick_and_place": ([f"subject{who}_run{run}.tsv" for who in (1, 2) for run in (1, 2)], 1),
     "c3d": (["KneeltoProne01.c3d"], 2),
 }
-KEPT_LEVELS = {"pick_and_place": LEVELS, "c3d": (LEVELS[0], LEVELS[-1])}
+KEPT_LEVELS = {"pick_and_place": LEVELS, "c3d": LEVELS[-1:]}
 
 
 @needs_real
@@ -157,8 +157,8 @@ def test_the_table_holds_on_real_recordings(dataset, tmp_path, monkeypatch):
             assert wrong <= most, (dataset, missing)
 
 
-# Frames of each of two people, about four seconds.
-SOME = 500
+# Frames of each of two people, about two seconds.
+SOME = 250
 
 
 @needs_real
@@ -184,7 +184,7 @@ def test_limbs_of_an_unnamed_person_keep_their_length():
         for b in range(a):
             length = taught[:, a, b]
             seen = np.isfinite(found[:, a, b])
-            if np.nanmean(length) < 0.05 or np.nanstd(length) > 0.003 or seen.sum() < 100:
+            if np.nanmean(length) < 0.05 or np.nanstd(length) > 0.003 or seen.sum() < 50:
                 continue
             n_limbs += 1
             assert np.ptp(found[seen, a, b]) < 0.02, (

@@ -1,6 +1,5 @@
 """The study of embodiment mapping: its figures against hand-made ones, and as a whole."""
 
-import importlib.util
 import json
 from dataclasses import replace
 
@@ -228,19 +227,6 @@ def render(rows):
     for table in mapping_tables(rows):
         console.print(table)
     return " ".join(console.export_text().split())
-
-
-def test_without_tslearn_the_distance_is_null_and_the_table_says_so(monkeypatch):
-    found = importlib.util.find_spec
-    monkeypatch.setattr(
-        importlib.util, "find_spec", lambda name: None if name == "tslearn" else found(name)
-    )
-    assert measure(trajectory(), UR5).dtw_m is None
-    own = DemonstrationSet("d", "real", "throw", (throw("s1_a.tsv:0"), throw("s1_a.tsv:1")))
-    result, _ = evaluate_mapping([own], ["ur5"], config=QUICK)
-    assert result["rows"][0]["n_transferred"] == 2
-    assert result["rows"][0]["dtw_m"] is None
-    assert "DTW needs tslearn" in render(result["rows"])
 
 
 def test_the_number_of_jobs_changes_no_figure():

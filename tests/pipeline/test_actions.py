@@ -46,7 +46,7 @@ def run(monkeypatch, *arguments):
 
 
 @pytest.mark.slow
-def test_an_action_is_retargeted(monkeypatch, tmp_path, capture):
+def test_an_action_is_retargeted(monkeypatch, tmp_path, capture, undrawn):
     keep_demonstrations(monkeypatch, 2)
     code = run(
         monkeypatch, "run", "ur5_stick_throw", "--out", tmp_path / "run",

@@ -151,7 +151,7 @@ def test_a_warm_run_does_no_work(finished, capture, monkeypatch):
             assert after[name] == checksum, name
 
 
-def test_threads_do_not_change_the_result(finished, capture, tmp_path, monkeypatch):
+def test_threads_do_not_change_the_result(finished, capture, tmp_path, monkeypatch, undrawn):
     run = shutil.copytree(finished, tmp_path / "r", ignore=shutil.ignore_patterns(".lock"))
     # What is before works on one recording, in one thread.
     again = ["map", "imitate", "refine", "robustness"]
@@ -181,7 +181,7 @@ def with_episodes(finished, folder, n):
     return run
 
 
-def test_retarget_uses_the_trained_model(finished, stranger, tmp_path, monkeypatch):
+def test_retarget_uses_the_trained_model(finished, stranger, tmp_path, monkeypatch, undrawn):
     run = with_episodes(finished, tmp_path / "run", 400)
     assert besman(monkeypatch, "retarget", run, stranger, "--out", tmp_path / "out") == 0
     found = results(tmp_path / "out")
@@ -193,7 +193,7 @@ def test_retarget_uses_the_trained_model(finished, stranger, tmp_path, monkeypat
 
 @pytest.mark.slow
 def test_retarget_goes_on_if_one_of_several_robots_fails(
-    finished, stranger, tmp_path, monkeypatch, capsys
+    finished, stranger, tmp_path, monkeypatch, capsys, undrawn
 ):
     options = [word for name in ("ur10", "ur11", "iiwa7") for word in ("--robot", name)]
     out = tmp_path / "all"

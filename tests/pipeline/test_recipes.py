@@ -37,7 +37,7 @@ def test_a_budget_of_zero_is_an_error():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", RECIPES)
-def test_from_unnamed_markers_to_refined_motions(name, tmp_path, monkeypatch):
+def test_from_unnamed_markers_to_refined_motions(name, tmp_path, monkeypatch, undrawn):
     n_found, n_kept = FOUND[name]
     found = keep_demonstrations(monkeypatch, n_kept)
     config = load_pipeline(find_resource("pipelines", name), (*FEW, *LESS.get(name, ())))

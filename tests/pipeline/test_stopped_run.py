@@ -15,13 +15,14 @@ from besman.pipeline.run_lock import is_locked
 from besman.pipeline.stored_run import open_run
 
 SCRIPT = """
-import signal
-import sys
+import signal, sys
 from besman.cli import main
 from besman.config.stage import Stage, Work
 from besman.pipeline import pipeline
 import worker_items
 
+# Whoever runs tests in the background has told them not to hear Ctrl-C.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 FUNCTION, PROCESSES, MARKS, OUT = sys.argv[1:]
 
 class Slow(Stage):
@@ -36,8 +37,6 @@ class Slow(Stage):
 def run_stages(config, run, inputs, trained_in):
     run.step("slow", Slow(), MARKS)
 
-# Children of what a shell started in the background are deaf to Ctrl-C.
-signal.signal(signal.SIGINT, signal.default_int_handler)
 pipeline._run_stages = run_stages
 sys.argv = ["besman", "run", "ur5_stick_throw", "--jobs", "2", "--out", OUT]
 main.main()

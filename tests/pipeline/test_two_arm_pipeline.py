@@ -13,7 +13,7 @@ from besman.synthetic.datasets import write_synthetic
 
 
 @pytest.mark.slow
-def test_what_both_hands_do_becomes_what_both_arms_do(tmp_path, monkeypatch):
+def test_what_both_hands_do_becomes_what_both_arms_do(tmp_path, monkeypatch, undrawn):
     keep_demonstrations(monkeypatch, 2)
     write_synthetic("object_rotation", tmp_path / "recordings", 1, 3, seed=5)
     settings = (
