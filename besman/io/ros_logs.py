@@ -233,7 +233,7 @@ class _Messages:
             picture = make("sensor_msgs/CompressedImage", self._header(0, 0, ""), "", _NOTHING)
             mesh = make("visualization_msgs/MeshFile", "", _NOTHING)
             shape = header, name, 0, _SPHERE, action, pose, scale, colour, lifetime, False
-            rest = [], [], "", picture, [], "", "", mesh, False
+            rest: tuple[Any, ...] = [], [], "", picture, [], "", "", mesh, False
             markers.append(make("visualization_msgs/Marker", *shape, *rest))
         message = make("visualization_msgs/MarkerArray", markers)
         return list(zip(at.tolist(), blanks.fill(lambda: self._bytes(message)), strict=True))
