@@ -33,6 +33,9 @@ def play(
         float, typer.Option(help="Seconds by which one frame in twenty is late at most.")
     ] = 0.0,
     seed: Annotated[int, typer.Option(min=0, help="Of what is lost and late.")] = 0,
+    to_network: Annotated[
+        bool, typer.Option("--to-network", help="Let lsl listen at all addresses, as it must.")
+    ] = False,
 ) -> None:
     """Serve a recording over loopback as a capture system would, to who connects first."""
     from besman.io.recordings.formats import read_recording
@@ -41,6 +44,11 @@ def play(
 
     if system not in _SYSTEMS:
         raise ConfigError(f"--as: got {system!r:.60}; expected {one_of(_SYSTEMS)}")
+    if system == "lsl" and not to_network:
+        raise ConfigError(
+            "--as lsl: liblsl listens at all addresses of this machine, and cannot be told to stay "
+            "on loopback; expected --to-network, which permits it, or --as qtm"
+        )
     found, delays = read_recording(recording), Delays(pace, lose, late, seed)
     if system == "qtm":
         play_as_qtm(found, delays, port, say)
