@@ -70,7 +70,9 @@ class Trial(Record, stored_as="besman.simulation.trial:Trial"):
 
     def __post_init__(self) -> None:
         """Copy the arrays, make them read-only and check their shapes."""
-        freeze(self, {"outcome": (3,), "object_path": ("F", 3), "release": (6,), "residual": ("R",)})
+        freeze(
+            self, {"outcome": (3,), "object_path": ("F", 3), "release": (6,), "residual": ("R",)}
+        )
 
 
 def try_plans(
