@@ -13,7 +13,14 @@ from besman.records.files import load_record, save_record
 
 # Kinds of record that there were not then.
 # Of these, those that are written and read where they are made, in tests/stages.
-ELSEWHERE = {"BlockDemonstration", "MappedTask", "BlockPlan", "TaskPlan"}
+ELSEWHERE = {
+    "BlockDemonstration",
+    "MappedTask",
+    "BlockPlan",
+    "TaskPlan",
+    "TaskTrial",
+    "RefinedTask",
+}
 SINCE = {"besman.records:Landing", "besman.records:Origin"} | ELSEWHERE
 WRITTEN = sorted((Path(__file__).parent / "written_by_58ea6d7").glob("*.npz"))
 
