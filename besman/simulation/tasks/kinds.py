@@ -94,7 +94,7 @@ WHOLE_KINDS = (
         "rearrange",
         "rearrange.rearrange:RearrangeConfig",
         "boxes, a board below each of their places, three fingers (`gripper3`)",
-        "nothing yet: goals at boxes and places are those of the gripper",
+        "the ways to and from boxes",
         "every box's place, turn and tilt; where the person put it",
     ),
 )
