@@ -1,7 +1,8 @@
 """Whole tasks: real actions as sequences of blocks, and when the box is grasped and released.
 
 Run with ``python benchmarks/whole_tasks.py FOLDER [ROBOT...]``, the folder with the public
-pick-and-place recordings; for each robot all actions are mapped and imitated block by block, too.
+pick-and-place recordings; for each robot all actions are mapped, imitated block by block, simulated
+(`rearrange`) and refined, too.
 Blocks are found by the default segmentation and recognition, examples drawn as in a run; what is
 right is what a person named. The box's own motion is told from the box alone: it moves while its
 speed, of positions smoothed over a tenth of a second, is above 2 cm/s. Without a folder it looks at
@@ -22,12 +23,15 @@ from besman.person.marker_set import load_marker_set
 from besman.records.layers import drop_parts
 from besman.robot.limits import check_limits
 from besman.robot.model import load_robot
+from besman.simulation.tasks.kinds import load_whole_task
 from besman.stages.imitate.stage import ImitateConfig
 from besman.stages.imitate.task_plans import ImitateTasks
 from besman.stages.map.stage import MapConfig
 from besman.stages.map.whole_tasks import MapTasks
 from besman.stages.read.read_inputs import read_inputs
 from besman.stages.recognize.stage import RecognizeConfig
+from besman.stages.refine.stage import CmaEsConfig
+from besman.stages.refine.whole_tasks import AimTasks, RefineTasks, SimulateTasks
 from besman.stages.segment.methods import DefaultSegmentConfig
 from besman.stages.select.block_steps import DivideActions, FindActions
 from besman.stages.select.stage import SelectConfig
@@ -131,6 +135,37 @@ def plan_tasks(robot_name, demonstrations, tool="gripper3"):
     frames = Counter(tuple(b.frame for b in plan.blocks if b.label != "idle") for plan in plans)
     for found, n in frames.most_common():
         print(f"  goals relative to {', '.join(found)}: {n}")
+    try_tasks(plans, robot)
+
+
+def try_tasks(plans, robot):
+    """Simulate tasks as they were imitated, then try other ways, and say how many succeed."""
+    task, config = load_whole_task("rearrange"), CmaEsConfig()
+    work = Work(notes=Notes())
+    aimed = AimTasks(config).run(plans, robot, task, work)
+    records = (aimed, plans, robot, task)
+    trials = SimulateTasks(config).run(*records, work)
+    print(f"  simulated: {sum(one.success for one in trials)} of {len(plans)} succeed as imitated")
+    for failure in work.notes.failures:
+        print(f"    out of reach: {failure}")
+    for one in trials:
+        if not one.success:
+            print(f"    {one.name}: {one.failure or 'beside its place'}, {1e3 * one.miss:.0f} mm")
+    started = time.perf_counter()
+    work = Work(notes=Notes())
+    refined = RefineTasks(config).run(aimed, trials, plans, robot, task, work)
+    good = [one for one in refined if one.trial.success]
+    misses = [1e3 * one.trial.miss for one in good]
+    print(
+        f"  refined: {len(good)} of {len(plans)}, {np.median(misses):.1f} mm off in the median, "
+        f"{max(misses):.1f} at most; ways tried: median {np.median([one.tries for one in refined])}"
+        f", max {max(one.tries for one in refined)}; {time.perf_counter() - started:.0f} s"
+    )
+    for failure in work.notes.failures:
+        print(f"    left out: {failure}")
+    for one in refined:
+        if not one.trial.success:
+            print(f"    {one.plan.name}: {one.trial.failure or 'beside its place'}")
 
 
 def main(folder, robots=()):

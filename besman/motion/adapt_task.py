@@ -112,6 +112,26 @@ def _move_goal(
     ways = (1 - shares) * before + shares * np.concatenate([after[:3], turned])
     ways[:, 3:] /= np.linalg.norm(ways[:, 3:], axis=1, keepdims=True)
     poses = np.stack([frame_matrix(way) @ frame_matrix(block.goal_pose) for way in ways])
+    return follow_goal(plan.name, robot, block, poses)
+
+
+def follow_goal(name: str, robot: Robot, block: BlockPlan, poses: FloatArray) -> FloatArray:
+    """Return the joints at the goal of a block that is brought to another place, shape (n,).
+
+    Parameters
+    ----------
+    name : str
+        Of the plan, for the message.
+    robot : Robot
+    block : BlockPlan
+    poses : array, shape (N, 4, 4)
+        From where its goal is to where it is to be, in small steps, metres in the robot's world.
+
+    Raises
+    ------
+    PlanError
+        If that is out of reach.
+    """
     chain = robot.chain
     low, high = joint_box(robot)
     found, errors = follow_paths(
@@ -132,7 +152,7 @@ def _move_goal(
     miss_m, miss_rad = errors[0, 0, -1]
     if miss_m > _GREATEST_MISS_M or miss_rad > _GREATEST_MISS_RAD:
         raise PlanError(
-            f"{plan.name}: {block.label}: its goal at the {block.frame} {block.thing!r} is out of "
+            f"{name}: {block.label}: its goal at the {block.frame} {block.thing!r} is out of "
             f"reach of {robot.name} by {1e3 * miss_m:.0f} mm and {np.degrees(miss_rad):.0f} degrees"
         )
     return np.asarray(found[0, 0, -1])

@@ -11,13 +11,19 @@ import numpy as np
 from besman.config.resources import find_resource
 from besman.exceptions import ConfigError, RecognitionError, nearest
 from besman.person.marker_set import MarkerSet, load_marker_set
-from besman.pipeline.config import PipelineConfig, learn_from, load_pipeline, needs_no_examples
+from besman.pipeline.config import (
+    PipelineConfig,
+    check_whole_task,
+    learn_from,
+    load_pipeline,
+    needs_no_examples,
+)
 from besman.pipeline.usable_inputs import keep_usable
 from besman.records import MotionPlan
 from besman.records.layers import complete_truth, side_of
 from besman.robot.model import Robot, load_robot
 from besman.simulation.task import Task
-from besman.simulation.tasks.kinds import load_task
+from besman.simulation.tasks.kinds import is_whole_task, load_task
 from besman.stages.compose.stage import leave_out_actions
 from besman.stages.label.methods import LabelMethod
 from besman.stages.label.stage import NamingBase
@@ -53,6 +59,14 @@ def check_pipeline(name: str, settings: tuple[str, ...] = ()) -> list[str]:
     lines = [f"config: {path} is complete"]
     lines += _check_recordings(config)
     robot = load_robot(config.robot, config.tool)
+    if is_whole_task(config.task):
+        whole = check_whole_task(config).success
+        return [
+            *lines,
+            f"robot: {robot.name} with {robot.tool.name}, {robot.n} joints",
+            f"task: {config.task}, success within {100 * whole.success_radius_m:g} cm and "
+            f"{whole.success_angle_deg:g} degrees",
+        ]
     task = load_task(config.task)
     _check_task(robot, task, thrown=bool(config.select.sources))
     lines.append(f"robot: {robot.name} with {robot.tool.name}, {robot.n} joints")

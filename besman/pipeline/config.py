@@ -11,8 +11,11 @@ from pydantic import Field, field_validator, model_validator
 from besman.config.settings import PathKeys, absolute, apply_settings, own_file, resolve_paths
 from besman.config.stage import Config
 from besman.config.yaml_file import parse_config, read_yaml
-from besman.exceptions import nearest
+from besman.exceptions import ConfigError, nearest
 from besman.person.marker_set import load_marker_set
+from besman.robot.model import find_tool
+from besman.simulation.tasks.kinds import load_whole_task
+from besman.simulation.tasks.rearrange.rearrange import RearrangeConfig
 from besman.stages.compose.stage import ComposeConfig
 from besman.stages.imitate.methods import ImitateStage
 from besman.stages.imitate.stage import ImitateConfig
@@ -190,6 +193,27 @@ def pipeline_yaml(config: PipelineConfig) -> str:
     """Return a pipeline with every default written out."""
     plain = config.model_dump(mode="json")
     return str(yaml.safe_dump(plain, sort_keys=False, allow_unicode=True))
+
+
+def check_whole_task(config: PipelineConfig) -> RearrangeConfig:
+    """Return the task of a recipe of whole actions; refuse what does not belong together.
+
+    Raises
+    ------
+    ConfigError
+        If the recipe is not of whole actions.
+    RefinementError
+        If the tool is not the task's.
+    """
+    task = load_whole_task(config.task)
+    if config.select.as_ != "blocks":
+        raise ConfigError(
+            f"task: {config.task} is one of whole actions; expected select.as: blocks, got "
+            f"{config.select.as_}"
+        )
+    robot = find_tool(config.robot, config.tool)
+    task.check_tool(robot.name, config.tool)
+    return task
 
 
 def needs_no_examples(config: PipelineConfig) -> bool:

@@ -12,6 +12,7 @@ from besman.person.marker_set import load_marker_set
 from besman.pipeline.clock import Clock
 from besman.pipeline.config import (
     PipelineConfig,
+    check_whole_task,
     learn_from,
     needs_no_examples,
     pipeline_yaml,
@@ -19,10 +20,10 @@ from besman.pipeline.config import (
 from besman.pipeline.finished_run import trained_model
 from besman.pipeline.run_folder import Run
 from besman.pipeline.usable_inputs import keep_usable
-from besman.records import JointTrajectory, LabelledRecording, LabelledSegments
+from besman.records import JointTrajectory, LabelledRecording, LabelledSegments, TaskPlan
 from besman.records.layers import actions_of, side_of
 from besman.robot.model import Robot, find_tool, load_robot
-from besman.simulation.tasks.kinds import load_task
+from besman.simulation.tasks.kinds import is_whole_task, load_task, load_whole_task
 from besman.stages.compose.actions import LevelModel
 from besman.stages.compose.stage import leave_out_actions, pick_level
 from besman.stages.export.task_exports import write_task_exports
@@ -35,6 +36,7 @@ from besman.stages.recognize.model_files import load_model
 from besman.stages.recognize.one_throw import OneThrowConfig
 from besman.stages.recognize.stage import RecognizeMethod
 from besman.stages.refine.stage import check_tool_name
+from besman.stages.refine.whole_tasks import AimTasks, RefineTasks, SimulateTasks
 from besman.stages.select.block_steps import DivideActions, FindActions
 from besman.work.display import Display
 from besman.work.outcome import describe_error
@@ -131,6 +133,9 @@ STAGES = (
     "map",
     "tasks",
     "task_plans",
+    "aim",
+    "simulate",
+    "refine_tasks",
     "imitate",
     "refine",
     "robustness",
@@ -174,6 +179,9 @@ def _run_stages(config: PipelineConfig, run: Run, inputs: Inputs, trained_in: Pa
         if config.select.as_ == "blocks":
             tasks = run.step("tasks", MapTasks(config.map), mapping, divided, robot)
             plans = run.step("task_plans", ImitateTasks(config.imitate), tasks, robot)
+            if is_whole_task(config.task):
+                _try_tasks(config, run, plans, robot)
+                return
             run.export("exports_tasks", plans, robot, write_task_exports)
         _learn_motions(config, run, mapping.trajectories, robot)
         return
@@ -204,8 +212,21 @@ def _learn_motions(
     run.export(f"exports{arm}", motions, robot)
 
 
+def _try_tasks(config: PipelineConfig, run: Run, plans: tuple[TaskPlan, ...], robot: Robot) -> None:
+    """Bring whole tasks to the gripper, try them in simulation, and export them."""
+    task = load_whole_task(config.task)
+    aimed = run.step("aim", AimTasks(config.refine), plans, robot, task)
+    trials = run.step("simulate", SimulateTasks(config.refine), aimed, plans, robot, task)
+    refine = RefineTasks(config.refine)
+    refined = run.step("refine_tasks", refine, aimed, trials, plans, robot, task)
+    run.export("exports_tasks", tuple(one.plan for one in refined), robot, write_task_exports)
+
+
 def _check_arms(config: PipelineConfig) -> None:
     """Refuse robots and tools that are not there, and tools that are not the task's."""
+    if is_whole_task(config.task):
+        check_whole_task(config)
+        return
     task = load_task(config.task)
     for arm in (config, config.second_arm):
         if arm is not None:

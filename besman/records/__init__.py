@@ -11,6 +11,7 @@ from besman.records.plans import AnyPlan, CartesianPlan, MotionPlan
 from besman.records.recordings import Axis, LabelledRecording, Origin, Recording
 from besman.records.refined_motion import RefinedMotion
 from besman.records.segments import Actions, LabelledSegments, Segments
+from besman.records.task_trial import RefinedTask, TaskTrial
 from besman.records.trajectories import HandTrajectory, JointTrajectory
 from besman.records.whole_tasks import BlockPlan, MappedTask, TaskPlan
 
@@ -34,8 +35,10 @@ __all__ = [
     "Record",
     "Recording",
     "RefinedMotion",
+    "RefinedTask",
     "Segments",
     "ShapeError",
     "TaskPlan",
+    "TaskTrial",
     "freeze",
 ]

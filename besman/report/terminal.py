@@ -152,6 +152,9 @@ def _arm_lines(results: dict[str, Any], suffix: str) -> list[str]:
         imitate = results.get(stage, {})
         if imitate.get("position_error_m", {}).get("max") is not None:
             lines.append(_imitation(imitate, what))
+    for stage, how in (("simulate", "imitation only"), ("refine_tasks", "refined")):
+        if not suffix and stage in results:
+            lines.append(_simulation(results[stage], how))
     refine = results.get(f"refine{suffix}", {})
     if refine:
         lines.append(
@@ -165,6 +168,21 @@ def _arm_lines(results: dict[str, Any], suffix: str) -> list[str]:
     if refine.get("robustness"):
         lines.append(robustness_line(refine["robustness"]))
     return lines
+
+
+def _simulation(found: dict[str, Any], how: str) -> str:
+    """Say how many whole tasks succeed in simulation, and why others fail."""
+    line = (
+        f"whole tasks, {how}: {found['n_success']} of {found['n_tasks']} succeed in simulation, "
+        f"within {100 * found['success_radius_m']:g} cm and {found['success_angle_deg']:g} degrees"
+    )
+    if found["miss_m"]["median"] is not None:
+        line += f"; miss {_centimetres(found['miss_m']['median'])} (median)"
+    failed = [one["failure"] for one in found["trials"].values() if not one["success"]]
+    whys = Counter(failure.partition(":")[0] or "beside its place" for failure in failed)
+    whys["out of reach"] = found["n_tasks"] - found["n_tried"]
+    parts = [f"{n} {why}" for why, n in whys.most_common() if n]
+    return "; ".join([line, ", ".join(parts)]) if parts else line
 
 
 def _imitation(found: dict[str, Any], what: str) -> str:

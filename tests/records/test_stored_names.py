@@ -19,6 +19,8 @@ ELSEWHERE = {
     "BlockPlan",
     "TaskPlan",
     "besman.stages.refine.class_model:ClassModel",
+    "TaskTrial",
+    "RefinedTask",
 }
 SINCE = {"besman.records:Landing", "besman.records:Origin"} | ELSEWHERE
 WRITTEN = sorted((Path(__file__).parent / "written_by_58ea6d7").glob("*.npz"))

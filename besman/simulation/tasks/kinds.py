@@ -5,14 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 from pkgutil import resolve_name
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from besman.config.resources import find_resource, resource_folder
-from besman.config.yaml_file import parse_config, read_yaml
+from besman.config.yaml_file import KeyPath, parse_config, read_yaml
 from besman.exceptions import ConfigError, nearest
 
 if TYPE_CHECKING:
     from besman.simulation.task import Task
+    from besman.simulation.tasks.rearrange.rearrange import RearrangeConfig
 
 
 @dataclass(frozen=True)
@@ -86,7 +87,18 @@ KINDS = (
         "end pose; the demonstrated one",
     ),
 )
-"""All kinds there are."""
+"""All kinds of tasks of single movements there are."""
+
+WHOLE_KINDS = (
+    TaskKind(
+        "rearrange",
+        "rearrange.rearrange:RearrangeConfig",
+        "boxes, a board below each of their places, three fingers (`gripper3`)",
+        "the ways to and from boxes",
+        "every box's place, turn and tilt; where the person put it",
+    ),
+)
+"""All kinds of whole tasks, of `besman.records.TaskPlan`, there are."""
 
 
 def load_task(name_or_path: str) -> Task:
@@ -107,10 +119,42 @@ def load_task(name_or_path: str) -> Task:
     ConfigError
         If there is no such file, or it is not a valid task.
     """
+    path, content, lines, kind = _read_kind(name_or_path)
+    kinds = {one.name: one for one in KINDS}
+    if kind not in kinds:
+        raise ConfigError(
+            f"{path}:{lines[('kind',)]}: kind: {kind!r} is one of whole tasks (select: {{as: "
+            f"blocks}}); expected one of single movements: {', '.join(kinds)}"
+        )
+    return parse_config(content, kinds[kind].load(), path, lines)
+
+
+def is_whole_task(name_or_path: str) -> bool:
+    """Tell whether a task is of whole actions; errors as of `load_task`."""
+    kind = _read_kind(name_or_path)[3]
+    return kind in {one.name for one in WHOLE_KINDS}
+
+
+def load_whole_task(name_or_path: str) -> RearrangeConfig:
+    """Load a task of whole actions, for which `is_whole_task` holds.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such file, or it is not a valid task.
+    """
+    path, content, lines, kind = _read_kind(name_or_path)
+    (entry,) = (one for one in WHOLE_KINDS if one.name == kind)
+    config: type[RearrangeConfig] = entry.load()  # type: ignore[assignment]
+    return parse_config(content, config, path, lines)
+
+
+def _read_kind(name_or_path: str) -> tuple[Path, dict[str, Any], dict[KeyPath, int], str]:
+    """Read a task's file; return its path, content, lines, and kind, which is one of all."""
     path: Path = find_resource("configs/tasks", name_or_path)
     content, lines = read_yaml(path)
-    kinds, kind = {one.name: one for one in KINDS}, content.get("kind")
-    if not isinstance(kind, str) or kind not in kinds:
+    names, kind = [one.name for one in (*KINDS, *WHOLE_KINDS)], content.get("kind")
+    if not isinstance(kind, str) or kind not in names:
         where = f"{path}:{lines[('kind',)]}" if "kind" in content else f"{path}"
-        raise ConfigError(f"{where}: kind: got {kind!r:.60}; {nearest(str(kind), kinds)}")
-    return parse_config(content, kinds[kind].load(), path, lines)
+        raise ConfigError(f"{where}: kind: got {kind!r:.60}; {nearest(str(kind), names)}")
+    return path, content, lines, kind

@@ -23,6 +23,7 @@ from besman.stages.select.block_grammar import (
     find_sequence,
     join_blocks,
 )
+from besman.stages.select.finger_frame import turn_to_fingers
 from besman.stages.select.handled_objects import ObjectTrack, measure_opening, track_object
 from besman.stages.select.holds import find_holds
 from besman.stages.select.stage import SelectConfig
@@ -223,8 +224,11 @@ class DivideActions:
                     _check_release(hand, thing, grasp, release, (start, stop), rate_hz)
                     holds.append(((grasp - start) / rate_hz, (release - start) / rate_hz, thing))
         holds.sort()
+        rows = [(start + round(on * rate_hz), start + round(off * rate_hz)) for on, off, _ in holds]
+        prefix = _prefix(recording, self.config.arm)
+        turned = turn_to_fingers(hand, recording, (way, hand2lab), wide[0], rows, prefix)
         return BlockDemonstration(
-            hand,
+            turned,
             inside.labels,
             np.clip((inside.bounds - start) / rate_hz, 0.0, hand.time[-1]),
             tuple(tracks),
@@ -232,7 +236,7 @@ class DivideActions:
             np.array([hold[:2] for hold in holds]).reshape(-1, 2),
             tuple(hold[2] for hold in holds),
             _resample(
-                measure_opening(recording, bounds, _prefix(recording, self.config.arm)),
+                measure_opening(recording, bounds, prefix),
                 rate_hz,
                 hand.time,
             ),

@@ -103,9 +103,16 @@ def measure_opening(
         Distance from the thumb to the mean of the other fingers, metres; NaN where not seen.
     """
     start, stop = bounds
-    fingers = [prefix + name for name in _FINGERS if prefix + name in recording.markers]
+    fingers = finger_names(recording, prefix)
     thumb = f"{prefix}thumb"
-    if thumb not in recording.markers or not fingers:
+    if not fingers:
         return np.full(stop - start, np.nan)
     tips = np.mean([recording.marker(name)[start:stop] for name in fingers], axis=0)
     return np.asarray(np.linalg.norm(tips - recording.marker(thumb)[start:stop], axis=1))
+
+
+def finger_names(recording: LabelledRecording, prefix: str) -> list[str]:
+    """Return the markers of the fingers beside the thumb; none if there is no thumb."""
+    if f"{prefix}thumb" not in recording.markers:
+        return []
+    return [prefix + name for name in _FINGERS if prefix + name in recording.markers]

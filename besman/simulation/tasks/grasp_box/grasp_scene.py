@@ -54,8 +54,8 @@ def grasp_model(
     _add_box(spec, task, touch, on_board)
     add_tool_sensors(spec)
     for finger in FINGERS:
-        _add_touch(spec, finger, mujoco.mjtObj.mjOBJ_GEOM, finger, "box")
-    _add_touch(spec, "collision", mujoco.mjtObj.mjOBJ_XBODY, robot.joint_names[0], "shelf")
+        add_touch(spec, finger, mujoco.mjtObj.mjOBJ_GEOM, finger, "box")
+    add_touch(spec, "collision", mujoco.mjtObj.mjOBJ_XBODY, robot.joint_names[0], "shelf")
     return spec.compile()
 
 
@@ -122,10 +122,19 @@ def _add_box(
         )
 
 
-def _add_touch(
-    spec: mujoco.MjSpec, name: str, kind: mujoco.mjtObj, first: str, second: str
-) -> None:
-    """Add a sensor that counts contacts between a geom or a subtree and a geom."""
+def add_touch(spec: mujoco.MjSpec, name: str, kind: mujoco.mjtObj, first: str, second: str) -> None:
+    """Add a sensor that counts contacts between a geom or a subtree and a geom.
+
+    Parameters
+    ----------
+    spec : mujoco.MjSpec
+    name : str
+        Of the sensor, before ``_touch``.
+    kind : mujoco.mjtObj
+        Of the first.
+    first, second : str
+        Names.
+    """
     found = 1 << int(mujoco.mjtConDataField.mjCONDATA_FOUND)
     sensor = spec.add_sensor(
         name=f"{name}_touch",

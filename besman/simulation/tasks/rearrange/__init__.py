@@ -1,0 +1,1 @@
+"""Carry boxes from where they stand to where they are put."""

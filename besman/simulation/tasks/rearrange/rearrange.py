@@ -1,0 +1,156 @@
+"""Boxes are taken, carried, put down and let go, by contact alone, as a task plan says."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from besman.exceptions import RefinementError
+from besman.motion.grasp_goals import GraspWay
+from besman.motion.task_rollout import sample_task
+from besman.motion.waits import add_waits
+from besman.records import TaskPlan
+from besman.records.task_trial import TaskTrial
+from besman.robot.model import Robot
+from besman.simulation.episodes import Movements, Playback
+from besman.simulation.tasks.rearrange.boxes import BoxFrame, box_poses, frame_of_grasps
+from besman.simulation.tasks.rearrange.sections import GraspConfig, RearrangeFields
+
+FloatArray = npt.NDArray[np.float64]
+
+_RATE_HZ = 1000.0
+
+
+class ArmWay(NamedTuple):
+    """What arm and gripper do, at the simulation's step.
+
+    Attributes
+    ----------
+    movements : Movements
+        One; `ends` is when all is over.
+    commands_s : array, shape (E,)
+        When the gripper closes or opens.
+    closes : bool array, shape (E,)
+    """
+
+    movements: Movements
+    commands_s: FloatArray
+    closes: npt.NDArray[np.bool_]
+
+
+class RearrangeConfig(RearrangeFields):
+    """Boxes are carried from place to place; see `RearrangeFields` for its sections."""
+
+    def check_tool(self, robot: str, tool: str) -> None:
+        """Refuse a tool, by its name, that is not the task's: a RefinementError."""
+        if tool != self.tool:
+            raise RefinementError(
+                f"task {self.kind}: robot {robot} carries tool {tool!r}, expected {self.tool!r}"
+            )
+
+    def check(self, plans: Sequence[TaskPlan], robot: Robot) -> None:
+        """Refuse a robot that does not belong to the task or the plans: a RefinementError."""
+        self.check_tool(robot.name, robot.tool.name)
+        for plan in plans:
+            if plan.joint_names != robot.joint_names:
+                raise RefinementError(
+                    f"{plan.name}: plan for joints {', '.join(plan.joint_names)}; robot "
+                    f"{robot.name} has {', '.join(robot.joint_names)}"
+                )
+
+    def box_frame(self, plans: Sequence[TaskPlan], robot: Robot) -> BoxFrame:
+        """Return where boxes are in the frames of their markers; what is not set, from grasps.
+
+        Raises
+        ------
+        RefinementError
+            If that is not set and nothing is ever taken.
+        """
+        centre, turn = self.box.centre_m, self.box.turn_deg
+        found = None
+        if centre is None or turn is None:
+            found = frame_of_grasps(plans, robot)
+            if found is None:
+                raise RefinementError(
+                    f"task {self.kind}: no task takes anything: expected a grasp, or box.centre_m "
+                    "and box.turn_deg"
+                )
+        return BoxFrame(
+            found.centre_m if centre is None and found is not None else np.array(centre),
+            found.turn_rad if turn is None and found is not None else np.radians(float(turn or 0)),
+            1.0 if found is None else found.thumb,
+        )
+
+    def try_tasks(
+        self, plans: Sequence[TaskPlan], robot: Robot, frame: BoxFrame, jobs: int = 1
+    ) -> list[TaskTrial]:
+        """Try tasks, each by itself, in their order; results do not depend on the threads."""
+        attempt = partial(self._try_task, robot=robot, frame=frame)
+        if jobs > 1 and len(plans) > 1:
+            with ThreadPoolExecutor(jobs) as pool:
+                return [trial for trial, _ in pool.map(attempt, plans)]
+        return [attempt(plan)[0] for plan in plans]
+
+    def play(self, plan: TaskPlan, robot: Robot, frame: BoxFrame) -> Playback:
+        """Perform one task to be looked at."""
+        return self._try_task(plan, robot, frame)[1]
+
+    def grasp_way(self, frame: BoxFrame, grasp: GraspConfig | None = None) -> GraspWay:
+        """Return how the gripper comes to boxes and leaves them; the task's own, or another."""
+        grasp = grasp or self.grasp
+        return GraspWay(
+            frame.grasp,
+            np.radians(grasp.pitch_deg),
+            grasp.before_m,
+            grasp.after_m,
+            grasp.up_m,
+            grasp.straight_s,
+            grasp.higher_m,
+        )
+
+    def way(self, plan: TaskPlan) -> ArmWay:
+        """Roll a task out, with the time that the gripper takes: the arm stands still meanwhile."""
+        wait, step = self.wait, self.simulation.time_step_s
+        time, *movement = sample_task(plan, _RATE_HZ)
+        closes = np.array([event == "close" for event in plan.events], dtype=np.bool_)
+        starts = add_waits(plan.events_s, np.where(closes, wait.closing_s, wait.opening_s))
+        end = float(time[-1]) + float(starts.sum_s) + wait.settle_s
+        new = step * np.arange(int(np.ceil(end / step)) + 1)
+        clock, moving = starts.own_time(new)
+        q, v, a = (
+            np.stack([np.interp(clock, time, column) for column in part.T], axis=1)
+            for part in movement
+        )
+        still = ~(moving & (clock < time[-1]))
+        v[still], a[still] = 0.0, 0.0
+        movements = Movements(q[None], v[None], a[None], np.array([end]), np.array([end]))
+        return ArmWay(movements, starts.starts_s, closes)
+
+    def finger_controls(self, time: FloatArray, way: ArmWay) -> FloatArray:
+        """Return the set-points of the fingers, metres from open, shape (T, 3)."""
+        speed, most = self.gripper.speed_m_s, self.gripper.opening_m / 2
+        closed = np.zeros_like(time)
+        for at, close in zip(way.commands_s, way.closes, strict=True):
+            then = float(np.interp(at, time, closed))
+            since = np.maximum(time - at, 0.0)
+            moved = then + (speed if close else -speed) * since
+            closed = np.where(time >= at, np.clip(moved, 0.0, most), closed)
+        return np.repeat(closed[:, None], 3, axis=1)
+
+    def _try_task(
+        self, plan: TaskPlan, robot: Robot, frame: BoxFrame
+    ) -> tuple[TaskTrial, Playback]:
+        """Simulate one task, and judge it."""
+        from besman.simulation.tasks.rearrange.rearranging import judge, simulate_task
+
+        before = box_poses(plan.object_poses, frame)
+        after = box_poses(plan.target_poses, frame)
+        way = self.way(plan)
+        model, run = simulate_task(robot, self, way, before, after)
+        trial = judge(run, self, plan, way, after, robot.n)
+        return trial, Playback(model, run.qpos[0, : run.steps[0]])

@@ -1,0 +1,254 @@
+"""Whole tasks in simulation: the gripper brought to their boxes, and what comes of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from besman.config.stage import Items, Truth, Work
+from besman.exceptions import PlanError
+from besman.motion.grasp_goals import aim_grasps
+from besman.records import RefinedTask, TaskPlan, TaskTrial
+from besman.robot.model import Robot
+from besman.simulation.tasks.rearrange.rearrange import RearrangeConfig
+from besman.stages.refine.stage import RefinementConfig
+
+
+class AimTasks:
+    """Brings the goals of whole tasks to where the task's gripper takes and puts its boxes.
+
+    Parameters
+    ----------
+    config : RefinementConfig
+        Nothing of it matters here but that it leaves out what fails.
+    """
+
+    def __init__(self, config: RefinementConfig) -> None:
+        self.config = config
+
+    def run(
+        self,
+        plans: tuple[TaskPlan, ...],
+        robot: Robot,
+        task: RearrangeConfig,
+        work: Work = Work(),
+    ) -> tuple[TaskPlan, ...]:
+        """Return the plans for the gripper; see `besman.motion.grasp_goals.aim_grasps`.
+
+        Raises
+        ------
+        RefinementError
+            If the plans and the robot do not belong to the task.
+        PlanError
+            If no task is within the arm's reach and limits then.
+        """
+        task.check(plans, robot)
+        way = task.grasp_way(task.box_frame(plans, robot))
+        here = replace(work, jobs=1, workers=None)
+        return tuple(
+            here.map(lambda plan: aim_grasps(plan, robot, way), plans, name=lambda plan: plan.name)
+        )
+
+    def items(self, plans: tuple[TaskPlan, ...], *records: Any) -> Items:
+        """Count the tasks."""
+        return Items(len(plans), "tasks")
+
+    def figures(self, aimed: tuple[TaskPlan, ...], truth: Truth, *records: Any) -> dict[str, Any]:
+        """Return how many are within reach, and how long each takes."""
+        return {
+            "n_tasks": len(aimed),
+            "duration_s": {plan.name: plan.duration for plan in aimed},
+        }
+
+
+class SimulateTasks:
+    """Tries whole tasks in simulation, as they were imitated.
+
+    Parameters
+    ----------
+    config : RefinementConfig
+        As of `AimTasks`.
+    """
+
+    def __init__(self, config: RefinementConfig) -> None:
+        self.config = config
+
+    def run(
+        self,
+        aimed: tuple[TaskPlan, ...],
+        plans: tuple[TaskPlan, ...],
+        robot: Robot,
+        task: RearrangeConfig,
+        work: Work = Work(),
+    ) -> tuple[TaskTrial, ...]:
+        """Return what comes of each task.
+
+        Parameters
+        ----------
+        aimed : tuple of TaskPlan
+            What `AimTasks` gave.
+        plans : tuple of TaskPlan
+            What it was given: they tell where the boxes are in the frames of their markers.
+        robot : Robot
+        task : RearrangeConfig
+        work : Work
+        """
+        frame = task.box_frame(plans, robot)
+        return tuple(task.try_tasks(aimed, robot, frame, work.jobs))
+
+    def items(self, aimed: tuple[TaskPlan, ...], *records: Any) -> Items:
+        """Count the tasks."""
+        return Items(len(aimed), "tasks")
+
+    def figures(
+        self,
+        trials: tuple[TaskTrial, ...],
+        truth: Truth,
+        aimed: tuple[TaskPlan, ...],
+        plans: tuple[TaskPlan, ...],
+        robot: Robot,
+        task: RearrangeConfig,
+    ) -> dict[str, Any]:
+        """Return how many succeed, and how far off each is; see `simulation_results`."""
+        return simulation_results(trials, len(plans), task)
+
+
+class RefineTasks:
+    """Tries other ways to and from the boxes of whole tasks until each succeeds.
+
+    Parameters
+    ----------
+    config : RefinementConfig
+        As of `AimTasks`.
+    """
+
+    def __init__(self, config: RefinementConfig) -> None:
+        self.config = config
+
+    def run(
+        self,
+        aimed: tuple[TaskPlan, ...],
+        trials: tuple[TaskTrial, ...],
+        plans: tuple[TaskPlan, ...],
+        robot: Robot,
+        task: RearrangeConfig,
+        work: Work = Work(),
+    ) -> tuple[RefinedTask, ...]:
+        """Return the tasks with the way that succeeds, or misses least.
+
+        Parameters
+        ----------
+        aimed, trials : tuple
+            Of `AimTasks` and `SimulateTasks`: what succeeded stays.
+        plans : tuple of TaskPlan
+            As they were imitated.
+        robot : Robot
+        task : RearrangeConfig
+        work : Work
+
+        Raises
+        ------
+        PlanError
+            If no way of any task is within the arm's reach and limits.
+        """
+        frame = task.box_frame(plans, robot)
+        pairs = zip(aimed, trials, strict=True)
+        first = {plan.name: RefinedTask(plan, trial, 1) for plan, trial in pairs}
+
+        def refine(plan: TaskPlan) -> RefinedTask:
+            best = first.get(plan.name)
+            tries, why = 1, PlanError(f"{plan.name}: no way to try")
+            for grasp in task.ways.list(task.grasp):
+                if best is not None and best.trial.success:
+                    break
+                tries += 1
+                try:
+                    moved = aim_grasps(plan, robot, task.grasp_way(frame, grasp))
+                except PlanError as error:
+                    why = error
+                    continue
+                (trial,) = task.try_tasks([moved], robot, frame)
+                if best is None or _is_better(trial, best.trial):
+                    best = RefinedTask(moved, trial, tries)
+            if best is None:
+                raise why
+            return best if best.trial.success else replace(best, tries=tries)
+
+        here = replace(work, workers=None)
+        return tuple(here.map(refine, plans, name=lambda plan: plan.name))
+
+    def items(self, aimed: Any, trials: Any, plans: tuple[TaskPlan, ...], *records: Any) -> Items:
+        """Count the tasks."""
+        return Items(len(plans), "tasks")
+
+    def figures(
+        self,
+        refined: tuple[RefinedTask, ...],
+        truth: Truth,
+        aimed: tuple[TaskPlan, ...],
+        trials: tuple[TaskTrial, ...],
+        plans: tuple[TaskPlan, ...],
+        robot: Robot,
+        task: RearrangeConfig,
+    ) -> dict[str, Any]:
+        """Return what `simulation_results` does, and how many ways each has taken."""
+        told = simulation_results(tuple(one.trial for one in refined), len(plans), task)
+        return told | {"tries": {one.plan.name: one.tries for one in refined}}
+
+
+def _is_better(trial: TaskTrial, other: TaskTrial) -> bool:
+    """Tell whether one that succeeds, or fails in nothing, or misses less."""
+
+    def rank(one: TaskTrial) -> tuple[bool, bool, float]:
+        return (not one.success, bool(one.failure), float(np.nan_to_num(one.miss, nan=np.inf)))
+
+    return rank(trial) < rank(other)
+
+
+def simulation_results(
+    trials: tuple[TaskTrial, ...], n_tasks: int, task: RearrangeConfig
+) -> dict[str, Any]:
+    """Give the figures of simulated tasks for ``results.json``.
+
+    Parameters
+    ----------
+    trials : tuple of TaskTrial
+    n_tasks : int
+        How many were imitated: those that could not be tried have not succeeded.
+    task : RearrangeConfig
+
+    Returns
+    -------
+    dict
+        n_tasks, n_tried, n_success, success_radius_m, success_angle_deg, miss_m {median, max} and
+        angle_deg {median, max} of those that nothing failed in, null where there is none; trials by
+        name: success, failure, miss_m, angle_deg, duration_s.
+    """
+    done = [trial for trial in trials if not trial.failure]
+
+    def spread(values: list[float]) -> dict[str, float | None]:
+        if not values:
+            return {"median": None, "max": None}
+        return {"median": float(np.median(values)), "max": float(np.max(values))}
+
+    return {
+        "n_tasks": n_tasks,
+        "n_tried": len(trials),
+        "n_success": sum(trial.success for trial in trials),
+        "success_radius_m": task.success.success_radius_m,
+        "success_angle_deg": task.success.success_angle_deg,
+        "miss_m": spread([trial.miss for trial in done]),
+        "angle_deg": spread([float(np.degrees(trial.angle)) for trial in done]),
+        "trials": {
+            trial.name: {
+                "success": trial.success,
+                "failure": trial.failure,
+                "miss_m": trial.miss if np.isfinite(trial.miss) else None,
+                "angle_deg": float(np.degrees(trial.angle)) if np.isfinite(trial.angle) else None,
+                "duration_s": trial.duration,
+            }
+            for trial in trials
+        },
+    }
