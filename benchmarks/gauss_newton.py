@@ -70,7 +70,9 @@ def stage_of(method: str, case: Case):
         keys = {**both, "method": "cma_es"}
     else:
         keys = {**both, "method": "gauss_newton"}
-        if method != "robust":
+        if method == "robust":
+            keys["measure"] = getattr(case.refine, "measure", None)
+        else:
             keys["robust"] = None
     return TypeAdapter(RefineStage).validate_python(keys)
 

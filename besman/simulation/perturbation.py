@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
@@ -36,6 +37,8 @@ _SHIFTS = (0, 3, 4, 5, 2, 6, 1, 2, 3, 4)
 _N_QUANTITIES = len(_SHIFTS)
 # Sets its generator apart from those of the other quantities.
 _NOISE = 100
+# Worlds that are kept for the next motion: as many as are searched in and tried in after it.
+_KEPT = 32
 
 
 class Spreads(Config):
@@ -114,7 +117,8 @@ class Perturbation:
     noise_seed: tuple[int, ...] = (0,)
 
 
-def draw_perturbation(spreads: Spreads, robot: Robot, seed: Sequence[int]) -> Perturbation:
+@lru_cache(maxsize=_KEPT)
+def draw_perturbation(spreads: Spreads, robot: Robot, seed: tuple[int, ...]) -> Perturbation:
     """Draw a perturbation.
 
     Parameters
@@ -123,7 +127,7 @@ def draw_perturbation(spreads: Spreads, robot: Robot, seed: Sequence[int]) -> Pe
         How far off.
     robot : Robot
         Whose torque and speed limits the frictions of its joints are shares of.
-    seed : sequence of int
+    seed : tuple of int
         The same seed gives the same perturbation.
 
     Returns
@@ -138,8 +142,9 @@ def draw_perturbation(spreads: Spreads, robot: Robot, seed: Sequence[int]) -> Pe
     return _perturbation_of(spreads, robot, unit, seed)
 
 
+@lru_cache(maxsize=_KEPT)
 def draw_two_level(
-    spreads: Spreads, robot: Robot, seed: Sequence[int], n: int
+    spreads: Spreads, robot: Robot, seed: tuple[int, ...], n: int
 ) -> tuple[Perturbation, ...]:
     """Draw perturbations few of which tell as much as many that are drawn independently.
 
@@ -205,6 +210,7 @@ def _perturbation_of(
     )
 
 
+@lru_cache(maxsize=_KEPT)
 def perturb_model(model: mujoco.MjModel, perturbation: Perturbation) -> mujoco.MjModel:
     """Return a perturbed copy of a scene.
 
@@ -218,7 +224,8 @@ def perturb_model(model: mujoco.MjModel, perturbation: Perturbation) -> mujoco.M
     Returns
     -------
     mujoco.MjModel
-        Constants that follow from the masses are computed anew.
+        Constants that follow from the masses are computed anew. Kept for the next call: not to be
+        changed.
     """
     import mujoco
 

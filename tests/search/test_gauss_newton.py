@@ -42,6 +42,15 @@ def test_a_linear_outcome_is_reached_by_the_step_of_least_norm():
     np.testing.assert_allclose(search.ask()[0], np.linalg.pinv(SLOPE) @ TARGET, atol=1e-6)
 
 
+def test_a_step_is_of_least_norm_in_trusted_units():
+    trust = np.array([1.0, 0.5, 0.1, 1.0, 0.0])
+    search = search_of(SLOPE[None], damping=1e-9, trust=trust)
+    search.tell_start(np.zeros(5), 0.2 * residuals_of(np.zeros(5)))
+    expected = trust * (np.linalg.pinv(SLOPE * trust) @ (0.2 * TARGET))
+    np.testing.assert_allclose(search.ask()[0], expected, atol=1e-6)
+    assert search.ask()[0, 4] == 0.0
+
+
 def test_steps_leave_what_changes_no_outcome_where_it_is():
     search = search_of(SLOPE[None])
     points, costs = run(search, lambda point: residuals_of(point, curve=0.2), enough=1e-3)

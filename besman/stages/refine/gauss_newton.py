@@ -66,7 +66,8 @@ class GaussNewtonConfig(RefinementConfig):
         Greatest number of steps of a motion.
     difference : float or None
         Finite difference, in units of the search; contacts blur what is much smaller. null for 1.5
-        where the search is robust, because how far models are apart changes little, else 0.8.
+        where the search is robust, because how far models are apart changes little, else 0.8. Where
+        a robust search aims is told by differences of 0.8 to both sides, whatever this is.
     damping : float
         Of steps at first, in squared radii of success per squared unit: the less, the farther they
         go along what changes the outcome little.
@@ -151,10 +152,8 @@ class _Lesson:
         """Find a point with an outcome, measure the Jacobian there, take its own steps."""
         from besman.stages.refine.class_model import (
             ClassModel,
-            measure_jacobian,
             moves_too_little,
             nothing_shared,
-            trust_of,
         )
         from besman.stages.refine.search_loop import try_in_worlds
 
@@ -163,7 +162,8 @@ class _Lesson:
         worlds = config.perturbations(self.robot)
         nothing = partial(nothing_shared, self.plan.name, space.dimension)
         measured = self._measured(space)
-        cost, budget = (len(measured) + 1) * (1 + len(worlds)), config.episodes * self.n_plans
+        each = 3 + len(worlds) if worlds else 1
+        cost, budget = (len(measured) + 1) * each, config.episodes * self.n_plans
         (first,), _, _ = try_in_worlds(self.robot, self.task, [space.plan_at(_zero(space))], ())
         if not len(first.residual):
             return nothing(1, f"{self.task.kind} has no outcome to take steps on")
@@ -180,31 +180,12 @@ class _Lesson:
                 return nothing(spent, f"nothing comes of {self.plan.name}")
             point = search.search.best_point
 
-        def evaluate(at: FloatArray) -> FloatArray:
-            plan = space.plan_at(at)
-            _, found, _ = try_in_worlds(self.robot, self.task, [plan], worlds)
-            residuals: FloatArray = found[0]
-            return residuals
-
-        def evaluate_here(at: FloatArray) -> FloatArray:
-            return try_in_worlds(self.robot, self.task, [space.plan_at(at)], ())[1][0]
-
-        usual = _DIFFERENCE_IN_WORLDS if worlds else _DIFFERENCE
-        step = config.difference or usual
-        jacobian = measure_jacobian(evaluate, point, measured, step, work)
+        jacobian, trust = self._measure(space, point, measured, work)
         spent += cost
         if why := moves_too_little(jacobian):
             return nothing(spent, why)
         if not worlds:
-            return ClassModel(self.plan.name, point, jacobian, np.ones(len(point)), spent)
-        # Where to aim is told by short differences to both sides, how far models are apart is not.
-        ahead, behind = (
-            measure_jacobian(evaluate_here, point, measured, side, work)[0]
-            for side in (_DIFFERENCE, -_DIFFERENCE)
-        )
-        spent += 2 * (len(measured) + 1)
-        trust = trust_of(ahead, behind)
-        jacobian += 0.5 * (ahead + behind) - jacobian[0]
+            return ClassModel(self.plan.name, point, jacobian, trust, spent)
         shared = ClassModel(self.plan.name, point, jacobian, trust, spent)
         search = self._search(shared)
         # Beyond what is enough for itself: all others begin there.
@@ -215,6 +196,29 @@ class _Lesson:
         best = search.search.best_point if search.search.best_trial.success else point
         jacobian = jacobian if moved is None else moved
         return ClassModel(self.plan.name, best, jacobian, trust, spent)
+
+    def _measure(
+        self, space: Space, point: FloatArray, measured: Sequence[int], work: Work
+    ) -> tuple[FloatArray, FloatArray]:
+        """Measure the Jacobian (W, R, D) at a point, and how far it can be relied on (D,)."""
+        from besman.stages.refine.class_model import measure_jacobian, trust_of
+        from besman.stages.refine.search_loop import try_in_worlds
+
+        def measure(worlds: Sequence[Perturbation], step: float) -> FloatArray:
+            def evaluate(at: FloatArray) -> FloatArray:
+                found = try_in_worlds(self.robot, self.task, [space.plan_at(at)], worlds)[1]
+                return np.asarray(found[0])
+
+            return measure_jacobian(evaluate, point, measured, step, work)
+
+        worlds = self.config.perturbations(self.robot)
+        usual = _DIFFERENCE_IN_WORLDS if worlds else _DIFFERENCE
+        jacobian = measure(worlds, self.config.difference or usual)
+        if not worlds:
+            return jacobian, np.ones(len(point))
+        # Where to aim is told by short differences to both sides, how far models are apart is not.
+        ahead, behind = (measure((), side)[0] for side in (_DIFFERENCE, -_DIFFERENCE))
+        return jacobian + 0.5 * (ahead + behind) - jacobian[0], trust_of(ahead, behind)
 
     def _measured(self, space: Space) -> list[int]:
         """Return the coordinates that are measured."""

@@ -13,6 +13,7 @@ from besman.stages.refine.class_model import (
     load_class,
     measure_jacobian,
     moves_too_little,
+    trust_of,
 )
 from besman.stages.refine.gauss_newton import GaussNewtonConfig, RobustConfig
 from besman.stages.refine.stage import refine_results
@@ -137,13 +138,28 @@ def test_a_jacobian_is_measured_from_the_side_that_has_an_outcome():
     np.testing.assert_array_equal(few[0, :, [0, 2]], 0.0)
 
 
+def test_a_coordinate_with_a_kink_is_trusted_less():
+    """The slopes of |x| are opposite on its sides; those of a line are the same."""
+
+    def evaluate(point):
+        return np.array(
+            [[2.0 * point[0] + 3.0 * abs(point[1]), point[0] + abs(point[1]) + point[2]]]
+        )
+
+    sides = [measure_jacobian(evaluate, np.zeros(3), [0, 1, 2], side)[0] for side in (0.8, -0.8)]
+    trust = trust_of(*sides)
+    np.testing.assert_allclose(trust, [1.0, 1.0 / np.sqrt(1.0 + 4.0 * 10.0), 1.0])
+    np.testing.assert_allclose(np.mean(sides, axis=0)[:, 1], 0.0, atol=1e-12)
+
+
 def test_a_class_is_what_it_was_after_it_is_stored(tmp_path):
     from besman.stages.refine.class_model import keep_class
 
-    model = ClassModel("a", np.ones(3), np.ones((2, 2, 3)), 7)
+    model = ClassModel("a", np.ones(3), np.ones((2, 2, 3)), np.full(3, 0.5), 7)
     keep_class(tmp_path, "class_x", model)
     again = load_class(tmp_path, "class_x")
     np.testing.assert_array_equal(again.jacobian, model.jacobian)
+    np.testing.assert_array_equal(again.trust, model.trust)
     assert (again.name, again.simulations, again.useless) == ("a", 7, "")
     keep_class(tmp_path / "gone", "class_x", model)
     assert load_class(tmp_path / "gone", "class_x") is None
