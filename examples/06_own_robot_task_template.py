@@ -85,7 +85,7 @@ config = TemplateConfig(method="c_cma_es", episodes=500, checks=20, search=("goa
 region = {"x": (1.3, 1.7), "y": (0.2, 0.6)}
 lesson = prepare_lesson(motions, robot, task, ("x", "y"), region, config)
 template = teach(lesson, config, (str(path), "scoop", str(golf)), Work(2))
-for x, y in ((1.4, 0.3), (1.6, 0.5), (2.0, 0.4)):
+for x, y in ((1.4, 0.3), (1.6, 0.5), (1.8, 0.4)):
     answer = apply_template(template, robot, task, [x, y])
     (miss,) = lesson.try_points(template.policy.means([[x, y]]), [[x, y]]).misses
     lands, expected = 100 * miss, 100 * answer.forecast.miss

@@ -244,7 +244,7 @@ def average_dtw(first: FloatArray, second: FloatArray) -> float:
         j = both - i
         before = np.minimum(np.minimum(least[i, j], least[i, j + 1]), least[i + 1, j])
         least[i + 1, j + 1] = apart[i, j] + before
-    return float(least[-1, -1]) / max(n_first, n_second)
+    return float(least[-1, -1] / max(n_first, n_second))
 
 
 def transfer_figures(

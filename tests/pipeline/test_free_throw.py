@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from free_throws import write_throws
 from places import TOP
-from small_runs import keep_demonstrations
 
 from besman.exceptions import ConfigError, RecordingWarning, RefinementError, RunError
 from besman.following.plans import make_plan
@@ -100,21 +99,19 @@ def test_what_needs_examples_is_refused(folder, setting, message):
         load_pipeline(RECIPE, settings(folder, setting))
 
 
-def test_from_files_to_throws_that_hit(folder, tmp_path, monkeypatch, undrawn):
-    found = keep_demonstrations(monkeypatch, 2)
-    quick = ("map.evaluations=30", "map.yaw=false", "refine={method: gauss_newton, episodes: 300, robustness: null}")
-    config = load_pipeline(RECIPE, settings(folder, *quick))
+def test_from_files_to_throws_that_hit(folder, tmp_path, undrawn):
+    config = load_pipeline(
+        RECIPE, settings(folder, "map.evaluations=30", "map.yaw=false", "refine.robustness=null")
+    )
     run = run_pipeline(config, tmp_path / "run")
     results = json.loads((run / "results.json").read_text())
     assert results["recognize"]["counts"]["throw"] == 2
     assert set(results["select"]["target"].values()) <= {"object", "flight"}
-    assert results["refine"]["n_success"] == 1
-    (motion,) = read_run(run).motions
-    assert len(found) == 2
-    for target in (motion.plan.target, *(one.target for one in found)):
+    assert results["refine"]["n_success"] == 2
+    for motion in read_run(run).motions:
         # A quarter of a free throw's six metres, and on the floor.
-        assert target[2] == 0.0
-        assert 0.5 < np.linalg.norm(target[:2]) < 4.0
+        assert motion.plan.target[2] == 0.0
+        assert 0.5 < np.linalg.norm(motion.plan.target[:2]) < 4.0
     with pytest.raises(RunError, match="one_throw looks at whole recordings"):
         make_plan(run, ())
 

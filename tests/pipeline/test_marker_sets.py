@@ -152,9 +152,7 @@ def test_stages_look_at_the_arms_of_the_marker_set():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("markers", "name"), [("two_arms", "lift"), ("xsens", "stop")])
-def test_a_run_from_recordings_to_the_robot(
-    folders, markers, name, tmp_path, monkeypatch, undrawn
-):
+def test_a_run_from_recordings_to_the_robot(folders, markers, name, tmp_path, monkeypatch, undrawn):
     found = keep_demonstrations(monkeypatch, 1)
     # A gesture has several bells, each of which is a block: as a whole it is an action.
     action = (

@@ -50,7 +50,7 @@ def test_every_method_asks_for_its_population_and_respects_its_bound(method):
 @pytest.mark.slow
 @pytest.mark.parametrize("method", SEARCH_NAMES)
 def test_every_method_makes_the_throw_hit(robot, plan, method):
-    (motion,) = parse({"method": method, "episodes": 600}).run((plan,), robot, THROW)
+    (motion,) = parse({"method": method, "episodes": 300}).run((plan,), robot, THROW)
     assert motion.success
     assert motion.miss < motion.miss_before
 

@@ -91,13 +91,13 @@ def test_the_chain_keeps_the_prior():
     expected = np.array(
         [
             (used.shape[1], used.sum(), mass, concentration)
-            for mass, concentration, used in (draw_prior(prior, n, rng) for _ in range(8000))
+            for mass, concentration, used in (draw_prior(prior, n, rng) for _ in range(4000))
         ]
     )
     start = [rng.normal(size=(length, 1)) for _ in range(n)]
     sampler = BpArHmmSampler(start, 1, prior)
     kept = []
-    for _ in range(3000):
+    for _ in range(2000):
         series = []
         for z, first in zip(sampler.states, start, strict=True):
             y = [first[0]]
