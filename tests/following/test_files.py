@@ -65,7 +65,7 @@ def capture(tmp_path_factory):
 
 
 @pytest.mark.slow
-def test_a_run_is_followed_to_what_it_found_itself(monkeypatch, tmp_path, capsys, capture):
+def test_a_run_is_followed_to_what_it_found_itself(monkeypatch, tmp_path, capsys, capture, undrawn):
     keep_demonstrations(monkeypatch, 1)
     run = tmp_path / "run"
     call(

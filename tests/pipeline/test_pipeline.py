@@ -217,7 +217,9 @@ def test_retarget_refuses_a_robot_twice(finished, capture, monkeypatch, capsys):
     assert "--robot: got 'ur10' twice; expected each robot once" in capsys.readouterr().err
 
 
-def test_what_fails_is_a_row_in_every_stage(finished, capture, tmp_path, monkeypatch, capsys):
+def test_what_fails_is_a_row_in_every_stage(
+    finished, capture, tmp_path, monkeypatch, capsys, undrawn
+):
     """A stage loses one demonstration; the next ones go on with the rest, also from the cache."""
     from besman.exceptions import MappingError
     from besman.stages.imitate.stage import ImitateConfig
