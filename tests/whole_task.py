@@ -38,9 +38,9 @@ def divide_actions(recording, blocks, config):
 
 
 @functools.cache
-def map_box_task(tool="gripper"):
+def map_box_task():
     """Return robot, demonstration, and mapped task."""
-    robot = load_robot("ur5", tool)
+    robot = load_robot("ur5", "gripper")
     (demonstration,) = divide_actions(*record_take(), make_select())
     config = MapConfig(evaluations=40, yaw=True)
     mapping = config.run((demonstration.hand,), robot)

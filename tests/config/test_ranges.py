@@ -17,7 +17,7 @@ from besman.person.marker_set import load_marker_set
 from besman.pipeline.config import load_pipeline
 from besman.robot.config import JointConfig, ToolConfig
 from besman.robot.model import load_robot
-from besman.simulation.tasks.kinds import load_task
+from besman.simulation.tasks.kinds import is_whole_task, load_task, load_whole_task
 from besman.stages.label.stage import LabelConfig
 
 EVERY = [
@@ -160,7 +160,7 @@ def test_what_comes_with_besman_is_in_range():
     for path in TOP.glob("pipelines/*.yaml"):
         load_pipeline(path)
     for path in TOP.glob("configs/tasks/*.yaml"):
-        load_task(path.stem)
+        (load_whole_task if is_whole_task(path.stem) else load_task)(path.stem)
     for path in TOP.glob("configs/markers/*.yaml"):
         load_marker_set(path.stem)
     for path in TOP.glob("robots/*/robot.yaml"):

@@ -29,7 +29,7 @@ from besman.simulation.episodes import Movements
 from besman.simulation.perturbation import Spreads, draw_perturbation
 from besman.simulation.perturbed_trials import try_perturbed
 from besman.simulation.task import Task
-from besman.simulation.tasks.kinds import KINDS, load_task
+from besman.simulation.tasks.kinds import KINDS, WHOLE_KINDS, load_task
 from besman.simulation.trial import try_plans
 from besman.stages.map.mapping import Mapping
 from besman.stages.refine.methods import RefineStage
@@ -160,7 +160,7 @@ def test_every_file_of_a_task_is_of_a_kind():
         re.search(r"^kind: *(\w+)", path.read_text(), re.MULTILINE)[1]
         for path in (TOP / "configs/tasks").glob("*.yaml")
     }
-    assert kinds == {entry.name for entry in KINDS}
+    assert kinds == {entry.name for entry in (*KINDS, *WHOLE_KINDS)}
 
 
 def test_every_class_of_the_folder_is_entered():

@@ -8,7 +8,7 @@ from small_runs import keep_demonstrations
 
 from besman.cli import main as cli
 from besman.config.resources import find_resource
-from besman.exceptions import ConfigError
+from besman.exceptions import ConfigError, RefinementError
 from besman.io.segments_json import find_segments
 from besman.pipeline.check import check_pipeline
 from besman.pipeline.check_run import check_run
@@ -114,6 +114,16 @@ def test_a_sequence_is_checked_before_it_runs():
         check_pipeline("ur5_stick_throw", (*TOSS, "select.actions={toss: [strike_out, trow]}"))
 
 
+def test_a_whole_task_of_a_single_movement_is_refused_before_it_runs():
+    whole = ("tool=gripper3", "task=rearrange")
+    with pytest.raises(ConfigError, match=r"is one of whole actions; expected select\.as: blocks"):
+        check_pipeline("ur5_pick_and_place", (*whole, "select.as=movement"))
+    lines = check_pipeline("ur5_pick_and_place")
+    assert lines[-1] == "task: rearrange, success within 2 cm and 10 degrees"
+    with pytest.raises(RefinementError, match="carries tool 'gripper', expected 'gripper3'"):
+        check_pipeline("ur5_pick_and_place", ("tool=gripper",))
+
+
 @pytest.mark.slow
 def test_a_whole_task_runs_from_the_recording_to_its_files(monkeypatch, tmp_path):
     """A person puts a box on a table and back (synthetic)."""
@@ -123,7 +133,7 @@ def test_a_whole_task_runs_from_the_recording_to_its_files(monkeypatch, tmp_path
         "label={method: named}", "recognize.examples_per_class=2", "select.label=null",
         "select.action=to_table", "select.as=blocks", "select.merge=false",
         f"select.actions={{to_table: [{', '.join(blocks)}]}}", "map.evaluations=40",
-        "refine.episodes=2", "refine.robustness=null",
+        "tool=gripper3", "task=rearrange",
     )  # fmt: skip
     arguments = [part for one in settings for part in ("--set", one)]
     folder = tmp_path / "run"
@@ -136,8 +146,12 @@ def test_a_whole_task_runs_from_the_recording_to_its_files(monkeypatch, tmp_path
     for own in found["blocks"]["demonstrations"].values():
         assert tuple(own["blocks"]) == blocks
         assert [hold["grasp_in"] for hold in own["holds"]] == ["move_obj_table"]
+    assert found["simulate"]["n_tasks"] == found["refine_tasks"]["n_tasks"] >= 1
+    assert found["refine_tasks"]["n_success"] >= found["simulate"]["n_success"]
+    assert not {"imitate", "refine"} & set(found)
+    assert "whole tasks, refined: " in (folder / "report.html").read_text()
     assert found["tasks"]["n_tasks"] == len(found["task_plans"]["plans"]) >= 1
-    for name in found["task_plans"]["plans"]:
+    for name in found["refine_tasks"]["trials"]:
         stem = f"{name.split('.')[0]}_{name.rpartition(':')[2]}"
         assert (folder / "exports_tasks" / f"{stem}.gripper.csv").is_file()
     whole, faults = check_run(folder)

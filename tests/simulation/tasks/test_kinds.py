@@ -73,7 +73,7 @@ def test_own_file(tmp_path):
         ("kind: stick_trow\n", r"own.yaml:1: kind: got 'stick_trow'; did you mean 'stick_throw'"),
         (
             "tool: gripper\n",
-            r"own.yaml: kind: got None; allowed: ball_throw, grasp_box, .*, reach, stick_throw",
+            r"own.yaml: kind: got None; allowed: ball_throw, .*, reach, rearrange, stick_throw",
         ),
         ("kind: reach\nrewards: {}\n", r"own.yaml:2: unknown key 'rewards'; did you mean 'reward'"),
         (

@@ -11,10 +11,17 @@ from besman.evaluation.recognition_data import name_parts
 from besman.exceptions import ConfigError, PlanError, RefinementError
 from besman.motion.adapt_task import frame_matrix
 from besman.motion.grasp_goals import aim_grasps
+from besman.records.files import load_record, save_record
 from besman.records.layers import building_blocks
+from besman.records.task_trial import RefinedTask
 from besman.robot.model import load_robot
 from besman.simulation.tasks.kinds import WHOLE_KINDS, is_whole_task, load_task, load_whole_task
+from besman.simulation.tasks.rearrange.arm_way import ArmWay
 from besman.simulation.tasks.rearrange.boxes import BoxFrame, box_poses, frame_of_grasps
+from besman.simulation.tasks.rearrange.rearrange import RearrangeConfig
+from besman.simulation.tasks.rearrange.rearrange_scene import rearrange_model
+from besman.simulation.tasks.rearrange.rearranging import judge, simulate_task
+from besman.simulation.tasks.rearrange.sections import GraspConfig, WaysConfig
 from besman.stages.imitate.task_plans import plan_task
 from besman.stages.map.stage import MapConfig
 from besman.stages.map.whole_tasks import MapTasks
@@ -65,6 +72,16 @@ def test_the_box_stands_where_the_person_put_it_and_nothing_but_contact_moved_it
     assert np.linalg.norm(lifted) > 0.1
 
 
+def test_what_came_of_it_is_stored_and_comes_back(tmp_path):
+    aimed = aimed_plan()[3]
+    trial = attempt(aimed)
+    save_record((RefinedTask(aimed, trial, 3),), tmp_path / "a.npz")
+    (again,) = load_record(tmp_path / "a.npz")
+    assert (again.tries, again.trial.name, again.trial.success) == (3, trial.name, True)
+    np.testing.assert_array_equal(again.trial.outcomes, trial.outcomes)
+    assert again.trial.angle == trial.angle
+
+
 def test_threads_and_company_change_nothing():
     robot, _, frame, aimed = aimed_plan()
     alone = attempt(aimed)
@@ -72,17 +89,24 @@ def test_threads_and_company_change_nothing():
         np.testing.assert_array_equal(one.outcomes, alone.outcomes)
 
 
-def test_a_box_put_elsewhere_is_a_miss_and_no_failure():
-    _, _, _, aimed = aimed_plan()
-    poses = np.array(aimed.target_poses)
-    poses[0, :3] += [-0.015, 0.02, 0.0]
-    trial = attempt(dataclasses.replace(aimed, target_poses=poses))
-    assert (trial.success, trial.failure) == (False, "")
-    assert trial.miss == pytest.approx(0.025, abs=0.005)
-    poses = np.array(aimed.target_poses)
-    half = np.arctan2(poses[0, 6], poses[0, 3]) + np.radians(12.5) / 2
-    poses[0, 3:] = [np.cos(half), 0, 0, np.sin(half)]
-    assert attempt(dataclasses.replace(aimed, target_poses=poses)).success is False
+@pytest.mark.parametrize(
+    ("shift_m", "turn_deg", "stands"),
+    [(0.0, 0.0, True), (0.015, 5.0, True), (0.025, 0.0, False), (0.0, 12.0, False)],
+)
+def test_beside_its_place_is_a_miss_and_no_failure(shift_m, turn_deg, stands):
+    """The same simulation, held against another place."""
+    robot, _, frame, aimed = aimed_plan()
+    after = box_poses(aimed.target_poses, frame)
+    way = TASK.way(aimed)
+    _, run = simulate_task(robot, TASK, way, box_poses(aimed.object_poses, frame), after)
+    wanted = np.array(after)
+    wanted[0, 1] += shift_m
+    half = np.arctan2(after[0, 6], after[0, 3]) + np.radians(turn_deg) / 2
+    wanted[0, 3:] = [np.cos(half), 0, 0, np.sin(half)]
+    trial = judge(run, TASK, aimed, way, wanted, robot.n)
+    assert (trial.success, trial.failure) == (stands, "")
+    assert trial.miss == pytest.approx(shift_m, abs=0.003)
+    assert np.degrees(trial.angle) == pytest.approx(turn_deg, abs=1.5)
 
 
 @pytest.mark.parametrize(
@@ -191,3 +215,38 @@ def test_what_does_not_belong_together_is_refused():
     assert not is_whole_task("reach")
     with pytest.raises(ConfigError, match=r"'rearrange' is one of whole tasks .*expected one of"):
         load_task("rearrange")
+
+
+def test_the_fingers_close_and_open_at_their_speed_when_they_are_told():
+    _, _, _, aimed = aimed_plan()
+    way = TASK.way(aimed)
+    assert isinstance(TASK, RearrangeConfig)
+    assert isinstance(way, ArmWay)
+    time = np.arange(0.0, way.movements.ends[0], 0.001)
+    closed = way.finger_controls(TASK.gripper, time)[:, 0]
+    speed = np.abs(np.diff(closed)) / 0.001
+    assert speed.max() <= TASK.gripper.speed_m_s * 1.001
+    told = [np.interp(at + 0.5, time, closed) for at in way.commands_s]
+    half, way_m = TASK.gripper.opening_m / 2, 0.5 * TASK.gripper.speed_m_s
+    np.testing.assert_allclose(told, [way_m, half - way_m], atol=1e-3)
+    # The arm stands still meanwhile.
+    for at, wait in zip(way.commands_s, (0.7, 0.8), strict=True):
+        rows = slice(int((at + 0.01) / 0.004), int((at + wait - 0.01) / 0.004))
+        assert not way.movements.velocities[0, rows].any()
+
+
+def test_every_box_has_its_boards_and_sensors():
+    robot = load_robot("ur5", "gripper3")
+    poses = np.array([[0.5, 0, 0.3, 1, 0, 0, 0], [0.5, 0.4, 0.3, 1, 0, 0, 0]])
+    model = rearrange_model(robot, TASK, poses, poses + np.eye(7)[1])
+    assert model.nq == robot.n + 3 + 2 * 7
+    assert model.nsensordata == 7 + 3 * 2 + 2 * 2
+    board = model.geom("board_1_after")
+    top = board.pos[2] + board.size[2]
+    assert top == pytest.approx(0.3 - TASK.box.size_m[2] / 2)
+
+
+def test_ways_are_all_combinations_but_the_one_that_is_shown():
+    ways = WaysConfig(pitch_deg=(10.0, 0.0), after_m=(0.15,), higher_m=(0.0, 0.1))
+    found = [(one.pitch_deg, one.higher_m) for one in ways.list(GraspConfig())]
+    assert found == [(10.0, 0.1), (0.0, 0.0), (0.0, 0.1)]

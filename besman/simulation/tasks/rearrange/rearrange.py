@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from besman.exceptions import RefinementError
 from besman.motion.grasp_goals import GraspWay
@@ -18,29 +16,11 @@ from besman.records import TaskPlan
 from besman.records.task_trial import TaskTrial
 from besman.robot.model import Robot
 from besman.simulation.episodes import Movements, Playback
+from besman.simulation.tasks.rearrange.arm_way import ArmWay
 from besman.simulation.tasks.rearrange.boxes import BoxFrame, box_poses, frame_of_grasps
 from besman.simulation.tasks.rearrange.sections import GraspConfig, RearrangeFields
 
-FloatArray = npt.NDArray[np.float64]
-
 _RATE_HZ = 1000.0
-
-
-class ArmWay(NamedTuple):
-    """What arm and gripper do, at the simulation's step.
-
-    Attributes
-    ----------
-    movements : Movements
-        One; `ends` is when all is over.
-    commands_s : array, shape (E,)
-        When the gripper closes or opens.
-    closes : bool array, shape (E,)
-    """
-
-    movements: Movements
-    commands_s: FloatArray
-    closes: npt.NDArray[np.bool_]
 
 
 class RearrangeConfig(RearrangeFields):
@@ -130,17 +110,6 @@ class RearrangeConfig(RearrangeFields):
         v[still], a[still] = 0.0, 0.0
         movements = Movements(q[None], v[None], a[None], np.array([end]), np.array([end]))
         return ArmWay(movements, starts.starts_s, closes)
-
-    def finger_controls(self, time: FloatArray, way: ArmWay) -> FloatArray:
-        """Return the set-points of the fingers, metres from open, shape (T, 3)."""
-        speed, most = self.gripper.speed_m_s, self.gripper.opening_m / 2
-        closed = np.zeros_like(time)
-        for at, close in zip(way.commands_s, way.closes, strict=True):
-            then = float(np.interp(at, time, closed))
-            since = np.maximum(time - at, 0.0)
-            moved = then + (speed if close else -speed) * since
-            closed = np.where(time >= at, np.clip(moved, 0.0, most), closed)
-        return np.repeat(closed[:, None], 3, axis=1)
 
     def _try_task(
         self, plan: TaskPlan, robot: Robot, frame: BoxFrame

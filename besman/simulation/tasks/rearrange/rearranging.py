@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import mujoco
 import numpy as np
 import numpy.typing as npt
@@ -16,10 +14,9 @@ from besman.robot.mujoco_model import servo_controls
 from besman.simulation.episodes import arm_failure, tracking_errors
 from besman.simulation.physics import SimulatedStates, run_physics
 from besman.simulation.tasks.grasp_box.gripper import FINGERS
+from besman.simulation.tasks.rearrange.arm_way import ArmWay
 from besman.simulation.tasks.rearrange.rearrange_scene import rearrange_model
-
-if TYPE_CHECKING:
-    from besman.simulation.tasks.rearrange.rearrange import ArmWay, RearrangeConfig
+from besman.simulation.tasks.rearrange.sections import RearrangeFields
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -28,14 +25,14 @@ _FIRST_TOUCH = 7
 
 
 def simulate_task(
-    robot: Robot, task: RearrangeConfig, way: ArmWay, before: FloatArray, after: FloatArray
+    robot: Robot, task: RearrangeFields, way: ArmWay, before: FloatArray, after: FloatArray
 ) -> tuple[mujoco.MjModel, SimulatedStates]:
     """Move arm and fingers; nothing else moves the boxes.
 
     Parameters
     ----------
     robot : Robot
-    task : RearrangeConfig
+    task : RearrangeFields
     way : ArmWay
     before, after : array, shape (O, 7)
         Where the boxes stand, and where the boards are on which they are put.
@@ -44,7 +41,7 @@ def simulate_task(
     moved = way.movements
     arm = servo_controls(robot, moved.positions, moved.velocities, moved.accelerations)
     time = task.simulation.time_step_s * np.arange(arm.shape[1], dtype=np.float64)
-    fingers = task.finger_controls(time, way)[None]
+    fingers = way.finger_controls(task.gripper, time)[None]
     controls = np.concatenate([arm, fingers], axis=2)
     initial = np.concatenate([moved.positions[0, 0], np.zeros(len(FINGERS)), before.ravel()])
 
@@ -56,7 +53,7 @@ def simulate_task(
 
 def judge(
     run: SimulatedStates,
-    task: RearrangeConfig,
+    task: RearrangeFields,
     plan: TaskPlan,
     way: ArmWay,
     wanted: FloatArray,
@@ -68,7 +65,7 @@ def judge(
     ----------
     run : SimulatedStates
         Of one simulation.
-    task : RearrangeConfig
+    task : RearrangeFields
     plan : TaskPlan
     way : ArmWay
     wanted : array, shape (O, 7)
@@ -116,7 +113,7 @@ def _angles(outcomes: FloatArray, wanted: FloatArray) -> FloatArray:
 
 def _failure(
     run: SimulatedStates,
-    task: RearrangeConfig,
+    task: RearrangeFields,
     way: ArmWay,
     boxes: FloatArray,
     tracking: float,
