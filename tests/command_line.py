@@ -22,6 +22,7 @@ SMALL_RUN = (
     "map.evaluations=60",
     "map.yaw=false",
     "refine.episodes=100",
+    "refine.robust=null",
     "refine.robustness={models: 5}",
 )
 

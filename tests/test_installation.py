@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import os
 import re
 import shutil
 import subprocess
@@ -59,9 +60,14 @@ def declared(extras) -> set[str]:
 
 
 def run_make(*arguments, **settings) -> subprocess.CompletedProcess[str]:
-    """Call make in the checkout."""
+    """Call make in the checkout, as from a terminal: not as a part of the make that tests."""
     named = [f"{name}={value}" for name, value in settings.items()]
-    return subprocess.run(["make", *arguments, *named], cwd=TOP, text=True, capture_output=True)
+    own = {
+        name: value for name, value in os.environ.items() if not name.startswith(("MAKE", "MFL"))
+    }
+    return subprocess.run(
+        ["make", *arguments, *named], cwd=TOP, text=True, capture_output=True, env=own
+    )
 
 
 def imports(source: str) -> tuple[set[str], set[str]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import yaml
 from pydantic import Field, field_validator, model_validator
@@ -15,7 +15,6 @@ from besman.exceptions import ConfigError, nearest
 from besman.person.marker_set import load_marker_set
 from besman.robot.model import find_tool
 from besman.simulation.tasks.kinds import load_whole_task
-from besman.simulation.tasks.rearrange.rearrange import RearrangeConfig
 from besman.stages.compose.stage import ComposeConfig
 from besman.stages.imitate.methods import ImitateStage
 from besman.stages.imitate.stage import ImitateConfig
@@ -29,6 +28,9 @@ from besman.stages.refine.methods import RefineStage
 from besman.stages.refine.stage import CmaEsConfig
 from besman.stages.segment.methods import DefaultSegmentConfig, SegmentStage
 from besman.stages.select.stage import SelectConfig
+
+if TYPE_CHECKING:
+    from besman.simulation.tasks.rearrange.rearrange import RearrangeConfig
 
 # Relative to the file they stand in, or to the working directory where a setting has them. A name
 # of a robot or a task that is there is no path.
