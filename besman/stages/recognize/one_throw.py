@@ -126,7 +126,7 @@ class OneThrowConfig(Stage):
             }
             if len(best) == len(SIDES):
                 other = next(side for side in SIDES if side != self.arm)
-                harder.append(best[other] - best[self.arm] > _HARDER_J_KG)
+                harder.append(best[other] > best[self.arm] + _HARDER_J_KG)
         if sum(harder) > len(harder) / 2:
             other = next(side for side in SIDES if side != self.arm)
             warnings.warn(
