@@ -21,8 +21,8 @@ from besman.robot.model import Robot
 
 FloatArray = npt.NDArray[np.float64]
 Rows = tuple[FloatArray, FloatArray, FloatArray]
+# Time (T,), positions, velocities and accelerations (T, n): s, rad, rad/s, rad/s^2, at 1 kHz.
 Movement = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
-"""Time (T,), positions, velocities and accelerations (T, n): s, rad, rad/s, rad/s^2, at 1 kHz."""
 
 PEAK_VELOCITY, PEAK_ACCELERATION, PEAK_JERK = 15.0 / 8.0, 10.0 / np.sqrt(3.0), 60.0
 # Of the arm's limits of velocity and acceleration: the way there is no part of the skill.
