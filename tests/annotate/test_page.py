@@ -123,6 +123,7 @@ def test_borders_are_added_and_removed_by_mouse(serve, annotate, recording_path,
     assert abs(first[1] - 130) <= 2
     settle(page)
     page.click("#selected button:has-text('Remove')")
+    until(page, "besman.saving.rows().length === 1")
     assert rows(page) == [first]
     # A drag from where nothing is makes a segment; it stops where the next begins.
     page.evaluate("besman.document.propose = () => {}")
