@@ -74,7 +74,7 @@ $(VENV)/.installed:
 
 $(VENV)/.test:
 	$(NO_ORACLE)
-	$(call install,test$(ORACLE),150 packages (0.6 GB),one or two minutes)
+	$(call install,test$(ORACLE),170 packages (2.4 GB on disk),one or two minutes)
 
 $(VENV)/.lstm:
 	$(call install,test$(comma)lstm,torch and 160 packages (1.5 GB),three minutes)
