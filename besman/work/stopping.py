@@ -35,13 +35,28 @@ def last_words(say: Callable[[str], None]) -> Iterator[None]:
     """
     _last_words.append(say)
     try:
-        yield
+        with _heard_through_errors():
+            yield
     except StoppedError as error:
         if GOES_ON not in getattr(error, "__notes__", ()):
             error.add_note(GOES_ON)
         raise
     finally:
         _last_words.remove(say)
+
+
+@contextmanager
+def _heard_through_errors() -> Iterator[None]:
+    """Raise the `StoppedError` that led to an error, as while a compiled module was loaded."""
+    try:
+        yield
+    except Exception as error:
+        cause: BaseException | None = error
+        while cause is not None and not isinstance(cause, StoppedError):
+            cause = cause.__cause__ or cause.__context__
+        if cause is None:
+            raise
+        raise cause from None
 
 
 @contextmanager
@@ -78,7 +93,8 @@ def stops_on_signals(farewell: Callable[[StoppedError], None]) -> Iterator[None]
     for number in taken:
         signal.signal(number, stop)
     try:
-        yield
+        with _heard_through_errors():
+            yield
     finally:
         for number in taken:
             signal.signal(number, before[number])

@@ -151,3 +151,14 @@ def test_workers_end_with_who_started_them(tmp_path, number):
     process.send_signal(number)
     process.communicate()
     wait_for(lambda: not any(one.is_running() and one.status() != "zombie" for one in workers))
+
+
+@pytest.mark.parametrize("within", [stops_on_signals(print), last_words(print)])
+def test_an_error_that_a_signal_led_to_is_the_signal_s(within):
+    """A compiled module that is being loaded makes an ImportError of whatever is raised in it."""
+    error = ImportError("initialization failed")
+    error.__cause__ = StoppedError(signal.SIGTERM)
+    with pytest.raises(StoppedError, match="stopped by SIGTERM"), within:
+        raise error
+    with pytest.raises(ImportError, match="no such module"), last_words(print):
+        raise ImportError("no such module")
