@@ -23,8 +23,10 @@ FloatArray = npt.NDArray[np.float64]
 Plan = TypeVar("Plan", bound=AnyPlan)
 
 RATE_HZ = 1000.0
-# A movement is looked at in 501 or more places; between them it can be this much faster.
+# The acceleration of more weights than these has peaks between nodes, which those do not show.
+_SMOOTH_AT_NODES, _PLACES_A_WEIGHT = 20, 60
 _PLACES_A_NODE = 2
+# A movement is looked at in 501 or more places; between them it can be this much faster.
 _MARGIN = 1.0 + 5e-4
 _MARGIN_OF_PATHS = 1.0 + 1e-3
 
@@ -179,7 +181,10 @@ def least_duration(plan: AnyPlan, limits: JointLimits, robot: Robot | None = Non
     if isinstance(plan, MotionPlan) and plan.kind == "joint_dmp":
         parameters = np.column_stack([plan.start, plan.goal, plan.weights]).T
         # As if it lasted one second.
-        _, velocity, acceleration = respond(parameters)
+        _, velocity, acceleration = at_nodes = respond(parameters)
+        if plan.weights.shape[1] > _SMOOTH_AT_NODES:
+            places = np.linspace(0.0, 1.0, _count_places(plan.weights.shape[1]))
+            _, velocity, acceleration = interpolate(*at_nodes, places)
         stretch = time_stretch(limits, velocity, acceleration, 1.0 / (len(acceleration) - 1))
         return _MARGIN * stretch
     if isinstance(plan, CartesianPlan):
@@ -188,11 +193,22 @@ def least_duration(plan: AnyPlan, limits: JointLimits, robot: Robot | None = Non
         nodes = joint_nodes(plan, _own_arm(plan, robot))
         stretch = time_stretch(limits, *nodes[1:], 1.0 / (len(nodes[0]) - 1))
         return _MARGIN_OF_PATHS * max(stretch, time_stretch(limits, *greatest_rates(*nodes)))
-    n_places = _PLACES_A_NODE * (count_nodes(plan.weights.shape[1]) - 1) + 1
-    time = np.linspace(0.0, plan.duration, n_places)
+    time = np.linspace(0.0, plan.duration, _count_places(plan.weights.shape[1]))
     _, velocities, accelerations = roll_out_plans([plan], time)
     stretch = time_stretch(limits, velocities[0], accelerations[0], float(time[1]))
-    return _MARGIN * stretch * plan.duration
+    # Where a lead meets the primitive the acceleration may jump: just within the primitive.
+    inside = 1e-9 * plan.duration
+    ends = np.array([plan.lead_in_s + inside, plan.duration - plan.lead_out_s - inside])
+    _, velocities, accelerations = roll_out_plans([plan], ends)
+    at_ends = time_stretch(limits, velocities[0], accelerations[0])
+    return _MARGIN * max(stretch, at_ends) * plan.duration
+
+
+def _count_places(n_weights: int) -> int:
+    """Return in how many places a movement of so many weights is looked at."""
+    n_steps = count_nodes(n_weights) - 1
+    crowded = -(-_PLACES_A_WEIGHT * n_weights // n_steps) if n_weights > _SMOOTH_AT_NODES else 1
+    return max(_PLACES_A_NODE, crowded) * n_steps + 1
 
 
 def _own_arm(plan: CartesianPlan, robot: Robot | None) -> Robot:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from besman.exceptions import RunError, nearest
+from besman.exceptions import PlanError, RunError, nearest
 from besman.io.atomic_files import folder_aside, write_json
 from besman.motion.joint_move import join_movements
 from besman.pipeline.finished_run import read_run
@@ -38,7 +38,7 @@ def join_motions(run: Path, names: Sequence[str], out: Path, blend_s: float) -> 
     RunError
         If the folder is no finished run, or has no such motion.
     PlanError
-        If there is no straight move from one motion to the next.
+        If there is no straight move from one motion to the next, or a motion is beyond a limit.
     """
     finished = read_run(run)
     motions = {motion.plan.name: motion for motion in finished.motions}
@@ -53,6 +53,8 @@ def join_motions(run: Path, names: Sequence[str], out: Path, blend_s: float) -> 
     )
     with folder_aside(out, keep=lambda name: not is_export(Path(name))) as folder:
         asked = write_movement(movement, finished.robot, folder, "joined")
+        if not asked["exported"]:
+            raise PlanError(f"{out}: not written: {asked['withheld']}")
         asked |= {"motions": list(names), "starts_s": list(starts)}
         content = {
             "robot": finished.robot.name,

@@ -25,6 +25,7 @@ from besman.records import Failure
 from besman.records.files import digest
 from besman.robot.model import Robot
 from besman.stages.export.motion_exports import write_exports
+from besman.stages.export.withheld import withheld_motions
 from besman.work.display import Display
 from besman.work.outcome import Notes
 from besman.work.versions import code_version, result_versions
@@ -227,6 +228,8 @@ class Run:
     ) -> None:
         """Write motions as files for the arm, if those that are there are not theirs, or damaged.
 
+        The results say which are withheld, because they are beyond a limit.
+
         Parameters
         ----------
         name : str
@@ -240,12 +243,15 @@ class Run:
         folder = self.folder / name
         of = digest((motions, robot.content, self._code, result_versions()))
         fault = self._record.fault_of_exports(folder, of)
-        if fault is None:
-            return
         if fault:
             self._record.log(f"{fault}: written again")
-        self.work(name, write, motions, robot, folder)
-        self._record.add_exports(folder, of)
+        if fault is not None:
+            self.work(name, write, motions, robot, folder)
+            self._record.add_exports(folder, of)
+        withheld = withheld_motions(folder)
+        self.results[name] = {"n_motions": len(motions), "withheld": withheld}
+        for motion, why in withheld.items():
+            self._record.log(f"{name}: {motion} is not exported: {why}")
 
     def work(
         self,

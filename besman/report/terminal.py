@@ -167,7 +167,18 @@ def _arm_lines(results: dict[str, Any], suffix: str) -> list[str]:
         lines.append(f"refinement: {n} of {refine['n_motions']} by CMA-ES in the end: {why}")
     if refine.get("robustness"):
         lines.append(robustness_line(refine["robustness"]))
+    for folder in (f"exports{suffix}", *(() if suffix else ("exports_tasks",))):
+        lines += _withheld(results.get(folder, {}))
     return lines
+
+
+def _withheld(exported: dict[str, Any]) -> list[str]:
+    """Say which motions no arm is given."""
+    withheld = exported.get("withheld", {})
+    shown = [f"{name} ({why})" for name, why in list(withheld.items())[:_SHOWN]]
+    more = f" and {len(withheld) - _SHOWN} more" if len(withheld) > _SHOWN else ""
+    n = f"{len(withheld)} of {exported['n_motions']}" if withheld else ""
+    return [f"warning: {n} not exported: {', '.join(shown)}{more}"] if withheld else []
 
 
 def _simulation(found: dict[str, Any], how: str) -> str:

@@ -176,3 +176,24 @@ def test_more_weights_than_are_kept_everywhere_move_alike(robots, plan_of, kind)
     np.testing.assert_allclose(rates, velocities, atol=2e-2)
     least = least_duration(fine, robot.limits, robot)
     assert least == pytest.approx(least_duration(plan, robot.limits, robot), rel=0.03)
+
+
+@pytest.mark.parametrize("kind", ["joint_dmp", "joint_dmp_velocity"])
+@pytest.mark.parametrize("n_weights", [20, 40, 80, 120])
+def test_the_least_duration_holds_at_1_khz_however_many_weights_there_are(
+    robots, plan_of, kind, n_weights
+):
+    robot, plan = robots["ur5"], plan_of(kind)
+    rng = np.random.default_rng(n_weights)
+    roughs = [60.0 * rng.normal(size=(robot.n, n_weights)) for _ in range(4)]
+    # Something that does not begin at rest: what follows it closely has to start at once.
+    time = np.linspace(0.0, 1.4, 141)
+    ramp = 0.3 * time[:, np.newaxis] + 0.1 * np.sin(5 * time[:, np.newaxis] + np.arange(robot.n))
+    if n_weights > 20:
+        roughs.append(fit_weights(time, ramp, n_weights))
+    for weights in roughs:
+        rough = replace(plan, weights=weights)
+        slow = stretch_plan(rough, least_duration(rough, robot.limits))
+        _, velocities, accelerations = roll_out_plans([slow], np.arange(0, slow.duration, 1e-3))
+        assert np.all(np.abs(velocities[0]) <= robot.limits.velocity)
+        assert np.all(np.abs(accelerations[0]) <= robot.limits.acceleration)

@@ -21,13 +21,13 @@ from besman.io.exports import (
 )
 from besman.io.urscript import CYCLE_S, UR_JOINTS, read_urscript, write_urscript
 from besman.records import FloatArray, RefinedMotion
+from besman.stages.export.withheld import LIMITS, exported_or_why
 from besman.work.work import Work
 
 if TYPE_CHECKING:
     from besman.motion.joint_move import Movement
     from besman.robot.model import Robot
 
-_LIMITS = "limits.json"
 _ENDINGS = (".csv", ".ros.json", ".ros.yaml", ".script")
 
 # Rounding of what is written: twelve digits, nine decimals, or ten in URScript.
@@ -52,7 +52,8 @@ def write_exports(
     to rest and gently, in which the arm touches nothing; the URScript begins with it.
     Beside them ``limits.json`` says what each motion, and the way to it, asks of the arm: samples
     beyond a limit, the greatest shares of the limits, the least distance to itself, its pedestal
-    and the floor.
+    and the floor. A motion that is beyond a limit or touches something is not written: its entry
+    says ``exported: false`` and why.
 
     The folder then holds these motions and no others; what is no export stays in it.
 
@@ -87,7 +88,7 @@ def write_exports(
             local=True,
         )
         content = {"robot": robot.name, "tool": robot.tool.name, "rate_hz": RATE_HZ}
-        write_json(temporary / _LIMITS, content | {"motions": dict(reports)})
+        write_json(temporary / LIMITS, content | {"motions": dict(reports)})
 
 
 def export_name(motion: str) -> str:
@@ -98,14 +99,19 @@ def export_name(motion: str) -> str:
 
 def is_export(path: Path) -> bool:
     """Tell by its name whether a file is one that `write_exports` writes."""
-    return path.name == _LIMITS or path.name.endswith(_ENDINGS)
+    return path.name == LIMITS or path.name.endswith(_ENDINGS)
 
 
 def _export(motion: RefinedMotion, robot: Robot, folder: Path) -> tuple[str, dict[str, Any]]:
-    """Write one motion; return its name and what it asks of the arm."""
+    """Write one motion, if the arm can take it; return its name and what it asks of the arm."""
     name = export_name(motion.plan.name)
     movement = motion.time, motion.positions, motion.velocities, motion.accelerations
-    return name, write_movement(movement, robot, folder, name) | {"success": motion.success}
+    asked = write_movement(movement, robot, folder, name)
+    if not asked["exported"]:
+        for part in (name, f"{name}{_APPROACH}"):
+            for ending in _ENDINGS:
+                (folder / f"{part}{ending}").unlink(missing_ok=True)
+    return name, asked | {"success": motion.success}
 
 
 def write_movement(movement: Movement, robot: Robot, folder: Path, name: str) -> dict[str, Any]:
@@ -196,8 +202,6 @@ def _report(robot: Robot, table: Path) -> dict[str, Any]:
         np.allclose(part[[0, -1]], 0.0, rtol=0.0, atol=_STILL)
         for part in (velocities, accelerations)
     )
-    return (
-        {"duration_s": float(time[-1])}
-        | asdict(check_limits(robot, *movement))
-        | {"rests_at_ends": still}
-    )
+    report = check_limits(robot, *movement)
+    asked = {"duration_s": float(time[-1])} | asdict(report) | {"rests_at_ends": still}
+    return asked | exported_or_why(report)

@@ -22,6 +22,7 @@ from besman.records import FloatArray, TaskPlan
 from besman.robot.limits import check_limits
 from besman.robot.model import Robot
 from besman.stages.export.motion_exports import export_name, is_export
+from besman.stages.export.withheld import LIMITS, exported_or_why, withheld_because
 from besman.work.work import Work
 
 _AGREEMENT_RAD = 1e-6
@@ -38,7 +39,8 @@ def write_task_exports(
     ``NAME.K.LABEL.csv`` of each block, on the clock of the task; ``NAME.gripper.csv``;
     ``NAME.task.ros.json`` and ``.task.ros.yaml`` with a goal of ``FollowJointTrajectory`` a block,
     at 100 Hz, and the gripper's commands between them; for UR arms ``NAME.script``. ``limits.json``
-    says what each asks of the arm.
+    says what each asks of the arm; one that is beyond a limit or touches something is not written,
+    and its entry says ``exported: false`` and why.
 
     Parameters
     ----------
@@ -60,13 +62,16 @@ def write_task_exports(
         for done, plan in enumerate(plans, 1):
             name = export_name(plan.name)
             moved = sample_task(plan)
-            _write_whole(plan, moved, temporary, name)
-            _write_blocks(plan, moved, temporary, name)
-            report = check_limits(robot, *read_joint_csv(temporary / f"{name}.csv")[1:])
+            report = check_limits(robot, *moved[1:])
+            if withheld_because(report) is None:
+                _write_whole(plan, moved, temporary, name)
+                _write_blocks(plan, moved, temporary, name)
+                report = check_limits(robot, *read_joint_csv(temporary / f"{name}.csv")[1:])
             reports[name] = {"duration_s": float(moved[0][-1])} | asdict(report)
+            reports[name] |= exported_or_why(report)
             work.progress(done / len(plans))
         content = {"robot": robot.name, "tool": robot.tool.name, "rate_hz": 1000}
-        write_json(temporary / "limits.json", content | {"motions": reports})
+        write_json(temporary / LIMITS, content | {"motions": reports})
 
 
 Movement = tuple[FloatArray, FloatArray, FloatArray, FloatArray]

@@ -9,9 +9,11 @@ from besman.io.exports import read_joint_csv
 from besman.motion import joint_move
 from besman.motion.dmp import roll_out
 from besman.records import RefinedMotion
+from besman.robot.limits import LimitReport
 from besman.robot.model import load_robot
 from besman.stages.export import motion_exports
 from besman.stages.export.motion_exports import write_exports
+from besman.stages.export.withheld import withheld_because, withheld_motions
 
 
 def refined(plan):
@@ -64,6 +66,28 @@ def test_a_start_that_home_does_not_lead_to(tmp_path, robot, make_plan, monkeypa
     assert asked["no_approach"] == "from home: straight it would touch itself"
     assert not list(tmp_path.glob("*.approach.*"))
     assert (tmp_path / "a_1.script").read_text().count("movej") == 1
+
+
+def test_a_motion_beyond_a_limit_is_not_given_to_an_arm(tmp_path, robot, make_plan):
+    kept, fast = refined(make_plan(name="a:1")), refined(make_plan(name="a:2"))
+    beyond = np.array(fast.accelerations)
+    beyond[7:10, 2] = 1.001 * robot.limits.acceleration[2]
+    write_exports((kept, replace(fast, accelerations=beyond)), robot, tmp_path)
+    asked = json.loads((tmp_path / "limits.json").read_text())["motions"]
+    assert asked["a_1"]["exported"] is True
+    assert asked["a_2"]["exported"] is False
+    assert asked["a_2"]["acceleration"] == 3
+    assert list(tmp_path.glob("a_1.*"))
+    assert not list(tmp_path.glob("a_2.*"))
+    why = withheld_motions(tmp_path)["a_2"]
+    assert why == f"beyond the limit of acceleration in 3 of {len(fast.time)} samples"
+
+
+def test_what_touches_is_withheld_as_well():
+    report = LimitReport(9, 0, 2, 0, 4, 0.0, 1.1, 0.0, -0.01)
+    assert withheld_because(report) == (
+        "beyond the limit of velocity in 2, touching itself, its pedestal or the floor in 4 of 9 samples"
+    )
 
 
 def test_no_urscript_for_other_arms(tmp_path):
