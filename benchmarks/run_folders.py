@@ -291,8 +291,10 @@ def note_end(found, folder, number, code, seconds):
     found["locks held"] += not is_free(folder)
     status = json.loads((folder / "run.json").read_text())["status"]
     found[f"status {status} after {name}"] += 1
-    if number != signal.SIGKILL:
-        found["other exit codes"] += code != 128 + number
+    # A run that was done before the signal came ends as it would have ended.
+    if number != signal.SIGKILL and code != 128 + number:
+        found[f"exit code {code} of a run that was {status}"] += 1
+        found["other exit codes"] += not (status == "done" and code == 0)
 
 
 def main():
