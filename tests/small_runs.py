@@ -61,8 +61,9 @@ def refined(plan):
 
 
 def short_motions(make_plan, names, duration=0.1):
-    """Make one motion that lasts a tenth of a second, under several names."""
-    motion = refined(make_plan(duration))
+    """Make one small motion that lasts a tenth of a second, under several names."""
+    start = make_plan().start
+    motion = refined(make_plan(duration, goal=start + 0.003))
     return tuple(replace(motion, plan=replace(motion.plan, name=name)) for name in names)
 
 
