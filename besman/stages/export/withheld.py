@@ -26,7 +26,7 @@ def withheld_because(report: LimitReport) -> str | None:
     Returns
     -------
     str or None
-        Which limits it is beyond, and in how many samples; none if it keeps all and touches nothing.
+        Which limits it is beyond, in how many samples; none if it keeps all and touches nothing.
     """
     beyond = [
         f"beyond the limit of {name} in {getattr(report, name)}"

@@ -86,7 +86,8 @@ def test_a_motion_beyond_a_limit_is_not_given_to_an_arm(tmp_path, robot, make_pl
 def test_what_touches_is_withheld_as_well():
     report = LimitReport(9, 0, 2, 0, 4, 0.0, 1.1, 0.0, -0.01)
     assert withheld_because(report) == (
-        "beyond the limit of velocity in 2, touching itself, its pedestal or the floor in 4 of 9 samples"
+        "beyond the limit of velocity in 2, "
+        "touching itself, its pedestal or the floor in 4 of 9 samples"
     )
 
 
