@@ -1,0 +1,232 @@
+"""Recordings whose trajectories are put together of pieces of others, when they are asked for.
+
+Of an hour at 500 Hz the places of 13 markers have 560 MB: what was named is not copied.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from besman.records import Recording
+from besman.records.frozen import hand_over
+from besman.stages.label.gather import LeftOver
+from besman.stages.label.named_recording import NameDecision
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+# Frames that are put together at once: they stay near the processor.
+_ROWS_AT_ONCE = 2048
+
+
+class Piece(NamedTuple):
+    """Some samples of a trajectory.
+
+    Attributes
+    ----------
+    start : int
+        Row of the first.
+    samples : array, shape (N, 3)
+        Metres; NaN where not seen. A view of what was recorded.
+    """
+
+    start: int
+    samples: FloatArray
+
+    @property
+    def stop(self) -> int:
+        """Row after the last."""
+        return self.start + len(self.samples)
+
+    def part(self, start: int, stop: int) -> Piece:
+        """Return those of its samples that are in these rows."""
+        first, last = max(start, self.start), min(stop, self.stop)
+        return Piece(first, self.samples[first - self.start : max(first, last) - self.start])
+
+
+PiecedPath = tuple[Piece, ...]
+"""A trajectory: nothing is seen between its pieces; later ones lie over earlier ones."""
+
+
+def split_path(path: PiecedPath, start: int, stop: int) -> tuple[PiecedPath, PiecedPath]:
+    """Return what of a trajectory is inside rows, and what is outside."""
+    inside, outside = [], []
+    for piece in path:
+        if piece.stop <= start or piece.start >= stop:
+            outside.append(piece)
+            continue
+        inside.append(piece.part(start, stop))
+        ends = (piece.part(piece.start, start), piece.part(stop, piece.stop))
+        outside += [end for end in ends if len(end.samples)]
+    return tuple(inside), tuple(outside)
+
+
+def lay_out(path: PiecedPath, start: int, stop: int) -> FloatArray:
+    """Return a trajectory's places in some rows, shape (stop - start, 3); NaN where not seen."""
+    places = np.full((stop - start, 3), np.nan)
+    for piece in split_path(path, start, stop)[0]:
+        places[piece.start - start : piece.stop - start] = piece.samples
+    return places
+
+
+def is_seen(path: PiecedPath) -> bool:
+    """Tell whether a trajectory has any sample, whole or not."""
+    return any(
+        np.isfinite(piece.samples[row : row + _ROWS_AT_ONCE]).any()
+        for piece in path
+        for row in range(0, len(piece.samples), _ROWS_AT_ONCE)
+    )
+
+
+class WovenRecording:
+    """What a `Recording` is, with trajectories of pieces.
+
+    Parameters
+    ----------
+    frames : Recording
+        Its time, rate, source and first frame are those of this one.
+    names : sequence of (str or None), length M
+    paths : sequence of PiecedPath, length M
+    orientations : array, shape (T, M, 4), optional
+
+    Attributes
+    ----------
+    frames : Recording
+        The one without trajectories.
+    time, names, rate_hz, source, first_frame, orientations
+        As of `Recording`.
+    """
+
+    def __init__(
+        self,
+        frames: Recording,
+        names: Sequence[str | None],
+        paths: Sequence[PiecedPath],
+        orientations: FloatArray | None = None,
+    ) -> None:
+        self.frames = frames.without_samples()
+        self.time, self.rate_hz = frames.time, frames.rate_hz
+        self.source, self.first_frame = frames.source, frames.first_frame
+        self.names, self.paths, self.orientations = tuple(names), tuple(paths), orientations
+        pieces = [(column, piece) for column, path in enumerate(paths) for piece in path]
+        self._samples = [piece.samples for _, piece in pieces]
+        bounds = [(piece.start, piece.stop, column) for column, piece in pieces]
+        self._start, self._stop, self._column = np.array(bounds, np.int64).reshape(-1, 3).T
+
+    @classmethod
+    def of(cls, recording: Recording) -> WovenRecording:
+        """Return a recording as it is, each trajectory in one piece."""
+        paths = [(Piece(0, recording.positions[:, k]),) for k in range(len(recording.names))]
+        return cls(recording, recording.names, paths, recording.orientations)
+
+    def rows(
+        self, start: int, stop: int, columns: Sequence[int] | None = None, step: int = 1
+    ) -> FloatArray:
+        """Return places in some of the frames.
+
+        Parameters
+        ----------
+        start, stop : int
+            Half-open rows.
+        columns : sequence of int, length K, optional
+            Trajectories; all if not given.
+        step : int
+            From one row that is returned to the next.
+
+        Returns
+        -------
+        array, shape (ceil((stop - start) / step), K, 3)
+            Metres; NaN where not seen.
+        """
+        columns = range(len(self.paths)) if columns is None else columns
+        places = np.full((-(-(stop - start) // step), len(columns), 3), np.nan)
+        order = {column: k for k, column in enumerate(columns)}
+        for piece in self._pieces_in(start, stop):
+            k = order.get(int(self._column[piece]))
+            if k is None:
+                continue
+            begin, end = int(self._start[piece]), int(self._stop[piece])
+            first = -(-max(0, begin - start) // step)
+            last = -(-(min(stop, end) - start) // step)
+            at = start + first * step - begin
+            samples = self._samples[piece][at : min(stop, end) - begin : step]
+            places[first:last, k] = samples
+        return places
+
+    def columns_in(self, start: int, stop: int) -> list[int]:
+        """Return the trajectories that may be seen in some of the frames, in rising order."""
+        return [int(column) for column in np.unique(self._column[self._pieces_in(start, stop)])]
+
+    def gather(self, columns: Sequence[int]) -> FloatArray:
+        """Return some trajectories, as `Recording.gather` does."""
+        n_frames = len(self.time)
+        places = np.empty((n_frames, len(columns), 3))
+        for start in range(0, n_frames, _ROWS_AT_ONCE):
+            stop = min(start + _ROWS_AT_ONCE, n_frames)
+            places[start:stop] = self.rows(start, stop, columns)
+        return places
+
+    def whole(self) -> Recording:
+        """Return the recording with all its trajectories put together."""
+        return Recording(
+            time=self.time,
+            positions=hand_over(self.gather(range(len(self.paths)))),
+            names=self.names,
+            rate_hz=self.rate_hz,
+            source=self.source,
+            first_frame=self.first_frame,
+            orientations=self.orientations,
+            origin=self.frames.origin,
+        )
+
+    def _pieces_in(self, start: int, stop: int) -> list[int]:
+        """Return which pieces have samples in these rows, in their order."""
+        found: list[int] = np.flatnonzero((self._start < stop) & (self._stop > start)).tolist()
+        return found
+
+
+def weave_names(
+    recording: Recording, decisions: Sequence[NameDecision], markers: Sequence[str]
+) -> tuple[WovenRecording, dict[int, int]]:
+    """Put the markers first, then what is left of the trajectories, as it is called.
+
+    Parameters
+    ----------
+    recording : Recording
+    decisions : sequence of NameDecision
+        Of its fragments.
+    markers : sequence of str
+        Those that a name was given for.
+
+    Returns
+    -------
+    WovenRecording
+    dict of int to int
+        Where the trajectories that have something left now stand, by where they stood.
+    """
+    positions, n_frames = recording.positions, len(recording.time)
+    named: dict[str, list[Piece]] = {marker: [] for marker in markers}
+    taken: dict[int, list[tuple[int, int]]] = {}
+    for one in decisions:
+        if one.named:
+            samples = positions[one.start : one.stop, one.trajectory]
+            named[one.marker].append(Piece(one.start, samples))
+            taken.setdefault(one.trajectory, []).append((one.start, one.stop))
+    left = LeftOver(recording, decisions)
+    rests = []
+    for column in left.columns:
+        ends = [(0, 0), *sorted(taken.get(column, ())), (n_frames, n_frames)]
+        rests.append(
+            tuple(
+                Piece(start, positions[start:stop, column])
+                for (_, start), (stop, _) in zip(ends[:-1], ends[1:], strict=True)
+                if stop > start
+            )
+        )
+    paths = [*(tuple(pieces) for pieces in named.values()), *rests]
+    places = {column: len(markers) + k for k, column in enumerate(left.columns)}
+    return WovenRecording(recording, (*markers, *left.names), paths), places
