@@ -97,7 +97,8 @@ class Naming:
     ) -> None:
         self.marker_set = marker_set
         self.note = ""
-        self.base, fragments = self._label(recording, teacher)
+        base, fragments = self._label(recording, teacher)
+        self.base = pack_markers(base, marker_set)
         self.fragments = sorted(
             fragments, key=lambda one: (not one.review, one.start - one.end, one.start, one.column)
         )
@@ -136,6 +137,9 @@ class Naming:
         every = (*named, *(None,) * len(unnamed))
         shown = [*(paths[name] for name in named), *(rest[column] for column in unnamed)]
         recording = WovenRecording(self.base.frames, every, shown)
+        if every == self.base.names and not names:
+            # What is packed to be filled is filled in place.
+            recording = self.base
         return NamedView(recording, {column: len(named) + k for k, column in enumerate(unnamed)})
 
     def candidates(self, number: int, names: Names) -> list[tuple[str, bool]]:
@@ -254,6 +258,18 @@ class Naming:
             if seen.size:
                 best = min(best, float(np.linalg.norm(places[seen[0]] - end)))
         return best
+
+
+def pack_markers(recording: WovenRecording, marker_set: MarkerSet) -> WovenRecording:
+    """Return a recording that holds nothing of what was read but what is seen.
+
+    The markers of a set, if they are all called by its names, are ready to be filled.
+    """
+    try:
+        columns = marker_set.find(recording.names, recording.source)
+    except LabellingError:
+        columns = {}
+    return recording.pack(tuple(columns.values()))
 
 
 def _cut(recording: Recording) -> list[Fragment]:

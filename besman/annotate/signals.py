@@ -42,18 +42,24 @@ class Pyramid:
     def __init__(self, samples: Callable[[int, int], Float32], n_samples: int) -> None:
         self._samples, self._n_samples = samples, n_samples
         self._levels: list[Float32] = []
-        if n_samples <= _FEWEST_BINS:
-            return
-        lows, highs = [], []
-        for start in range(0, n_samples, CHUNK):
-            some = samples(start, min(start + CHUNK, n_samples))
-            lows.append(_reduce(some, np.fmin))
-            highs.append(_reduce(some, np.fmax))
-        low, high = np.concatenate(lows, axis=1), np.concatenate(highs, axis=1)
-        self._levels.append(np.stack((low, high), axis=2))
-        while low.shape[1] > _FEWEST_BINS:
-            low, high = _reduce(low, np.fmin), _reduce(high, np.fmax)
-            self._levels.append(np.stack((low, high), axis=2))
+        if n_samples > _FEWEST_BINS:
+            self._levels.append(self._first_level())
+        while self._levels and self._levels[-1].shape[1] > _FEWEST_BINS:
+            low, high = np.moveaxis(self._levels[-1], 2, 0)
+            self._levels.append(np.stack((_reduce(low, np.fmin), _reduce(high, np.fmax)), axis=2))
+
+    def _first_level(self) -> Float32:
+        """Return the least and greatest of each `FACTOR` samples, shape (C, N, 2)."""
+        level = np.empty((0, 0, 2), dtype=np.float32)
+        for start in range(0, self._n_samples, CHUNK):
+            some = self._samples(start, min(start + CHUNK, self._n_samples))
+            if start == 0:
+                n_bins = -(-self._n_samples // FACTOR)
+                level = np.empty((len(some), n_bins, 2), dtype=np.float32)
+            bins = slice(start // FACTOR, (start + CHUNK) // FACTOR)
+            level[:, bins, 0] = _reduce(some, np.fmin)
+            level[:, bins, 1] = _reduce(some, np.fmax)
+        return level
 
     @property
     def n_levels(self) -> int:

@@ -9,7 +9,7 @@ from typing import Any
 
 from besman.annotate.document import Document
 from besman.annotate.named_file import NamedFile
-from besman.annotate.naming import NamedView, Names, Naming
+from besman.annotate.naming import NamedView, Names, Naming, pack_markers
 from besman.annotate.proposals import ProposedSegment, propose_stretches
 from besman.annotate.signals import SignalPyramids
 from besman.annotate.skeleton import find_bones
@@ -80,27 +80,33 @@ class Take:
         teacher: Recording | None = None,
     ) -> None:
         self.path = path
-        recording = read_recording(path)
-        if not by_rows(find_seen, recording.positions).any():
-            raise AnnotationError(
-                f"{path}: no marker is visible in any of {len(recording.time)} frames; there "
-                "is nothing to annotate"
-            )
         self.markers = markers
-        self.document = Document(segments or segments_path(path), recording)
         self.naming: Naming | None = None
         self.names: dict[int, str] = {}
         self.names_revision = 0
         self.named_file = NamedFile(path)
         self._lock = threading.Lock()
-        if None in recording.names:
-            marker_set = load_marker_set(markers or _guess_set(recording, teacher))
-            self.naming = Naming(recording, marker_set, teacher)
-            self.recording = self.naming.base
-            self._show(self.naming.view({}))
-        else:
-            self.recording = WovenRecording.of(recording)
-            self._show(NamedView(self.recording, {}))
+        self.document, self.recording = self._read(segments, teacher)
+        self._show(self.naming.view({}) if self.naming else NamedView(self.recording, {}))
+
+    def _read(
+        self, segments: Path | None, teacher: Recording | None
+    ) -> tuple[Document, WovenRecording]:
+        """Read the recording, and name what has no name; what was read is not kept."""
+        recording = read_recording(self.path)
+        if not by_rows(find_seen, recording.positions).any():
+            raise AnnotationError(
+                f"{self.path}: no marker is visible in any of {len(recording.time)} frames; there "
+                "is nothing to annotate"
+            )
+        document = Document(segments or segments_path(self.path), recording)
+        nameless = None in recording.names
+        by = teacher if nameless and teacher is not None else recording
+        marker_set = load_marker_set(self.markers or _guess_set(by))
+        if not nameless:
+            return document, pack_markers(WovenRecording.of(recording), marker_set)
+        self.naming = Naming(recording, marker_set, teacher)
+        return document, self.naming.base
 
     def give_names(self, names: Names, revision: int | None = None) -> None:
         """Give names to fragments; those not mentioned have none.
@@ -260,9 +266,8 @@ class Take:
         return True
 
 
-def _guess_set(recording: Recording, teacher: Recording | None) -> str:
+def _guess_set(named: Recording) -> str:
     """Return the marker set to name trajectories by: that of the names there are."""
-    named = recording if teacher is None else teacher
     for name in MARKER_SETS:
         try:
             load_marker_set(name).match(named.names, named.source)

@@ -117,6 +117,10 @@ class Recording(
         """Return a copy of the places of some trajectories, shape (T, K, 3), metres."""
         return np.take(self.positions, list(columns), axis=1)
 
+    def gather_to_fill(self, columns: Sequence[int]) -> FloatArray:
+        """Return places as `gather` does, to be written to where nothing is seen."""
+        return self.gather(columns)
+
     def without_samples(self) -> Recording:
         """Return its frames alone: of the samples of an hour there are hundreds of megabytes."""
         nothing = np.empty((len(self.time), 0, 3))

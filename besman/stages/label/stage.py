@@ -110,10 +110,13 @@ class LabelBase(Stage):
         marker_set: MarkerSet,
     ) -> LabelledRecording:
         """Take trajectories for markers as they are named, and fill the gaps that may be filled."""
-        positions = recording.gather(list(columns.values()))
-        orientations = _keep_orientations(recording, tuple(columns.values()))
-        if marker_set.side == "left":
+        chosen = tuple(columns.values())
+        orientations = _keep_orientations(recording, chosen)
+        if marker_set.side != "left":
+            positions = recording.gather_to_fill(chosen)
+        else:
             # In place: of an hour there are hundreds of megabytes.
+            positions = recording.gather(chosen)
             positions *= MIRROR
             orientations = None if orientations is None else orientations * MIRROR_TURN
         filled = fill_in_place(

@@ -11,6 +11,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from besman.geometry.gaps import find_runs, find_seen
+from besman.geometry.row_blocks import by_rows
 from besman.records import Recording
 from besman.records.frozen import hand_over
 from besman.stages.label.gather import LeftOver
@@ -116,6 +118,7 @@ class WovenRecording:
         self._samples = [piece.samples for _, piece in pieces]
         bounds = [(piece.start, piece.stop, column) for column, piece in pieces]
         self._start, self._stop, self._column = np.array(bounds, np.int64).reshape(-1, 3).T
+        self._packed: tuple[tuple[int, ...], FloatArray] | None = None
 
     @classmethod
     def of(cls, recording: Recording) -> WovenRecording:
@@ -169,6 +172,42 @@ class WovenRecording:
             stop = min(start + _ROWS_AT_ONCE, n_frames)
             places[start:stop] = self.rows(start, stop, columns)
         return places
+
+    def pack(self, columns: Sequence[int]) -> WovenRecording:
+        """Return the same without anything of what was recorded but what is seen.
+
+        Parameters
+        ----------
+        columns : sequence of int
+            Trajectories that are kept in one array, in this order, for `gather_to_fill`. Of these
+            a sample without all three coordinates is not seen.
+        """
+        places, paths = self.gather(columns), list(self.paths)
+        for column, path in enumerate(paths):
+            if column not in columns:
+                paths[column] = tuple(
+                    Piece(piece.start + start, piece.samples[start:stop].copy())
+                    for piece in path
+                    for start, stop in find_runs(np.isfinite(piece.samples).any(axis=1)).tolist()
+                )
+        for k, column in enumerate(columns):
+            runs = find_runs(by_rows(find_seen, places[:, k])).tolist()
+            paths[column] = tuple(Piece(start, places[start:stop, k]) for start, stop in runs)
+        packed = WovenRecording(self.frames, self.names, paths, self.orientations)
+        packed._packed = tuple(columns), places
+        return packed
+
+    def gather_to_fill(self, columns: Sequence[int]) -> FloatArray:
+        """Return places as `gather` does, to be written to where nothing is seen.
+
+        Of those that were packed in this order it is their array itself, once: between the pieces
+        of trajectories nobody looks at it.
+        """
+        packed, self._packed = self._packed, None
+        if packed is None or packed[0] != tuple(columns):
+            self._packed = packed
+            return self.gather(columns)
+        return packed[1]
 
     def whole(self) -> Recording:
         """Return the recording with all its trajectories put together."""
