@@ -5,7 +5,7 @@ import pytest
 
 from besman.stages.label.anchor import choose_anchor_frames, find_anchor
 from besman.stages.label.fragments import measure_pairs, split_fragments
-from besman.stages.label.scores import GHOST, ScoreWeights
+from besman.stages.label.scores import ScoreWeights
 from besman.stages.label.trajectories import learn_from_recording
 
 
@@ -38,8 +38,7 @@ def test_all_markers_of_an_instant_are_named(clean, teacher, marker_set, hidden)
     anchor = find_anchor(fragments, measure_pairs(fragments), model, ScoreWeights(), 150)
     named = {
         clean.truth[0][fragments.column[k]]: model.markers[label]
-        for k, label in enumerate(anchor.labels)
-        if label != GHOST
+        for k, label in zip(anchor.fragments, anchor.markers, strict=True)
     }
     assert anchor.frame == 150
     assert len(named) == positions.shape[1] - len(hidden)
