@@ -6,6 +6,7 @@ Of an hour at 500 Hz the places of 13 markers have 560 MB: what was named is not
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -51,7 +52,7 @@ class Piece(NamedTuple):
 
 
 PiecedPath = tuple[Piece, ...]
-"""A trajectory: nothing is seen between its pieces; later ones lie over earlier ones."""
+"""A trajectory: nothing is seen between its pieces, of which no two share a row."""
 
 
 def split_path(path: PiecedPath, start: int, stop: int) -> tuple[PiecedPath, PiecedPath]:
@@ -188,7 +189,9 @@ class WovenRecording:
                 paths[column] = tuple(
                     Piece(piece.start + start, piece.samples[start:stop].copy())
                     for piece in path
-                    for start, stop in find_runs(np.isfinite(piece.samples).any(axis=1)).tolist()
+                    for start, stop in find_runs(
+                        np.any(np.isfinite(piece.samples), axis=1)
+                    ).tolist()
                 )
         for k, column in enumerate(columns):
             runs = find_runs(by_rows(find_seen, places[:, k])).tolist()
@@ -262,7 +265,7 @@ def weave_names(
         rests.append(
             tuple(
                 Piece(start, positions[start:stop, column])
-                for (_, start), (stop, _) in zip(ends[:-1], ends[1:], strict=True)
+                for (_, start), (stop, _) in pairwise(ends)
                 if stop > start
             )
         )

@@ -26,9 +26,7 @@ _MOST_TURN_RAD = np.radians(120.0)
 _MEAN_OVER_S = 1.0
 
 
-def take_from_person(
-    paths: FloatArray, back: Sequence[FloatArray], rate_hz: float
-) -> FloatArray:
+def take_from_person(paths: FloatArray, back: Sequence[FloatArray], rate_hz: float) -> FloatArray:
     """Return paths as seen from the back of a person who walks, as they are of one who stays.
 
     Parameters
@@ -52,7 +50,7 @@ def take_from_person(
     rows = np.arange(len(paths))
 
     def place(some: IntArray) -> FloatArray:
-        return np.stack([marker[some] for marker in back], axis=1).mean(axis=1)
+        return np.asarray(np.stack([marker[some] for marker in back], axis=1).mean(axis=1))
 
     middle = by_rows(place, seen)
     if max(_wander(rows, seen, middle[:, axis], rate_hz) for axis in (0, 1)) <= _FARTHEST_LEAN_M:
