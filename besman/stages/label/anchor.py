@@ -116,14 +116,15 @@ def _dense_pairs(
     """Return mean, variance and weight of the distances of fragments seen together, (K, K)."""
     mean = np.zeros((len(alive), len(alive)))
     variance, overlap = mean.copy(), mean.copy()
-    for k, fragment in enumerate(alive):
-        edge = slice(pairs.row[fragment], pairs.row[fragment + 1])
-        second = pairs.second[edge]
-        place = np.minimum(np.searchsorted(alive, second), len(alive) - 1)
-        hit = alive[place] == second
-        mean[k, place[hit]] = pairs.mean[edge][hit]
-        variance[k, place[hit]] = pairs.variance[edge][hit]
-        overlap[k, place[hit]] = pairs.overlap_s[edge][hit]
+    begin, end = pairs.row[alive], pairs.row[alive + 1]
+    edges = np.concatenate([np.arange(*bounds) for bounds in zip(begin, end, strict=True)])
+    second = pairs.second[edges]
+    place = np.minimum(np.searchsorted(alive, second), len(alive) - 1)
+    hit = np.flatnonzero(alive[place] == second)
+    at, edges = (np.repeat(np.arange(len(alive)), end - begin)[hit], place[hit]), edges[hit]
+    mean[at] = pairs.mean[edges]
+    variance[at] = pairs.variance[edges]
+    overlap[at] = pairs.overlap_s[edges]
     return mean, variance, observations(overlap, weights)
 
 

@@ -50,6 +50,11 @@ class Piece(NamedTuple):
         first, last = max(start, self.start), min(stop, self.stop)
         return Piece(first, self.samples[first - self.start : max(first, last) - self.start])
 
+    def seen_parts(self) -> list[Piece]:
+        """Return copies of the stretches in which there is a sample, whole or not."""
+        runs = find_runs(np.asarray(np.isfinite(self.samples).any(axis=1))).tolist()
+        return [Piece(self.start + a, self.samples[a:b].copy()) for a, b in runs]
+
 
 PiecedPath = tuple[Piece, ...]
 """A trajectory: nothing is seen between its pieces, of which no two share a row."""
@@ -186,13 +191,7 @@ class WovenRecording:
         places, paths = self.gather(columns), list(self.paths)
         for column, path in enumerate(paths):
             if column not in columns:
-                paths[column] = tuple(
-                    Piece(piece.start + start, piece.samples[start:stop].copy())
-                    for piece in path
-                    for start, stop in find_runs(
-                        np.any(np.isfinite(piece.samples), axis=1)
-                    ).tolist()
-                )
+                paths[column] = tuple(part for piece in path for part in piece.seen_parts())
         for k, column in enumerate(columns):
             runs = find_runs(by_rows(find_seen, places[:, k])).tolist()
             paths[column] = tuple(Piece(start, places[start:stop, k]) for start, stop in runs)
