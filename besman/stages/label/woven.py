@@ -26,7 +26,7 @@ IntArray = npt.NDArray[np.int64]
 _ROWS_AT_ONCE = 2048
 
 
-class Piece(NamedTuple):
+class TrajectoryPiece(NamedTuple):
     """Some samples of a trajectory.
 
     Attributes
@@ -45,18 +45,20 @@ class Piece(NamedTuple):
         """Row after the last."""
         return self.start + len(self.samples)
 
-    def part(self, start: int, stop: int) -> Piece:
+    def part(self, start: int, stop: int) -> TrajectoryPiece:
         """Return those of its samples that are in these rows."""
         first, last = max(start, self.start), min(stop, self.stop)
-        return Piece(first, self.samples[first - self.start : max(first, last) - self.start])
+        return TrajectoryPiece(
+            first, self.samples[first - self.start : max(first, last) - self.start]
+        )
 
-    def seen_parts(self) -> list[Piece]:
+    def seen_parts(self) -> list[TrajectoryPiece]:
         """Return copies of the stretches in which there is a sample, whole or not."""
         runs = find_runs(np.asarray(np.isfinite(self.samples).any(axis=1))).tolist()
-        return [Piece(self.start + a, self.samples[a:b].copy()) for a, b in runs]
+        return [TrajectoryPiece(self.start + a, self.samples[a:b].copy()) for a, b in runs]
 
 
-PiecedPath = tuple[Piece, ...]
+PiecedPath = tuple[TrajectoryPiece, ...]
 """A trajectory: nothing is seen between its pieces, of which no two share a row."""
 
 
@@ -129,7 +131,9 @@ class WovenRecording:
     @classmethod
     def of(cls, recording: Recording) -> WovenRecording:
         """Return a recording as it is, each trajectory in one piece."""
-        paths = [(Piece(0, recording.positions[:, k]),) for k in range(len(recording.names))]
+        paths = [
+            (TrajectoryPiece(0, recording.positions[:, k]),) for k in range(len(recording.names))
+        ]
         return cls(recording, recording.names, paths, recording.orientations)
 
     def rows(
@@ -194,7 +198,9 @@ class WovenRecording:
                 paths[column] = tuple(part for piece in path for part in piece.seen_parts())
         for k, column in enumerate(columns):
             runs = find_runs(by_rows(find_seen, places[:, k])).tolist()
-            paths[column] = tuple(Piece(start, places[start:stop, k]) for start, stop in runs)
+            paths[column] = tuple(
+                TrajectoryPiece(start, places[start:stop, k]) for start, stop in runs
+            )
         packed = WovenRecording(self.frames, self.names, paths, self.orientations)
         packed._packed = tuple(columns), places
         return packed
@@ -250,12 +256,12 @@ def weave_names(
         Where the trajectories that have something left now stand, by where they stood.
     """
     positions, n_frames = recording.positions, len(recording.time)
-    named: dict[str, list[Piece]] = {marker: [] for marker in markers}
+    named: dict[str, list[TrajectoryPiece]] = {marker: [] for marker in markers}
     taken: dict[int, list[tuple[int, int]]] = {}
     for one in decisions:
         if one.named:
             samples = positions[one.start : one.stop, one.trajectory]
-            named[one.marker].append(Piece(one.start, samples))
+            named[one.marker].append(TrajectoryPiece(one.start, samples))
             taken.setdefault(one.trajectory, []).append((one.start, one.stop))
     left = LeftOver(recording, decisions)
     rests = []
@@ -263,7 +269,7 @@ def weave_names(
         ends = [(0, 0), *sorted(taken.get(column, ())), (n_frames, n_frames)]
         rests.append(
             tuple(
-                Piece(start, positions[start:stop, column])
+                TrajectoryPiece(start, positions[start:stop, column])
                 for (_, start), (stop, _) in pairwise(ends)
                 if stop > start
             )

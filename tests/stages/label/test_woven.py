@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from besman.records import Recording
 from besman.stages.label.woven import (
-    Piece,
+    TrajectoryPiece,
     WovenRecording,
     is_seen,
     lay_out,
@@ -30,7 +30,7 @@ def make_case(seed):
             samples = rng.normal(size=(stop - start, 3))
             samples[rng.random(len(samples)) < 0.2] = np.nan
             whole[start:stop, column] = samples
-            pieces.append(Piece(start, samples))
+            pieces.append(TrajectoryPiece(start, samples))
         paths.append(tuple(pieces))
     time, nothing = np.arange(N_FRAMES) / 50, np.empty((N_FRAMES, 0, 3))
     frames = Recording(time, nothing, (), 50.0, "a.tsv", 7)
