@@ -6,12 +6,9 @@ layer. In the file it has the recording's frame numbers.
 
 from __future__ import annotations
 
-import dataclasses
 import json
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from besman.annotate.store import NO_FILE, Store
 from besman.exceptions import AnnotationError
@@ -42,11 +39,7 @@ class Document:
 
     def __init__(self, path: Path, recording: Recording) -> None:
         self.path = path
-        # Its frames: of the samples of an hour there are hundreds of megabytes.
-        nothing = np.empty((len(recording.time), 0, 3))
-        self.recording = dataclasses.replace(
-            recording, positions=nothing, names=(), orientations=None
-        )
+        self.recording = recording.without_samples()
         self._origin = describe_origin(recording)
         self.store = Store(path)
         self._around: dict[str, Any] = {}

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from besman.exceptions import AnnotationError
 from besman.io.recordings.formats import WRITTEN_SUFFIXES, write_recording
-from besman.records import Recording
+from besman.stages.label.woven import WovenRecording
 
 
 class NamedFile:
@@ -34,7 +34,7 @@ class NamedFile:
             number += 1
         self._own = False
 
-    def write(self, recording: Recording) -> Path:
+    def write(self, recording: WovenRecording) -> Path:
         """Write the recording, whole or not at all.
 
         Raises
@@ -47,6 +47,7 @@ class NamedFile:
                 f"{self.path}: was written by another in the meantime and is not overwritten; "
                 "start besman annotate again for another name"
             )
-        write_recording(recording, self.path)
+        # What is named is put together as it is written.
+        write_recording(recording.frames, self.path, recording)
         self._own = True
         return self.path

@@ -8,27 +8,31 @@ name of a marker that is not seen at the same time, or be called a ghost: a refl
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 
 from besman.exceptions import AnnotationError, LabellingError, nearest
 from besman.geometry.gaps import find_runs
 from besman.person.marker_set import MarkerSet, normalise_name
-from besman.records import FloatArray, Recording
-from besman.records.frozen import hand_over
-from besman.stages.label.gather import found_markers, gather_all
+from besman.records import Recording
+from besman.stages.label.gather import found_markers
 from besman.stages.label.stage import LabelTrajectoriesConfig
 from besman.stages.label.trajectories import decide_names
+from besman.stages.label.woven import (
+    PiecedPath,
+    WovenRecording,
+    is_seen,
+    lay_out,
+    split_path,
+    weave_names,
+)
 
 GHOST = ""
 """Name of a fragment that is no marker."""
 
 Names = Mapping[int, str]
 """Names of fragments, by their number."""
-
-_Key = TypeVar("_Key")
 
 # A marker that vanished is looked for so long before and after.
 _NEAR_S = 1.0
@@ -62,7 +66,7 @@ class Fragment(NamedTuple):
 class NamedView(NamedTuple):
     """A recording with names given, and where the trajectories without one are in it."""
 
-    recording: Recording
+    recording: WovenRecording
     columns: dict[int, int]
 
 
@@ -80,7 +84,7 @@ class Naming:
 
     Attributes
     ----------
-    base : Recording
+    base : WovenRecording
         The recording with the names that it has or that labelling found.
     fragments : list of Fragment
         First those for review, then what labelling takes for no marker; long ones first.
@@ -93,7 +97,8 @@ class Naming:
     ) -> None:
         self.marker_set = marker_set
         self.note = ""
-        self.base, fragments = self._label(recording, teacher)
+        base, fragments = self._label(recording, teacher)
+        self.base = pack_markers(base, marker_set)
         self.fragments = sorted(
             fragments, key=lambda one: (not one.review, one.start - one.end, one.start, one.column)
         )
@@ -117,25 +122,24 @@ class Naming:
             If there is no such fragment or marker, or the marker is seen at the same time.
         """
         paths = self._named_paths()
-        rest = {k: self._column(k) for k, name in enumerate(self.base.names) if name is None}
+        rest = {k: self.base.paths[k] for k, name in enumerate(self.base.names) if name is None}
         for number, name in sorted(names.items()):
             fragment = self._fragment(number)
-            rows, column = slice(fragment.start, fragment.end), fragment.column
+            rows, column = (fragment.start, fragment.end), fragment.column
+            given, rest[column] = split_path(rest[column], *rows)
             if name != GHOST:
                 if name not in paths:
                     raise AnnotationError(f"no marker {name!r}; {nearest(name, paths)}")
                 self._refuse_twice(paths[name], name, fragment)
-                _writable(paths, name)[rows] = rest[column][rows]
-            _writable(rest, column)[rows] = np.nan
-        named = [name for name, path in paths.items() if np.isfinite(path).any()]
-        unnamed = [column for column, path in rest.items() if np.isfinite(path).any()]
+                paths[name] = (*split_path(paths[name], *rows)[1], *given)
+        named = [name for name, path in paths.items() if is_seen(path)]
+        unnamed = [column for column, path in rest.items() if is_seen(path)]
         every = (*named, *(None,) * len(unnamed))
-        recording = self.base
-        if names or every != recording.names or recording.orientations is not None:
-            shown = np.stack([paths[name] for name in named] + [rest[k] for k in unnamed], axis=1)
-            recording = replace(
-                recording, positions=hand_over(shown), names=every, orientations=None
-            )
+        shown = [*(paths[name] for name in named), *(rest[column] for column in unnamed)]
+        recording = WovenRecording(self.base.frames, every, shown)
+        if every == self.base.names and not names:
+            # What is packed to be filled is filled in place.
+            recording = self.base
         return NamedView(recording, {column: len(named) + k for k, column in enumerate(unnamed)})
 
     def candidates(self, number: int, names: Names) -> list[tuple[str, bool]]:
@@ -160,18 +164,18 @@ class Naming:
         for other, name in names.items():
             if other != number and name in paths:
                 one = self._fragment(other)
-                rows = slice(one.start, one.end)
-                _writable(paths, name)[rows] = self._column(one.column)[rows]
+                given, _ = split_path(self.base.paths[one.column], one.start, one.end)
+                paths[name] = (*split_path(paths[name], one.start, one.end)[1], *given)
         found = []
         for order, (name, path) in enumerate(paths.items()):
-            taken = bool(np.isfinite(path[fragment.start : fragment.end]).any())
+            taken = bool(np.isfinite(lay_out(path, fragment.start, fragment.end)).any())
             away = self._distance(path, fragment)
             found.append((taken, name != fragment.best, away, order, name))
         return [(name, not taken) for taken, _, _, _, name in sorted(found)]
 
     def _label(
         self, recording: Recording, teacher: Recording | None
-    ) -> tuple[Recording, list[Fragment]]:
+    ) -> tuple[WovenRecording, list[Fragment]]:
         """Return the recording with names, and its fragments."""
         named = any(recording.names)
         config = LabelTrajectoriesConfig(markers=self.marker_set.name)
@@ -181,16 +185,14 @@ class Naming:
             decisions = decide_names(recording, self.marker_set, model, config.threshold)
         except LabellingError as error:
             self.note = str(error)
-            return recording, _cut(recording)
-        base, columns = recording, {k: k for k, name in enumerate(recording.names) if name is None}
-        if not named:
+            return WovenRecording.of(recording), _cut(recording)
+        if named:
+            base = WovenRecording.of(recording)
+            columns = {k: k for k, name in enumerate(recording.names) if name is None}
+        else:
             markers = found_markers(decisions, self.marker_set)
-            positions, names = gather_all(recording, decisions, markers)
-            base = replace(recording, positions=hand_over(positions), names=names)
+            base, columns = weave_names(recording, decisions, markers)
             decisions = tuple(one for one in decisions if not one.named)
-            # Trajectories that keep something unnamed follow the markers, in their order.
-            left = sorted({one.trajectory for one in decisions})
-            columns = {column: len(markers) + k for k, column in enumerate(left)}
         return base, [
             Fragment(
                 columns[one.trajectory],
@@ -211,10 +213,10 @@ class Naming:
             )
         return self.fragments[number]
 
-    def _named_paths(self) -> dict[str, FloatArray]:
-        """Return the paths of all names that there may be, NaN where not seen, by the set's order.
+    def _named_paths(self) -> dict[str, PiecedPath]:
+        """Return the paths of all names that there may be, by the set's order.
 
-        They are read-only. Names of the recording that are not in the set come last.
+        Names of the recording that are not in the set come last.
         """
         spelt: dict[str, str] = {}
         for name in filter(None, self.base.names):
@@ -227,19 +229,13 @@ class Naming:
         others = (name for name in self.base.names if name and name not in paths)
         return paths | {name: self._path_of(name) for name in others}
 
-    def _path_of(self, name: str) -> FloatArray:
-        if name in self.base.names:
-            return self._column(self.base.names.index(name))
-        return np.broadcast_to(np.nan, (len(self.base.time), 3))
+    def _path_of(self, name: str) -> PiecedPath:
+        return self.base.paths[self.base.names.index(name)] if name in self.base.names else ()
 
-    def _column(self, column: int) -> FloatArray:
-        """Return a trajectory of `base`, shape (T, 3), read-only."""
-        path: FloatArray = self.base.positions[:, column]
-        return path
-
-    def _refuse_twice(self, path: FloatArray, name: str, fragment: Fragment) -> None:
+    def _refuse_twice(self, path: PiecedPath, name: str, fragment: Fragment) -> None:
         """Refuse a name that another dot has at the same time."""
-        seen = np.flatnonzero(np.isfinite(path[fragment.start : fragment.end, 0]))
+        places = lay_out(path, fragment.start, fragment.end)
+        seen = np.flatnonzero(np.isfinite(places[:, 0]))
         if len(seen):
             first = self.base.first_frame + fragment.start
             raise AnnotationError(
@@ -247,29 +243,33 @@ class Naming:
                 "expected one dot of a name at a time"
             )
 
-    def _distance(self, path: FloatArray, fragment: Fragment) -> float:
+    def _distance(self, path: PiecedPath, fragment: Fragment) -> float:
         """Return how far a marker is, just before or after, from where a fragment begins or ends.
 
         Metres; infinite where it is not seen near in time.
         """
         near = max(1, round(_NEAR_S * self.base.rate_hz))
-        own = self.base.positions[:, fragment.column]
+        own = lay_out(self.base.paths[fragment.column], fragment.start, fragment.end)
+        before = lay_out(path, max(0, fragment.start - near + 1), fragment.start)[::-1]
+        after = lay_out(path, fragment.end, min(len(self.base.time), fragment.end + near))
         best = np.inf
-        for rows, place in (
-            (range(fragment.start - 1, max(-1, fragment.start - near), -1), own[fragment.start]),
-            (range(fragment.end, min(len(path), fragment.end + near)), own[fragment.end - 1]),
-        ):
-            seen = next((row for row in rows if np.isfinite(path[row, 0])), None)
-            if seen is not None:
-                best = min(best, float(np.linalg.norm(path[seen] - place)))
+        for places, end in ((before, own[0]), (after, own[-1])):
+            seen = np.flatnonzero(np.isfinite(places[:, 0]))
+            if seen.size:
+                best = min(best, float(np.linalg.norm(places[seen[0]] - end)))
         return best
 
 
-def _writable(paths: dict[_Key, FloatArray], key: _Key) -> FloatArray:
-    """Return a path to be written to: of one that may not, its copy, which takes its place."""
-    if not paths[key].flags.writeable:
-        paths[key] = np.array(paths[key])
-    return paths[key]
+def pack_markers(recording: WovenRecording, marker_set: MarkerSet) -> WovenRecording:
+    """Return a recording that holds nothing of what was read but what is seen.
+
+    The markers of a set, if they are all called by its names, are ready to be filled.
+    """
+    try:
+        columns = marker_set.find(recording.names, recording.source)
+    except LabellingError:
+        columns = {}
+    return recording.pack(tuple(columns.values()))
 
 
 def _cut(recording: Recording) -> list[Fragment]:

@@ -7,15 +7,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from besman.annotate.document import Document
 from besman.annotate.named_file import NamedFile
-from besman.annotate.naming import NamedView, Names, Naming
+from besman.annotate.naming import NamedView, Names, Naming, pack_markers
 from besman.annotate.proposals import ProposedSegment, propose_stretches
 from besman.annotate.signals import SignalPyramids
 from besman.annotate.skeleton import find_bones
 from besman.exceptions import AnnotationError, BesmanError, ChangedError, LabellingError
+from besman.geometry.gaps import find_seen
+from besman.geometry.row_blocks import by_rows
 from besman.io.recordings.formats import read_recording
 from besman.io.segments_json import segments_path
 from besman.person.marker_set import MarkerSet, load_marker_set
@@ -23,6 +23,7 @@ from besman.records import LabelledRecording, Recording
 from besman.records.layers import ACTIONS, Side
 from besman.stages.label.results import trajectory_name
 from besman.stages.label.stage import LabelConfig
+from besman.stages.label.woven import WovenRecording
 
 MARKER_SETS = ("two_arms", "right_arm", "xsens", "exoskeleton")
 """Marker sets that are tried in this order where none is named."""
@@ -53,9 +54,9 @@ class Take:
 
     Attributes
     ----------
-    recording : Recording
+    recording : WovenRecording
         With the names that it has, or that labelling found.
-    shown : Recording
+    shown : WovenRecording
         The recording with the names that were found or given.
     naming : Naming or None
         What has no name, None if everything has.
@@ -79,27 +80,33 @@ class Take:
         teacher: Recording | None = None,
     ) -> None:
         self.path = path
-        self.recording = read_recording(path)
-        if not np.isfinite(self.recording.positions).all(axis=2).any():
-            raise AnnotationError(
-                f"{path}: no marker is visible in any of {len(self.recording.time)} frames; there "
-                "is nothing to annotate"
-            )
         self.markers = markers
-        self.document = Document(segments or segments_path(path), self.recording)
         self.naming: Naming | None = None
         self.names: dict[int, str] = {}
         self.names_revision = 0
         self.named_file = NamedFile(path)
         self._lock = threading.Lock()
-        if None in self.recording.names:
-            marker_set = load_marker_set(markers or _guess_set(self.recording, teacher))
-            self.naming = Naming(self.recording, marker_set, teacher)
-            # The same samples under the names found; what was read is not kept beside them.
-            self.recording = self.naming.base
-            self._show(self.naming.view({}))
-        else:
-            self._show(NamedView(self.recording, {}))
+        self.document, self.recording = self._read(segments, teacher)
+        self._show(self.naming.view({}) if self.naming else NamedView(self.recording, {}))
+
+    def _read(
+        self, segments: Path | None, teacher: Recording | None
+    ) -> tuple[Document, WovenRecording]:
+        """Read the recording, and name what has no name; what was read is not kept."""
+        recording = read_recording(self.path)
+        if not by_rows(find_seen, recording.positions).any():
+            raise AnnotationError(
+                f"{self.path}: no marker is visible in any of {len(recording.time)} frames; there "
+                "is nothing to annotate"
+            )
+        document = Document(segments or segments_path(self.path), recording)
+        nameless = None in recording.names
+        by = teacher if nameless and teacher is not None else recording
+        marker_set = load_marker_set(self.markers or _guess_set(by))
+        if not nameless:
+            return document, pack_markers(WovenRecording.of(recording), marker_set)
+        self.naming = Naming(recording, marker_set, teacher)
+        return document, self.naming.base
 
     def give_names(self, names: Names, revision: int | None = None) -> None:
         """Give names to fragments; those not mentioned have none.
@@ -144,8 +151,7 @@ class Take:
     def _show(self, view: NamedView) -> None:
         """Show a recording; what was computed of another is forgotten."""
         self.shown, self._columns = view
-        shown = self.shown
-        self.signals = SignalPyramids(shown.time, shown.positions, shown.rate_hz)
+        self.signals = SignalPyramids(self.shown)
         self._labelled: tuple[LabelledRecording, MarkerSet] | BesmanError | None = None
         self._stretches: dict[str, list[ProposedSegment]] = {}
 
@@ -243,7 +249,7 @@ class Take:
             marker_set = load_marker_set(name)
             try:
                 label = LabelConfig(markers=name, longest_gap_s=_LONGEST_GAP_S)
-                (labelled,) = label.run((self.shown,), marker_set)
+                labelled = label.take_given(self.shown, marker_set)
                 # Files of one name in several folders are not to be taken for each other.
                 return replace(labelled, source=str(self.path)), marker_set
             except LabellingError as failure:
@@ -260,9 +266,8 @@ class Take:
         return True
 
 
-def _guess_set(recording: Recording, teacher: Recording | None) -> str:
+def _guess_set(named: Recording) -> str:
     """Return the marker set to name trajectories by: that of the names there are."""
-    named = recording if teacher is None else teacher
     for name in MARKER_SETS:
         try:
             load_marker_set(name).match(named.names, named.source)

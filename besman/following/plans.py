@@ -7,18 +7,22 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from besman.classifiers.novelty import UNKNOWN
 from besman.exceptions import ConfigError, RunError
 from besman.following.arms import FollowedArm
 from besman.following.follower import Follower
 from besman.following.foresight import Foresight
+from besman.geometry.row_blocks import by_rows
 from besman.person.body import find_body
 from besman.person.marker_set import MarkerSet, load_marker_set
-from besman.person.mirror import mirror_recording
+from besman.person.mirror import MIRROR, MIRROR_TURN
 from besman.pipeline.config import learn_from
 from besman.pipeline.finished_run import read_recipe, trained_model
 from besman.pipeline.stored_run import open_run
 from besman.records import LabelledRecording, LabelledSegments, Recording
+from besman.records.frozen import hand_over
 from besman.records.layers import IDLE, side_of
 from besman.stages.compose.actions import LevelModel
 from besman.stages.compose.borders import measure_brisk
@@ -172,20 +176,23 @@ def label_by_names(recording: Recording, marker_set: MarkerSet) -> LabelledRecor
     BesmanError
         If a required marker is not among the names.
     """
-    columns = list(marker_set.match(recording.names, recording.source).items())
+    columns = marker_set.match(recording.names, recording.source)
+    chosen = list(columns.values())
+    # Of an hour each copy has hundreds of megabytes: one is made.
+    positions = recording.gather(chosen)
+    turned = None if recording.orientations is None else recording.orientations[:, chosen]
     if marker_set.side == "left":
-        recording = mirror_recording(recording)
-    rows = [column for _, column in columns]
-    turned = recording.orientations
+        positions *= MIRROR
+        turned = None if turned is None else turned * MIRROR_TURN
     labelled = LabelledRecording(
         recording.time,
-        recording.positions[:, rows],
-        tuple(marker for marker, _ in columns),
-        recording.positions[:, rows, 0] * 0 != 0,
+        hand_over(positions),
+        tuple(columns),
+        by_rows(lambda some: ~np.isfinite(some[:, :, 0]), positions),
         recording.rate_hz,
         recording.source,
         recording.first_frame,
-        None if turned is None else turned[:, rows],
+        turned,
     )
     return derive_markers(labelled, marker_set)
 

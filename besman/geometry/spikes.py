@@ -26,6 +26,8 @@ _IMPOSSIBLE_M_S = 100.0
 # At an end few samples are lost if it was something after all.
 _AT_AN_END_M_S, _AT_AN_END_M = 50.0, 0.3
 _FARTHEST_M = 1e9
+# Times of frames, and with them what a step may be, are rounded.
+_ROUNDING = 1e-6
 # Frames whose steps are looked at together; they stay near the processor.
 _AT_ONCE = 1024
 
@@ -76,7 +78,7 @@ def find_faults(positions: FloatArray, rate_hz: float, joined: BoolArray) -> Fau
         seen = find_seen(path)
         pieces = [np.flatnonzero(seen)]
         if not joined[column]:
-            pieces = [np.arange(start, end) for start, end in find_runs(seen)]
+            pieces = _pieces_with_steps(path, seen, rate_hz)
         for rows in pieces:
             if len(rows) < 2:
                 continue
@@ -87,6 +89,20 @@ def find_faults(positions: FloatArray, rate_hz: float, joined: BoolArray) -> Fau
             fast = steps > np.maximum(SMALLEST_M, _IMPOSSIBLE_M_S / rate_hz * np.diff(left))
             jumps += [(int(row), column) for row in left[1:][fast]]
     return Faults(spikes, tuple(sorted(jumps)))
+
+
+def _pieces_with_steps(
+    path: FloatArray, seen: BoolArray, rate_hz: float
+) -> list[npt.NDArray[np.int64]]:
+    """Return the rows of each stretch that is seen and has a step that may begin a spike.
+
+    Of an hour without names there are thousands of stretches, and a jump is a longer step yet.
+    """
+    steps = np.linalg.norm(np.diff(path, axis=0), axis=1)
+    edges = np.flatnonzero(steps > (1.0 - _ROUNDING) * _reach(1.0 / rate_hz) / 2.0)
+    runs = find_runs(seen)
+    has_one = np.searchsorted(edges, runs[:, 0]) < np.searchsorted(edges, runs[:, 1] - 1)
+    return [np.arange(start, end) for start, end in runs[has_one]]
 
 
 def _suspects(positions: FloatArray, rate_hz: float, joined: BoolArray) -> list[int]:

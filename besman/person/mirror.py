@@ -12,6 +12,12 @@ from besman.records import FloatArray, LabelledRecording, Recording
 
 Shown = TypeVar("Shown", bound=Recording | LabelledRecording)
 
+MIRROR = np.array([1.0, -1.0, 1.0])
+"""What a mirror makes of x, y, z."""
+
+MIRROR_TURN = np.array([1.0, -1.0, 1.0, -1.0])
+"""What it makes of a quaternion (w, x, y, z)."""
+
 _SIDES = {"left": "right", "right": "left", "l": "r", "r": "l"}
 _WORD = re.compile(r"left|right", re.IGNORECASE)
 # RELB, RElbow, r_shoulder, r.ASIS; elbow_r, ASISr.
@@ -36,7 +42,7 @@ def mirror_name(name: str) -> str:
 
 def mirror_positions(positions: FloatArray) -> FloatArray:
     """Return positions (..., 3) with y turned round."""
-    return np.asarray(positions * np.array([1.0, -1.0, 1.0]))
+    return np.asarray(positions * MIRROR)
 
 
 def mirror_recording(recording: Shown) -> Shown:
@@ -56,7 +62,7 @@ def mirror_recording(recording: Shown) -> Shown:
     positions = mirror_positions(recording.positions)
     orientations = recording.orientations
     if orientations is not None:
-        orientations = orientations * np.array([1.0, -1.0, 1.0, -1.0])
+        orientations = orientations * MIRROR_TURN
     return replace(recording, positions=positions, orientations=orientations)
 
 

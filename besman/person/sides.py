@@ -9,6 +9,8 @@ turning the forearm leads at most a quarter turn away from it to either side.
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import numpy.typing as npt
 
@@ -134,15 +136,20 @@ def find_exchanged(
 
     flips = by_rows(turns, seen[:-1], seen[1:])
     broken = steps > _LONGEST_STEP_S * rate_hz + 1.0
-    known = np.nan_to_num(evidence)
-    for stretch in np.split(np.arange(len(seen)), np.flatnonzero(broken) + 1):
-        rows = seen[stretch]
-        turned = np.cumsum(np.concatenate(([0], flips[stretch[:-1]]))) % 2 == 1
-        weight = np.where(turned, -known[rows], known[rows])
-        n_known = int(np.isfinite(evidence[rows]).sum())
-        sure = n_known >= _LEAST_EVIDENCE_S * rate_hz and abs(weight.sum()) > _SURE * n_known
+    edges = [0, *(np.flatnonzero(broken) + 1).tolist(), len(seen)]
+    # What is held of an hour at 500 Hz is a dozen megabytes each time.
+    del steps, broken
+    for first, last in pairwise(edges):
+        rows = seen[first:last]
+        turned = np.concatenate(([False], np.logical_xor.accumulate(flips[first : last - 1])))
+        weight = evidence[rows]
+        n_known = int(np.isfinite(weight).sum())
+        np.nan_to_num(weight, copy=False)
+        np.negative(weight, out=weight, where=turned)
+        total = float(weight.sum())
+        sure = n_known >= _LEAST_EVIDENCE_S * rate_hz and abs(total) > _SURE * n_known
         if sure:
-            exchanged[rows] = turned == (weight.sum() > 0.0)
+            exchanged[rows] = turned == (total > 0.0)
         elif turned.any():
             # Nothing but the exchange itself is known: what lasts is right.
             exchanged[rows] = turned == (2 * turned.sum() <= len(turned))

@@ -5,7 +5,8 @@ Arrays are copied, made read-only and checked once, at construction.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -111,6 +112,19 @@ class Recording(
                 f"Recording.names must name {self.positions.shape[1]} trajectories, "
                 f"got {len(self.names)}"
             )
+
+    def gather(self, columns: Sequence[int]) -> FloatArray:
+        """Return a copy of the places of some trajectories, shape (T, K, 3), metres."""
+        return np.take(self.positions, list(columns), axis=1)
+
+    def gather_to_fill(self, columns: Sequence[int]) -> FloatArray:
+        """Return places as `gather` does, to be written to where nothing is seen."""
+        return self.gather(columns)
+
+    def without_samples(self) -> Recording:
+        """Return its frames alone: of the samples of an hour there are hundreds of megabytes."""
+        nothing = np.empty((len(self.time), 0, 3))
+        return replace(self, positions=nothing, names=(), orientations=None)
 
     def check(self) -> None:
         """Refuse what no camera delivers, as `besman.records.frozen.Record.check` says."""

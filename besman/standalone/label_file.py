@@ -14,7 +14,6 @@ from besman.io.recordings.format import Columns
 from besman.io.recordings.formats import find_writer, read_recording, write_recording
 from besman.person.marker_set import load_marker_set
 from besman.person.mirror import mirror_name, mirror_positions, mirror_recording
-from besman.records import Recording
 from besman.records.frozen import FloatArray, hand_over
 from besman.stages.label.gather import LeftOver, found_markers, gather_markers
 from besman.stages.label.methods import DefaultLabelConfig
@@ -86,7 +85,7 @@ def label_file(
     positions = gather_markers(recording, decisions, found)
     read_names = recording.names
     left: Columns = LeftOver(recording, decisions)
-    recording = _without_samples(recording)
+    recording = recording.without_samples()
     filled = np.zeros((len(positions), len(found)), dtype=np.bool_)
     if fill:
         longest = config.fill_samples(recording.rate_hz)
@@ -121,12 +120,6 @@ class _Mirrored:
 
     def rows(self, start: int, stop: int) -> FloatArray:
         return mirror_positions(self._left.rows(start, stop))
-
-
-def _without_samples(recording: Recording) -> Recording:
-    """Return the frames of a recording, without trajectories."""
-    nothing = np.empty((len(recording.time), 0, 3))
-    return replace(recording, positions=nothing, names=(), orientations=None)
 
 
 def summarise(names: TrajectoryNames, named: NamedRecording) -> dict[str, Any]:

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from besman.exceptions import BesmanError, LabellingError, RecordingError, RecordingWarning
-from besman.geometry.gaps import find_runs
+from besman.geometry.gaps import find_runs, find_seen
+from besman.geometry.row_blocks import by_rows
 from besman.io.recordings.formats import KNOWN_FORMATS, read_recording, recognise
 from besman.io.recordings.subjects import find_subjects
 from besman.person.marker_set import MarkerSet
@@ -20,6 +21,7 @@ from besman.stages.label.stage import LabelConfig
 from besman.standalone.unknown_file import describe_unknown
 
 _HEAD_BYTES = 16_384
+_MOST_MEASURED = 100_000  # samples by which an extent is told
 _STEP_S = 0.1  # over which speeds are measured: noise of single frames is no movement
 STILL_M = 0.02
 """What keeps within a cube of this edge stands still, metres."""
@@ -166,10 +168,17 @@ def content_of(look: Look, commands: list[str]) -> dict[str, Any]:
 
 def measure_extent(positions: FloatArray) -> FloatArray:
     """Return the edges of the box that nearly all samples (T, M, 3) lie in, metres; NaN if none."""
-    seen = positions[np.isfinite(positions).all(axis=2)]
-    if not len(seen):
+    seen = by_rows(find_seen, positions)
+    n_seen = int(np.count_nonzero(seen))
+    if not n_seen:
         return np.full(3, np.nan)
-    low, high = np.percentile(seen[:: max(1, len(seen) // 100_000)], [0.5, 99.5], axis=0)
+    # Every so many of those seen; of an hour no copy is made.
+    order = np.cumsum(np.count_nonzero(seen, axis=1))
+    chosen = np.arange(0, n_seen, max(1, n_seen // _MOST_MEASURED))
+    rows = np.searchsorted(order, chosen, side="right")
+    nth = chosen - np.where(rows > 0, order[rows - 1], 0)
+    columns = np.argmax(np.cumsum(seen[rows], axis=1) > nth[:, None], axis=1)
+    low, high = np.percentile(positions[rows, columns], [0.5, 99.5], axis=0)
     return np.asarray(high - low)
 
 

@@ -10,6 +10,7 @@ from besman.exceptions import AnnotationError, ChangedError
 from besman.io.recordings.formats import read_recording, write_recording
 from besman.person.marker_set import load_marker_set
 from besman.records import Recording
+from besman.stages.label.woven import WovenRecording
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +56,7 @@ def test_fragments_are_what_has_no_name_and_labelling_knows_them(naming, named):
 
 
 def test_names_put_the_recording_together_again(naming, named):
-    view = naming.view({0: "Elbow", 1: "Elbow"}).recording
+    view = naming.view({0: "Elbow", 1: "Elbow"}).recording.whole()
     assert None not in view.names
     assert set(view.names) == set(named.names)
     for name in named.names:
@@ -69,7 +70,7 @@ def test_ghosts_are_left_out_and_what_has_no_name_stays(naming):
     view = naming.view({0: GHOST})
     assert view.recording.names[-1] is None
     assert view.columns == {naming.fragments[1].column: len(view.recording.names) - 1}
-    elbow = view.recording.positions[:, view.recording.names.index("Elbow")]
+    elbow = view.recording.gather([view.recording.names.index("Elbow")])
     assert np.isnan(elbow[250:400]).all()
 
 
@@ -93,7 +94,7 @@ def test_candidates_begin_with_the_likely_one_and_end_with_those_that_are_seen(n
     free = [is_free for _, is_free in found]
     assert free == sorted(free, reverse=True)
     # A name once given is taken where both would be seen.
-    both = hide(naming.base, "Elbow", [(400, 430)])
+    both = hide(naming.base.whole(), "Elbow", [(400, 430)])
     again = Naming(both, load_marker_set("right_arm"))
     assert again.candidates(2, {0: "Elbow"})[0] == ("Elbow", True)
     with pytest.raises(AnnotationError, match="fragment 9: there are 2"):
@@ -135,7 +136,7 @@ def test_take_writes_the_named_recording_and_overwrites_nothing(tmp_path, broken
     other = NamedFile(path)
     other.path.write_text("theirs")
     with pytest.raises(AnnotationError, match="was written by another in the meantime"):
-        other.write(named)
+        other.write(WovenRecording.of(named))
 
 
 def test_names_given_in_another_window_are_not_lost(tmp_path, broken):
@@ -164,7 +165,7 @@ def test_a_marker_spelt_twice_keeps_both_trajectories(named):
     doubled = Recording(
         named.time, named.positions, tuple(names), named.rate_hz, "a.tsv", named.first_frame
     )
-    shown = Naming(doubled, marker_set).view({}).recording
+    shown = Naming(doubled, marker_set).view({}).recording.whole()
     for column, name in enumerate(names[:-1]):
         np.testing.assert_array_equal(
             shown.positions[:, shown.names.index(name)], named.positions[:, column]

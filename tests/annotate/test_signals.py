@@ -3,6 +3,8 @@ import pytest
 
 from besman.annotate.signals import CHUNK, FACTOR, Pyramid, SignalPyramids
 from besman.exceptions import WebError
+from besman.records import Recording
+from besman.stages.label.woven import WovenRecording
 
 
 @pytest.fixture
@@ -13,14 +15,20 @@ def positions():
     return x
 
 
+def signals_of(positions):
+    names = (None,) * positions.shape[1]
+    recording = Recording(np.arange(len(positions)) / 100, positions, names, 100.0, "a.tsv")
+    return SignalPyramids(WovenRecording.of(recording))
+
+
 @pytest.fixture
 def signals(positions):
-    return SignalPyramids(np.arange(len(positions)) / 100, positions, 100.0)
+    return signals_of(positions)
 
 
 def test_every_level_holds_least_and_greatest_value(positions):
     values = positions[:, 1].T
-    pyramid = Pyramid(values)
+    pyramid = Pyramid(lambda start, stop: values[:, start:stop].astype(np.float32), 20_011)
     assert pyramid.n_levels == 3
     for level in range(1, pyramid.n_levels):
         step = FACTOR**level
@@ -51,7 +59,7 @@ def test_sketch_is_every_nth_sample(signals, positions):
 def test_speed_of_a_steady_movement_is_its_speed():
     t = np.arange(300) / 100
     positions = np.stack([np.outer(t, [3.0, 0, 4.0]), np.outer(t, [0, 1.0, 0])], axis=1)
-    signals = SignalPyramids(t, positions, 100.0)
+    signals = signals_of(positions)
     speeds = signals.chunk("speeds", 0, 0, 0)
     np.testing.assert_allclose(speeds[0], 5.0, rtol=1e-4)
     np.testing.assert_allclose(speeds[2], 6.0, rtol=1e-4)
@@ -62,11 +70,33 @@ def test_sum_does_not_fall_where_a_marker_is_hidden():
     t = np.arange(300) / 100
     positions = np.stack([np.outer(t, [1.0, 0, 0])] * 2, axis=1)
     positions[100:200, 1] = np.nan
-    total = SignalPyramids(t, positions, 100.0).chunk("speeds", 0, 0, 0)[-1]
+    total = signals_of(positions).chunk("speeds", 0, 0, 0)[-1]
     np.testing.assert_allclose(total, 2.0, rtol=1e-4)
     positions[100:200] = np.nan
-    total = SignalPyramids(t, positions, 100.0).chunk("speeds", 0, 0, 0)[-1]
+    total = signals_of(positions).chunk("speeds", 0, 0, 0)[-1]
     assert np.isnan(total[110:190]).all()
+
+
+@pytest.mark.parametrize("n_samples", [3, 40, 9000])
+def test_pieces_of_velocities_and_speeds_are_those_of_the_whole(n_samples):
+    rng = np.random.default_rng(1)
+    positions = np.cumsum(rng.normal(size=(n_samples, 3, 3)), axis=0)
+    positions[rng.random((n_samples, 3)) < 0.3] = np.nan
+    signals, x = signals_of(positions), positions.astype(np.float32)
+    rows = np.arange(n_samples)
+    after, before = np.minimum(rows + 2, n_samples - 1), np.maximum(rows - 2, 0)
+    span = (after / 100 - before / 100).astype(np.float32)
+    velocities = (x[after] - x[before]) / span[:, None, None]
+    speeds = np.sqrt((velocities**2)[..., 0] + (velocities**2)[..., 1] + (velocities**2)[..., 2])
+    n_pieces = -(-n_samples // CHUNK)
+    for group, whole in (("velocities", velocities[:, 1].T), ("speeds", speeds.T)):
+        pieces = [signals.chunk(group, 1, 0, k) for k in range(n_pieces)]
+        found = np.concatenate(pieces, axis=1)[: len(whole)]
+        np.testing.assert_array_equal(found, whole)
+    total = np.concatenate([signals.chunk("speeds", 0, 0, k)[-1] for k in range(n_pieces)])
+    seen = np.isfinite(speeds).sum(axis=1)
+    mean = np.nansum(speeds, axis=1) / np.maximum(seen, 1)
+    np.testing.assert_allclose(total, np.where(seen, 3 * mean, np.nan), rtol=1e-5)
 
 
 @pytest.mark.parametrize(

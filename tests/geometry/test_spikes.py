@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from places import DATA, REAL_DATA
 
+from besman.geometry.gaps import find_runs
 from besman.geometry.spikes import LONGEST, find_faults
 from besman.io.recordings.formats import find_recordings, read_recording
 
@@ -110,3 +111,24 @@ def test_what_was_recorded_has_none():
         assert found.jumps == (), path
         looked_at += 1
     assert looked_at >= 11
+
+
+@pytest.mark.parametrize("rate_hz", [30.0, 100.0, 1000.0])
+def test_stretches_that_are_passed_over_have_no_faults(monkeypatch, rate_hz):
+    rng = np.random.default_rng(5)
+    positions = np.cumsum(rng.normal(scale=0.3 / rate_hz, size=(3000, 6, 3)), axis=0)
+    for k in range(6):
+        for at in rng.integers(0, 2990, size=12):
+            positions[at : at + rng.integers(1, 12), k] += rng.choice([0.05, 0.2, 2.0])
+    positions[rng.random((3000, 6)) < 0.03] = np.nan
+    found = find_faults(positions, rate_hz, np.zeros(6, bool))
+    assert found.spikes.any()
+    assert found.jumps
+
+    def every(path, seen, rate_hz):
+        return [np.arange(start, end) for start, end in find_runs(seen)]
+
+    monkeypatch.setattr("besman.geometry.spikes._pieces_with_steps", every)
+    again = find_faults(positions, rate_hz, np.zeros(6, bool))
+    np.testing.assert_array_equal(found.spikes, again.spikes)
+    assert found.jumps == again.jumps

@@ -230,3 +230,15 @@ def test_the_page_in_the_documentation_is_what_is_printed(monkeypatch, capsys):
     monkeypatch.chdir(TOP)
     assert besman(monkeypatch, "look", "data/stick_throw/subject1.tsv") == 0
     assert f"```text\n{capsys.readouterr().out}```" in (TOP / "docs/howto/recording.md").read_text()
+
+
+@pytest.mark.parametrize("most", [7, 100, 10**6])
+def test_an_extent_is_that_of_every_so_many_samples_seen(monkeypatch, most):
+    monkeypatch.setattr("besman.standalone.look_files._MOST_MEASURED", most)
+    rng = np.random.default_rng(2)
+    positions = rng.normal(size=(90, 4, 3))
+    positions[rng.random((90, 4)) < 0.6] = np.nan
+    seen = positions[np.isfinite(positions).all(axis=2)]
+    low, high = np.percentile(seen[:: max(1, len(seen) // most)], [0.5, 99.5], axis=0)
+    np.testing.assert_array_equal(measure_extent(positions), high - low)
+    assert np.isnan(measure_extent(np.full((3, 2, 3), np.nan))).all()

@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from besman.stages.label.fragments import FragmentPairs, Fragments
-from besman.stages.label.model import MarkerModel, signed_volumes
-from besman.stages.label.scores import GHOST, ScoreWeights, log_t1, observations
+from besman.stages.label.model import MarkerModel, corner_volumes
+from besman.stages.label.scores import ScoreWeights, log_t1, observations
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
 
 HIDDEN = -1
 _HIDDEN_COST = 2.0
 _LEAST_SIDE = -8.0  # a single wrong handedness or order never speaks more strongly
+# Pulls from which on the least side is meant, and from which on log 2 is, to the last bit.
+_SURE_PULL = (-8.7, 38.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,14 +33,15 @@ class Anchor:
     ----------
     frame : int
         Where.
-    labels : int array, shape (N,)
-        Marker of each fragment seen then, `GHOST` for all others.
+    fragments, markers : int array, shape (A,)
+        Fragments seen then that have a name, and the marker that each is.
     score : float
         Log likelihood ratio of the best explanation.
     """
 
     frame: int
-    labels: IntArray
+    fragments: IntArray
+    markers: IntArray
     score: float
 
 
@@ -100,10 +106,8 @@ def find_anchor(
     mean, variance, count = _dense_pairs(pairs, alive, weights)
     places = fragments.position(alive, np.full(len(alive), frame))
     chosen, score = _search_beam(mean, variance, count, places, model, weights.least_fit, beam)
-    labels = np.full(fragments.n_fragments, GHOST, dtype=np.int64)
     named = np.flatnonzero(chosen != HIDDEN)
-    labels[alive[chosen[named]]] = named
-    return Anchor(frame, labels, score)
+    return Anchor(frame, alive[chosen[named]], named, score)
 
 
 def _dense_pairs(
@@ -112,19 +116,60 @@ def _dense_pairs(
     """Return mean, variance and weight of the distances of fragments seen together, (K, K)."""
     mean = np.zeros((len(alive), len(alive)))
     variance, overlap = mean.copy(), mean.copy()
-    for k, fragment in enumerate(alive):
-        edge = slice(pairs.row[fragment], pairs.row[fragment + 1])
-        second = pairs.second[edge]
-        place = np.minimum(np.searchsorted(alive, second), len(alive) - 1)
-        hit = alive[place] == second
-        mean[k, place[hit]] = pairs.mean[edge][hit]
-        variance[k, place[hit]] = pairs.variance[edge][hit]
-        overlap[k, place[hit]] = pairs.overlap_s[edge][hit]
+    begin, end = pairs.row[alive], pairs.row[alive + 1]
+    edges = np.concatenate([np.arange(*bounds) for bounds in zip(begin, end, strict=True)])
+    second = pairs.second[edges]
+    place = np.minimum(np.searchsorted(alive, second), len(alive) - 1)
+    hit = np.flatnonzero(alive[place] == second)
+    at, edges = (np.repeat(np.arange(len(alive)), end - begin)[hit], place[hit]), edges[hit]
+    mean[at] = pairs.mean[edges]
+    variance[at] = pairs.variance[edges]
+    overlap[at] = pairs.overlap_s[edges]
     return mean, variance, observations(overlap, weights)
 
 
-def _order_markers(model: MarkerModel, weight: FloatArray) -> IntArray:
-    """Order markers so that each is well tied to those before it."""
+class _Step(NamedTuple):
+    """What the search looks at when it gives one more marker.
+
+    Attributes
+    ----------
+    marker : int
+    pairs : slice
+        Where those of this marker are in `_Plan.pairs`.
+    others : int array
+        Markers that were given before it.
+    quads, swaps : int array
+        Which of the model's tuples it completes.
+    """
+
+    marker: int
+    pairs: slice
+    others: IntArray
+    quads: IntArray
+    swaps: IntArray
+
+
+class _Plan(NamedTuple):
+    """In which order a model's markers are given.
+
+    Attributes
+    ----------
+    steps : tuple of _Step
+    pairs : int array, shape (P, 2)
+        Each step's marker with all before it, step after step.
+    weight : array, shape (M, M)
+        Of the markers' distances.
+    """
+
+    steps: tuple[_Step, ...]
+    pairs: IntArray
+    weight: FloatArray
+
+
+@lru_cache(maxsize=2)
+def _plan_search(model: MarkerModel) -> _Plan:
+    """Order markers so that each is well tied to those before it; the same for all instants."""
+    weight = np.maximum(model.weight, model.weight.T)
     tie = -weight * np.log(model.spread)
     np.fill_diagonal(tie, -np.inf)
     order = [int(place) for place in np.unravel_index(int(tie.argmax()), tie.shape)]
@@ -132,7 +177,21 @@ def _order_markers(model: MarkerModel, weight: FloatArray) -> IntArray:
     while rest:
         total = np.maximum(tie[rest][:, order], 0.0).sum(axis=1)
         order.append(rest.pop(int(total.argmax())))
-    return np.array(order, dtype=np.int64)
+    rank = np.argsort(order)
+    of_quads = rank[model.quads].max(axis=1, initial=-1)
+    of_swaps = rank[model.swaps].max(axis=1, initial=-1)
+    steps = [
+        _Step(
+            marker,
+            slice(k * (k - 1) // 2, k * (k + 1) // 2),
+            np.array(order[:k], dtype=np.int64),
+            np.flatnonzero(of_quads == k),
+            np.flatnonzero(of_swaps == k),
+        )
+        for k, marker in enumerate(order)
+    ]
+    pairs = [(marker, other) for k, marker in enumerate(order) for other in order[:k]]
+    return _Plan(tuple(steps), np.array(pairs, dtype=np.int64).reshape(-1, 2), weight)
 
 
 def _fit_distances(
@@ -140,14 +199,26 @@ def _fit_distances(
     variance: FloatArray,
     count: FloatArray,
     model: MarkerModel,
-    weight: FloatArray,
+    plan: _Plan,
     least_fit: float,
 ) -> FloatArray:
-    """Return how well two markers fit two fragments, (M, M, K, K + 1); the last K is hidden."""
-    distance, spread = model.distance[:, :, None, None], model.spread[:, :, None, None]
-    squared = ((mean - distance) ** 2 + variance) / spread**2
-    fit = np.maximum(log_t1(squared, np.log(spread)), least_fit) * count * weight[:, :, None, None]
-    return np.pad(fit, ((0, 0), (0, 0), (0, 0), (0, 1)))
+    """Return how well pairs of markers, (P, 2), fit two fragments, (P, K + 1, K).
+
+    The first marker is the second fragment; the other one is hidden if its fragment is the last.
+    """
+    pairs, weight = plan.pairs, plan.weight
+    n = len(mean)
+    fit = np.zeros((len(pairs), n + 1, n))
+    # Distances are the same both ways, and most of the time goes into their logarithms.
+    i, j = np.triu_indices(n)
+    distance, spread, weight = (
+        table[pairs[:, 0], pairs[:, 1], None] for table in (model.distance, model.spread, weight)
+    )
+    squared = ((mean[i, j] - distance) ** 2 + variance[i, j]) / spread**2
+    some = np.maximum(log_t1(squared, np.log(spread)), least_fit) * count[i, j] * weight
+    fit[:, i, j] = some
+    fit[:, j, i] = some
+    return fit
 
 
 def _search_beam(
@@ -161,69 +232,68 @@ def _search_beam(
 ) -> tuple[IntArray, float]:
     """Return the fragment (K) of each marker, `HIDDEN` for none, and the score."""
     n_fragments = len(places)
-    weight = np.maximum(model.weight, model.weight.T)
-    order = _order_markers(model, weight)
-    rank = np.argsort(order)
-    fit = _fit_distances(mean, variance, count, model, weight, least_fit)
-    chosen = np.full((1, model.n_markers), HIDDEN, dtype=np.int64)
-    score = np.zeros(1)
-    for step, marker in enumerate(order):
-        gain = np.zeros((len(chosen), n_fragments + 1))
+    plan = _plan_search(model)
+    fit = _fit_distances(mean, variance, count, model, plan, least_fit)
+    # Markers by partial explanations: what is looked at together lies side by side.
+    chosen = np.full((model.n_markers, 1), HIDDEN, dtype=np.int64)
+    score, planes = np.zeros(1), np.ascontiguousarray(places.T)
+    for number, step in enumerate(plan.steps):
+        gain = np.zeros((chosen.shape[1], n_fragments + 1))
         gain[:, -1] = -_HIDDEN_COST
-        for other in order[:step]:
-            gain[:, :-1] += np.take(fit[marker, other], chosen[:, other], axis=1).T
-        taken = np.where(chosen == HIDDEN, n_fragments, chosen)
-        used = np.zeros((len(chosen), n_fragments + 1), dtype=bool)
-        np.put_along_axis(used, taken, True, axis=1)
-        gain[:, :-1][used[:, :-1]] = -np.inf
+        taken = chosen[step.others]
+        gain[:, :-1] = fit[step.pairs][np.arange(number)[:, None], taken].sum(axis=0)
+        # What is hidden is taken any number of times.
+        hidden = gain[:, -1].copy()
+        gain[np.arange(len(gain)), taken] = -np.inf
+        gain[:, -1] = hidden
         total = score[:, None] + gain
         # The first two markers span all pairs, otherwise the beam could lose the right one early.
-        width = total.size if step < 2 else 4 * beam
+        width = total.size if number < 2 else 4 * beam
         best = np.argsort(-total, axis=None, kind="stable")[:width]
         best = best[np.isfinite(total.flat[best])]
-        state, fragment = np.unravel_index(best, total.shape)
-        chosen = chosen[state]
-        chosen[:, marker] = np.where(fragment == n_fragments, HIDDEN, fragment)
-        score = total[state, fragment] + _score_sides(chosen, marker, rank, mean, places, model)
-        kept = np.argsort(-score, kind="stable")[: beam if step >= 2 else None]
-        chosen, score = chosen[kept], score[kept]
-    return chosen[0], float(score[0])
+        state, fragment = np.divmod(best, n_fragments + 1)
+        chosen = chosen[:, state]
+        chosen[step.marker] = np.where(fragment == n_fragments, HIDDEN, fragment)
+        score = total[state, fragment] + _score_sides(chosen, step, mean, planes, model)
+        kept = np.argsort(-score, kind="stable")[: beam if number >= 2 else None]
+        chosen, score = chosen[:, kept], score[kept]
+    return chosen[:, 0], float(score[0])
 
 
 def _score_sides(
-    chosen: IntArray,
-    marker: int,
-    rank: IntArray,
-    mean: FloatArray,
-    places: FloatArray,
-    model: MarkerModel,
+    chosen: IntArray, step: _Step, mean: FloatArray, planes: FloatArray, model: MarkerModel
 ) -> FloatArray:
-    """Score handedness and order of the tuples that `marker` completes, shape (B,)."""
-    score = np.zeros(len(chosen))
-    quads = np.flatnonzero(rank[model.quads].max(axis=1, initial=-1) == rank[marker])
-    if quads.size:
-        member = chosen[:, model.quads[quads]]
-        volume = signed_volumes(places, np.maximum(member, 0).reshape(-1, 4))
-        pull = 2.0 * model.volume[quads] * volume.reshape(len(chosen), -1)
-        _add_sides(score, member, pull / model.volume_spread[quads] ** 2)
-    swaps = np.flatnonzero(rank[model.swaps].max(axis=1, initial=-1) == rank[marker])
-    if swaps.size:
-        member = chosen[:, model.swaps[swaps]]
-        a, b, c = np.moveaxis(np.maximum(member, 0), 2, 0)
-        pull = 2.0 * model.excess[swaps] * (mean[a, c] - mean[b, c])
-        _add_sides(score, member, pull / model.excess_spread[swaps] ** 2)
-    return score
+    """Score handedness and order of the tuples that a marker completes, shape (B,)."""
+    pulls, members = [], []
+    if step.quads.size:
+        member = chosen[model.quads[step.quads].T]
+        # What is hidden counts for nothing, wherever the last fragment is.
+        volume = corner_volumes(np.take(planes, member, axis=1))
+        pull = 2.0 * model.volume[step.quads, None] * volume
+        pulls.append(pull / model.volume_spread[step.quads, None] ** 2)
+        members.append(member)
+    if step.swaps.size:
+        member = chosen[model.swaps[step.swaps].T]
+        a, b, c = member
+        pull = 2.0 * model.excess[step.swaps, None] * (mean[a, c] - mean[b, c])
+        pulls.append(pull / model.excess_spread[step.swaps, None] ** 2)
+        members.append(member)
+    if not pulls:
+        return np.zeros(chosen.shape[1])
+    seen = np.concatenate([(member != HIDDEN).all(axis=0) for member in members])
+    # One tuple after the other: the sum's last bits depend on the order.
+    return np.asarray(_compare_sides(np.concatenate(pulls), seen).sum(axis=0))
 
 
-def _add_sides(score: FloatArray, member: IntArray, pull: FloatArray) -> None:
-    """Add what tuples, fragments (B, Q, ...) with pulls (B, Q), say where all are seen."""
-    sides = np.where((member != HIDDEN).all(axis=2), _compare_sides(pull), 0.0)
-    # One after the other: the sum's last bits depend on the order.
-    for side in sides.T:
-        score += side
+def _compare_sides(pull: FloatArray, seen: BoolArray) -> FloatArray:
+    """Return log of twice the probability of the seen side against its mirror image.
 
-
-def _compare_sides(pull: FloatArray) -> FloatArray:
-    """Return log of twice the probability of the seen side against its mirror image."""
-    log_odds: FloatArray = np.maximum(np.log(2.0) - np.logaddexp(0.0, -pull), _LEAST_SIDE)
-    return log_odds
+    It is 0 of what is not seen.
+    """
+    # Beyond these the logarithm has not a bit more to say, and it takes most of the time.
+    sides = np.where(pull > 0.0, np.log(2.0), _LEAST_SIDE)
+    near = np.flatnonzero(seen & ~(pull >= _SURE_PULL[1]) & ~(pull <= _SURE_PULL[0]))
+    odds = np.log(2.0) - np.logaddexp(0.0, -pull.flat[near])
+    sides.flat[near] = np.maximum(odds, _LEAST_SIDE)
+    sides[~seen] = 0.0
+    return sides

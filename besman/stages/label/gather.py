@@ -14,9 +14,6 @@ from besman.stages.label.named_recording import NameDecision
 
 FloatArray = npt.NDArray[np.float64]
 
-# Frames that are put together at once.
-_ROWS_AT_ONCE = 4096
-
 
 def found_markers(decisions: Sequence[NameDecision], marker_set: MarkerSet) -> tuple[str, ...]:
     """Return the markers that a name was given for, in the order of the set."""
@@ -47,7 +44,7 @@ def gather_markers(
 
 
 class NamedPaths(Mapping[str, FloatArray]):
-    """The paths of markers, each put together when it is asked for: an hour of one has 40 MB.
+    """The paths of markers, each put together when it is asked for, and kept.
 
     Parameters
     ----------
@@ -63,12 +60,15 @@ class NamedPaths(Mapping[str, FloatArray]):
     ) -> None:
         self._recording, self._markers = recording, tuple(markers)
         self._decisions = decisions
+        self._kept: dict[str, FloatArray] = {}
 
     def __getitem__(self, marker: str) -> FloatArray:
         if marker not in self._markers:
             raise KeyError(marker)
-        own = [one for one in self._decisions if one.marker == marker]
-        return gather_markers(self._recording, own, (marker,))[:, 0]
+        if marker not in self._kept:
+            own = [one for one in self._decisions if one.marker == marker]
+            self._kept[marker] = gather_markers(self._recording, own, (marker,))[:, 0]
+        return self._kept[marker]
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._markers)
@@ -118,34 +118,6 @@ class LeftOver:
         for begin, end, column in self._taken[(first < stop) & (last > start)].tolist():
             some[max(0, begin - start) : end - start, column] = np.nan
         return some
-
-
-def gather_all(
-    recording: Recording, decisions: Sequence[NameDecision], markers: Sequence[str]
-) -> tuple[FloatArray, tuple[str | None, ...]]:
-    """Return the markers, then what is left of the trajectories, as it is called.
-
-    Of an hour one array has hundreds of megabytes, so that no other is made on the way.
-
-    Parameters
-    ----------
-    recording, decisions, markers
-        As of `gather_markers`.
-
-    Returns
-    -------
-    positions : array, shape (T, M + K, 3)
-        Metres; NaN where not seen.
-    names : tuple of (str or None), length M + K
-    """
-    left, n_frames = LeftOver(recording, decisions), len(recording.time)
-    positions = np.empty((n_frames, len(markers) + len(left.names), 3))
-    positions[:, : len(markers)] = np.nan
-    _put_markers(positions, recording, decisions, markers)
-    for start in range(0, n_frames, _ROWS_AT_ONCE):
-        stop = min(start + _ROWS_AT_ONCE, n_frames)
-        positions[start:stop, len(markers) :] = left.rows(start, stop)
-    return positions, (*markers, *left.names)
 
 
 def _put_markers(

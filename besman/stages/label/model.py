@@ -122,7 +122,11 @@ def signed_volumes(positions: FloatArray, quads: IntArray) -> FloatArray:
     """Return det(b - a, c - a, d - a) of marker quadruples, shape (..., Q), cubic metres."""
     # A coordinate and a corner at a time, so that what is multiplied lies side by side.
     planes = np.ascontiguousarray(np.moveaxis(positions, -1, 0))
-    corners = np.moveaxis(np.take(planes, quads.T, axis=-1), -2, 1)
+    return corner_volumes(np.moveaxis(np.take(planes, quads.T, axis=-1), -2, 1))
+
+
+def corner_volumes(corners: FloatArray) -> FloatArray:
+    """Return det(b - a, c - a, d - a) of corners a, b, c, d, (3, 4, ...): shape (...)."""
     (bx, cx, dx), (by, cy, dy), (bz, cz, dz) = corners[:, 1:] - corners[:, :1]
     # As np.cross and np.sum do it, which take longer to begin than to compute a few hundred.
     volume: FloatArray = (

@@ -189,7 +189,7 @@ def _start_labels(
     anchors = [find_anchor(fragments, pairs, model, weights, int(frame)) for frame in frames]
     labels = np.full(fragments.n_fragments, GHOST, dtype=np.int64)
     for anchor in sorted(anchors, key=lambda anchor: anchor.score):
-        labels = np.where(anchor.labels != GHOST, anchor.labels, labels)
+        labels[anchor.fragments] = anchor.markers
     return labels
 
 

@@ -13,7 +13,7 @@ from besman.config.stage import Items, Stage, Truth, Work
 from besman.exceptions import LabellingError, see_look
 from besman.geometry.gaps import find_runs
 from besman.person.marker_set import MarkerSet
-from besman.person.mirror import mirror_recording
+from besman.person.mirror import MIRROR, MIRROR_TURN, mirror_recording
 from besman.records import FloatArray, LabelledRecording, Recording
 from besman.records.frozen import hand_over
 from besman.stages.label.derive_markers import derive_markers
@@ -28,6 +28,7 @@ from besman.stages.label.trajectories import (
     learn_from_recording,
     name_trajectories,
 )
+from besman.stages.label.woven import WovenRecording
 
 
 class LabelBase(Stage):
@@ -103,12 +104,21 @@ class LabelBase(Stage):
         )
 
     def take_names(
-        self, recording: Recording, columns: dict[str, int], marker_set: MarkerSet
+        self,
+        recording: Recording | WovenRecording,
+        columns: dict[str, int],
+        marker_set: MarkerSet,
     ) -> LabelledRecording:
         """Take trajectories for markers as they are named, and fill the gaps that may be filled."""
-        if marker_set.side == "left":
-            recording = mirror_recording(recording)
-        positions = np.take(recording.positions, list(columns.values()), axis=1)
+        chosen = tuple(columns.values())
+        orientations = _keep_orientations(recording, chosen)
+        if marker_set.side != "left":
+            positions = recording.gather_to_fill(chosen)
+        else:
+            # In place: of an hour there are hundreds of megabytes.
+            positions = recording.gather(chosen)
+            positions *= MIRROR
+            orientations = None if orientations is None else orientations * MIRROR_TURN
         filled = fill_in_place(
             positions, tuple(columns), marker_set, *self.fill_samples(recording.rate_hz)
         )
@@ -120,7 +130,7 @@ class LabelBase(Stage):
             rate_hz=recording.rate_hz,
             source=recording.source,
             first_frame=recording.first_frame,
-            orientations=_keep_orientations(recording, tuple(columns.values())),
+            orientations=orientations,
         )
         return derive_markers(taken, marker_set)
 
@@ -178,7 +188,10 @@ class LabelConfig(LabelBase):
         return tuple(labelled)
 
     def take_given(
-        self, recording: Recording, marker_set: MarkerSet, teacher: Recording | None = None
+        self,
+        recording: Recording | WovenRecording,
+        marker_set: MarkerSet,
+        teacher: Recording | None = None,
     ) -> LabelledRecording:
         """Take a recording's own names for markers."""
         columns = marker_set.match(recording.names, recording.source)
@@ -188,7 +201,9 @@ class LabelConfig(LabelBase):
         return labelled
 
 
-def _keep_orientations(recording: Recording, columns: tuple[int, ...]) -> FloatArray | None:
+def _keep_orientations(
+    recording: Recording | WovenRecording, columns: tuple[int, ...]
+) -> FloatArray | None:
     """Return the orientations of the trajectories that are kept, shape (T, M, 4), if there are."""
     if recording.orientations is None:
         return None

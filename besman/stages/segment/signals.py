@@ -59,18 +59,17 @@ def resample(time: npt.ArrayLike, values: npt.ArrayLike, rate_hz: float) -> Floa
     half = max(1 / rate_hz, step) / 2
     edges = t[0] + (np.arange(len(t) + 1) - 0.5) * step
     flat = x.reshape(len(t), -1)
-    # The mean is taken about the first sample: sums of large offsets would round.
-    integral = np.concatenate([np.zeros((1, flat.shape[1])), np.cumsum(flat - flat[0], axis=0)])
     low, high = (np.clip(centres + side, edges[0], edges[-1]) for side in (-half, half))
-    means = (_interpolate(high, edges, integral) - _interpolate(low, edges, integral)) * step
-    means = means / (high - low)[:, np.newaxis] + flat[0]
+    means = np.empty((n_new, flat.shape[1]))
+    integral = np.zeros(len(t) + 1)
+    # A column at a time: of an hour at 500 Hz each copy of a marker has 43 MB.
+    for column in range(flat.shape[1]):
+        # The mean is taken about the first sample: sums of large offsets would round.
+        np.cumsum(flat[:, column] - flat[0, column], out=integral[1:])
+        means[:, column] = np.interp(high, edges, integral) - np.interp(low, edges, integral)
+    means = means * step / (high - low)[:, np.newaxis] + flat[0]
     resampled: FloatArray = means.reshape(n_new, *x.shape[1:])
     return resampled
-
-
-def _interpolate(at: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
-    """Interpolate every column of y linearly."""
-    return np.stack([np.interp(at, x, column) for column in y.T], axis=1)
 
 
 class Scaling(NamedTuple):

@@ -199,7 +199,7 @@ class ValleyVmciConfig(SegmentingStage):
         paths = gather_gapless_paths(recording, self.markers)
         back = find_back(recording.markers)
         if back:
-            places = np.stack([recording.marker(name) for name in back], axis=1)
+            places = [recording.marker(name) for name in back]
             paths = take_from_person(paths, places, recording.rate_hz)
         found = find_movements(recording.time, paths, self.longest_s, shape=_SHAPE)
         n_rows, rate_hz = len(paths), recording.rate_hz

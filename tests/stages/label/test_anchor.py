@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from besman.stages.label.anchor import choose_anchor_frames, find_anchor
+from besman.stages.label.anchor import _compare_sides, choose_anchor_frames, find_anchor
 from besman.stages.label.fragments import measure_pairs, split_fragments
-from besman.stages.label.scores import GHOST, ScoreWeights
+from besman.stages.label.scores import ScoreWeights
 from besman.stages.label.trajectories import learn_from_recording
 
 
@@ -38,9 +38,20 @@ def test_all_markers_of_an_instant_are_named(clean, teacher, marker_set, hidden)
     anchor = find_anchor(fragments, measure_pairs(fragments), model, ScoreWeights(), 150)
     named = {
         clean.truth[0][fragments.column[k]]: model.markers[label]
-        for k, label in enumerate(anchor.labels)
-        if label != GHOST
+        for k, label in zip(anchor.fragments, anchor.markers, strict=True)
     }
     assert anchor.frame == 150
     assert len(named) == positions.shape[1] - len(hidden)
     assert all(truth == name for truth, name in named.items())
+
+
+def test_sides_are_those_of_all_logarithms_to_the_last_bit():
+    rng = np.random.default_rng(3)
+    pull = np.concatenate(
+        [rng.normal(scale=s, size=2000) for s in (0.1, 5.0, 30.0)]
+        + [[-8.7, 38.0, np.inf, -np.inf, 0.0, -0.0]]
+        + [[np.nextafter(x, y) for x in (-8.7, 38.0) for y in (-99, 99)]]
+    )
+    seen = rng.random(len(pull)) < 0.8
+    every = np.maximum(np.log(2.0) - np.logaddexp(0.0, -pull), -8.0)
+    np.testing.assert_array_equal(_compare_sides(pull, seen), np.where(seen, every, 0.0))

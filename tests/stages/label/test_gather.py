@@ -8,14 +8,9 @@ from hypothesis import strategies as st
 from besman.person.marker_set import load_marker_set
 from besman.records import Recording
 from besman.stages.label.fragments import split_fragments
-from besman.stages.label.gather import (
-    LeftOver,
-    NamedPaths,
-    found_markers,
-    gather_all,
-    gather_markers,
-)
+from besman.stages.label.gather import LeftOver, NamedPaths, found_markers, gather_markers
 from besman.stages.label.named_recording import NameDecision
+from besman.stages.label.woven import weave_names
 
 MARKERS = ("hand_top", "elbow", "shoulder")
 
@@ -59,9 +54,14 @@ def test_every_sample_is_where_its_decision_puts_it(marker_set, seed):
                 named[row, markers.index(one.marker)] = recording.positions[row, one.trajectory]
                 rest[row, one.trajectory] = np.nan
     kept = [k for k in range(5) if np.isfinite(rest[:, k]).any()]
-    whole, names = gather_all(recording, decisions, markers)
-    np.testing.assert_array_equal(whole, np.concatenate((named, rest[:, kept]), axis=1))
-    assert names == (*markers, *(recording.names[k] for k in kept))
+    woven, places = weave_names(recording, decisions, markers)
+    whole, names = woven.whole(), woven.names
+    expected = np.concatenate((named, rest[:, kept]), axis=1)
+    np.testing.assert_array_equal(whole.positions, expected)
+    assert whole.names == names == (*markers, *(recording.names[k] for k in kept))
+    assert places == {column: len(markers) + k for k, column in enumerate(kept)}
+    packed = woven.pack(tuple(range(len(markers))))
+    np.testing.assert_array_equal(packed.whole().positions, expected)
     np.testing.assert_array_equal(gather_markers(recording, decisions, markers), named)
     paths = NamedPaths(recording, decisions, markers)
     assert tuple(paths) == markers

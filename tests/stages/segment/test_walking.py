@@ -44,16 +44,16 @@ def walk(positions, time, speed_m_s, turn_rad_s=0.0):
 
 def test_who_stays_is_looked_at_in_the_laboratory(standing):
     hand, back = parts(standing)
-    assert take_from_person(hand, back, standing.rate_hz) is hand
+    assert take_from_person(hand, back.swapaxes(0, 1), standing.rate_hz) is hand
     blind = np.full_like(back, np.nan)
-    assert take_from_person(hand, blind, standing.rate_hz) is hand
+    assert take_from_person(hand, blind.swapaxes(0, 1), standing.rate_hz) is hand
 
 
 @pytest.mark.parametrize("speed_m_s", [0.5, -1.2])
 def test_who_walks_straight_is_looked_at_from_the_back(standing, speed_m_s):
     hand, back = parts(standing)
     both = walk(np.concatenate((hand, back), axis=1), standing.time, speed_m_s)
-    seen = take_from_person(both[:, :1], both[:, 1:], standing.rate_hz)
+    seen = take_from_person(both[:, :1], both[:, 1:].swapaxes(0, 1), standing.rate_hz)
     middle = back.mean(axis=1, keepdims=True)
     np.testing.assert_allclose(seen, hand - middle + middle[0], atol=1e-9)
 
@@ -61,9 +61,9 @@ def test_who_walks_straight_is_looked_at_from_the_back(standing, speed_m_s):
 def test_a_gap_of_the_back_is_bridged(standing):
     hand, back = parts(standing)
     both = walk(np.concatenate((hand, back), axis=1), standing.time, 0.5)
-    whole = take_from_person(both[:, :1], both[:, 1:], standing.rate_hz)
+    whole = take_from_person(both[:, :1], both[:, 1:].swapaxes(0, 1), standing.rate_hz)
     both[400:440, 2] = np.nan
-    seen = take_from_person(both[:, :1], both[:, 1:], standing.rate_hz)
+    seen = take_from_person(both[:, :1], both[:, 1:].swapaxes(0, 1), standing.rate_hz)
     np.testing.assert_allclose(seen, whole, atol=0.02)
 
 
@@ -75,7 +75,7 @@ def test_who_walks_in_a_circle_is_looked_at_in_the_frame_of_the_back():
         [0.5, -0.3, 1.0]
     )
     both = walk(np.concatenate((hand, back), axis=1), time, 0.5, 0.4)
-    seen = take_from_person(both[:, :1], both[:, 1:], 100.0)
+    seen = take_from_person(both[:, :1], both[:, 1:].swapaxes(0, 1), 100.0)
     np.testing.assert_allclose(seen, hand, atol=1e-9)
 
 
