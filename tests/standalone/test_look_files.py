@@ -5,6 +5,7 @@ import warnings
 import numpy as np
 import pytest
 from command_line import besman
+from foreign_recordings import bvh_lines
 from places import SAMPLE, TOP
 
 from besman.exceptions import RecordingError
@@ -115,6 +116,25 @@ def test_points_of_a_body_say_what_is_assumed(tmp_path):
     assert "besman segment" in text
     assert "--markers halpe" in text
     assert "--set label.markers=halpe" in text
+
+
+@pytest.mark.filterwarnings("ignore::besman.exceptions.RecordingWarning")
+def test_joints_turned_from_a_pose_of_their_own_are_points(tmp_path):
+    """Whose axes nobody knows: joints of a BVH called as an exoskeleton's links are not these."""
+    places = {"Hips": 0.9, "RightShoulder": 1.4, "RightElbow": 1.1, "RightWrist": 0.9,
+              "LeftShoulder": 1.4, "LeftElbow": 1.1, "LeftWrist": 0.9, "Head": 1.7}  # fmt: skip
+    sides = {"Right": -0.2, "Left": 0.2}
+    positions = np.zeros((20, len(places), 3))
+    for k, (name, height) in enumerate(places.items()):
+        side = next((y for word, y in sides.items() if name.startswith(word)), 0.0)
+        positions[:, k] = [0.0, side, height]
+    path = tmp_path / "a.bvh"
+    recording = Recording(np.arange(20) / 30, positions, tuple(places), 30.0, path.name)
+    path.write_text("\n".join(bvh_lines(recording, scale=100.0)))
+    look = look_at(path)
+    assert look.recording.orientations is not None
+    assert look.best.marker_set.name == "bvh_joints"
+    assert not {fit.marker_set.name for fit in look.fits if fit.is_complete} & {"exoskeleton"}
 
 
 def test_a_person_who_lies_is_looked_at_with_another_axis_up(tmp_path):
