@@ -15,6 +15,7 @@ from besman.io.segments_json import segments_path
 from besman.records import Recording
 from besman.standalone.look_files import content_of, look_at, look_at_all, measure_extent
 from besman.standalone.look_text import describe_look, find_next, find_next_of_all
+from besman.synthetic.free_throw import simulate_free_throw
 
 NAMED = SAMPLE / "subject1.tsv"
 
@@ -135,6 +136,21 @@ def test_joints_turned_from_a_pose_of_their_own_are_points(tmp_path):
     assert look.recording.orientations is not None
     assert look.best.marker_set.name == "bvh_joints"
     assert not {fit.marker_set.name for fit in look.fits if fit.is_complete} & {"exoskeleton"}
+
+
+def test_whose_ball_flies_goes_on_with_the_recipe_for_throws(tmp_path):
+    content = simulate_free_throw(1).content
+    path = tmp_path / "a.json"
+    path.write_text(json.dumps({"fps": 30, "units": "ft", "frames": content["tracking"]}))
+    commands = find_next(look_at(path), [])
+    assert [one.split()[1:3] for one in commands] == [
+        ["segment", str(path)], ["check", "ur5_free_throw"], ["run", "ur5_free_throw"]
+    ]  # fmt: skip
+    # One that is carried is none to be thrown.
+    for frame in content["tracking"]:
+        frame["data"]["ball"] = [10.0, 1.0, 3.0]
+    path.write_text(json.dumps({"fps": 30, "units": "ft", "frames": content["tracking"]}))
+    assert any("annotate" in one for one in find_next(look_at(path), []))
 
 
 def test_a_person_who_lies_is_looked_at_with_another_axis_up(tmp_path):
