@@ -12,7 +12,7 @@ import numpy as np
 from besman.exceptions import BesmanError, LabellingError, RecordingError, RecordingWarning
 from besman.geometry.gaps import find_runs, find_seen
 from besman.geometry.row_blocks import by_rows
-from besman.io.recordings.formats import KNOWN_FORMATS, read_recording, recognise
+from besman.io.recordings.formats import FORMATS, KNOWN_FORMATS, read_recording, recognise
 from besman.io.recordings.subjects import find_subjects
 from besman.person.marker_set import MarkerSet
 from besman.person.marker_set_fit import SetFit, fit_marker_sets
@@ -101,7 +101,7 @@ def look_at(path: Path) -> Look:
     """
     with warnings.catch_warnings(record=True) as caught:
         recording = _read(path)
-        is_turned = recording.orientations is not None
+        is_turned = recording.orientations is not None and not _is_turned_from_pose(recording)
         fits = fit_marker_sets(recording.names, recording.source, is_turned)
         fault, needed = _try_set(recording, fits[0]) if fits else ("", 0.0)
     said = [str(one.message) for one in caught if issubclass(one.category, RecordingWarning)]
@@ -193,6 +193,12 @@ def _read(path: Path) -> Recording:
                 f"{KNOWN_FORMATS}"
             )
     return read_recording(path)
+
+
+def _is_turned_from_pose(recording: Recording) -> bool:
+    """Tell whether its bodies are turned from a pose of their own, whose axes no set knows."""
+    origin = recording.origin or Origin()
+    return any(entry.turns_from_pose for entry in FORMATS if entry.name == origin.format)
 
 
 def _measure(recording: Recording, column: int) -> dict[str, Any]:

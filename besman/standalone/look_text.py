@@ -20,6 +20,7 @@ _MOST_GAPS, _MOST_MOVERS, _MOST_NAMES = 8, 4, 12
 _WIDEST_NAME = 32
 _REACH_LABEL = "approach_forward"  # what the recipe ur5_reach takes
 _THROW_LABEL = "throw"  # what ur5_stick_throw takes
+_BALL, _FLIES_M_S = "ball", 3.5  # faster than what is carried; what ur5_free_throw takes
 _AT_REST = {"idle", "rest"}
 _UP_BY_HABIT = "habit: nothing tells (--up y if it is y)"
 
@@ -92,25 +93,37 @@ def find_next(look: Look, options: list[str]) -> list[str]:
 def _use_set(look: Look, fit: SetFit, file: str, how: str) -> list[str]:
     """Return commands that take the markers of a set that is complete."""
     name = fit.marker_set.name
-    settings = f" --set label.markers={name}" if name != "right_arm" else ""
+    label = _choose_label(look)
+    recipe, usual = "ur5_reach", "right_arm"
+    if label == _THROW_LABEL and "stick" in fit.found:
+        recipe = "ur5_stick_throw"
+    elif _is_thrown(look, fit) and not _has_segments(look.path):
+        recipe, usual, label = "ur5_free_throw", "spl", _REACH_LABEL
+    settings = f" --set label.markers={name}" if name != usual else ""
     if look.needed_gap_s:
         longest = f"{look.needed_gap_s + 0.05:.1f}"
         settings += f" --set label.longest_gap_s={longest}"
     markers = f" --markers {name}" if name != "right_arm" else ""
-    label, recipe = _choose_label(look), "ur5_reach"
-    if label == _THROW_LABEL and "stick" in fit.found:
-        recipe = "ur5_stick_throw"
-    elif label != _REACH_LABEL:
+    if recipe == "ur5_reach" and label != _REACH_LABEL:
         settings += f" --set select.label={shlex.quote(label)}"
     run = f"{recipe} --set recordings={file}{settings}{how}"
-    # A run learns to name blocks from some that a person has named.
-    annotate = [] if _has_segments(look.path) else [f"besman annotate {file}{markers}{how}"]
+    # A run learns to name blocks from some that a person has named; a throw is told without.
+    told = recipe == "ur5_free_throw" or _has_segments(look.path)
+    annotate = [] if told else [f"besman annotate {file}{markers}{how}"]
     return [
         f"besman segment {file}{markers}{how}",
         *annotate,
         f"besman check {run}",
         f"besman run {run}",
     ]
+
+
+def _is_thrown(look: Look, fit: SetFit) -> bool:
+    """Tell whether the recording has a ball that flies."""
+    ball = fit.found.get(_BALL)
+    return ball is not None and any(
+        one["name"] == ball and one["greatest_speed_m_s"] > _FLIES_M_S for one in look.trajectories
+    )
 
 
 def _choose_label(look: Look) -> str:

@@ -5,6 +5,7 @@ import warnings
 import numpy as np
 import pytest
 from command_line import besman
+from foreign_recordings import bvh_lines
 from places import SAMPLE, TOP
 
 from besman.exceptions import RecordingError
@@ -14,6 +15,7 @@ from besman.io.segments_json import segments_path
 from besman.records import Recording
 from besman.standalone.look_files import content_of, look_at, look_at_all, measure_extent
 from besman.standalone.look_text import describe_look, find_next, find_next_of_all
+from besman.synthetic.free_throw import simulate_free_throw
 
 NAMED = SAMPLE / "subject1.tsv"
 
@@ -115,6 +117,40 @@ def test_points_of_a_body_say_what_is_assumed(tmp_path):
     assert "besman segment" in text
     assert "--markers halpe" in text
     assert "--set label.markers=halpe" in text
+
+
+@pytest.mark.filterwarnings("ignore::besman.exceptions.RecordingWarning")
+def test_joints_turned_from_a_pose_of_their_own_are_points(tmp_path):
+    """Whose axes nobody knows: joints of a BVH called as an exoskeleton's links are not these."""
+    places = {"Hips": 0.9, "RightShoulder": 1.4, "RightElbow": 1.1, "RightWrist": 0.9,
+              "LeftShoulder": 1.4, "LeftElbow": 1.1, "LeftWrist": 0.9, "Head": 1.7}  # fmt: skip
+    sides = {"Right": -0.2, "Left": 0.2}
+    positions = np.zeros((20, len(places), 3))
+    for k, (name, height) in enumerate(places.items()):
+        side = next((y for word, y in sides.items() if name.startswith(word)), 0.0)
+        positions[:, k] = [0.0, side, height]
+    path = tmp_path / "a.bvh"
+    recording = Recording(np.arange(20) / 30, positions, tuple(places), 30.0, path.name)
+    path.write_text("\n".join(bvh_lines(recording, scale=100.0)))
+    look = look_at(path)
+    assert look.recording.orientations is not None
+    assert look.best.marker_set.name == "bvh_joints"
+    assert not {fit.marker_set.name for fit in look.fits if fit.is_complete} & {"exoskeleton"}
+
+
+def test_whose_ball_flies_goes_on_with_the_recipe_for_throws(tmp_path):
+    content = simulate_free_throw(1).content
+    path = tmp_path / "a.json"
+    path.write_text(json.dumps({"fps": 30, "units": "ft", "frames": content["tracking"]}))
+    commands = find_next(look_at(path), [])
+    assert [one.split()[1:3] for one in commands] == [
+        ["segment", str(path)], ["check", "ur5_free_throw"], ["run", "ur5_free_throw"]
+    ]  # fmt: skip
+    # One that is carried is none to be thrown.
+    for frame in content["tracking"]:
+        frame["data"]["ball"] = [10.0, 1.0, 3.0]
+    path.write_text(json.dumps({"fps": 30, "units": "ft", "frames": content["tracking"]}))
+    assert any("annotate" in one for one in find_next(look_at(path), []))
 
 
 def test_a_person_who_lies_is_looked_at_with_another_axis_up(tmp_path):

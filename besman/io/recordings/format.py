@@ -147,6 +147,9 @@ class Format:
         Whether the format itself fixes that z is up, so that nobody need look.
     writes_zeros : bool
         Whether programs write 0, 0, 0 in it for what was not seen.
+    turns_from_pose : bool
+        Whether bodies are turned from a pose of the file's own, so that no marker set knows what
+        their axes are: it needs the places alone.
     """
 
     name: str
@@ -161,6 +164,7 @@ class Format:
     takes_partial: bool = False
     has_one_up: bool = False
     writes_zeros: bool = False
+    turns_from_pose: bool = False
 
     @property
     def own_suffixes(self) -> tuple[str, ...]:
@@ -280,11 +284,24 @@ def is_bag(head: bytes) -> bool:
     return head.startswith((b"\x89MCAP0\r\n", b"#ROSBAG V"))
 
 
-_POSITION = rb"\[\s*(?:(?:-?[0-9][-+.0-9eE]*|NaN|null)\s*(?:,\s*|(?=\]))){3}"
+_OTHER_TABLES = re.compile(
+    rb"(?i)(#[^\n]*\n)*(# *(urdf|frames) *:|time_s *,|\"?(pathfile|format ver))"
+)
+_NUMBER = rb"(?:-?[0-9][-+.0-9eE]*|NaN|null)"
+_POSITION = rb"\[\s*(?:" + _NUMBER + rb"\s*(?:,\s*|(?=\]))){3}"
 _NAMED = re.compile(rb'"[^"\n]+"\s*:\s*' + _POSITION)
 _LISTED = re.compile(rb'"[^"\n]+"\s*:\s*\[\s*' + _POSITION)
 _FRAMED = re.compile(rb'"(frames|tracking|data|keypoints|markers|poses)"\s*:\s*\[\s*\{')
 _RATED = re.compile(rb'"(fps|rate_hz|rate|frame_rate|framerate|sampling_rate|sample_rate)"\s*:')
+_LONG = 16_384  # of a file no more is looked at
+# Names of people's parts beside numbers, in whatever way a place is written.
+_PARTS = re.compile(
+    rb"(?i)\"[^\"\n]*(shoulder|elbow|wrist|hip|knee|ankle|nose|eye|ear|hand|foot|head|neck)"
+)
+_PLACES = re.compile(
+    _POSITION + rb'|"(?i:x)"\s*:\s*' + _NUMBER + rb'\s*,\s*"(?i:y)"\s*:\s*' + _NUMBER
+    + rb'|"[^"\n]+[_. :][xX]"\s*[:,]|"[xX]"\s*:\s*\[\s*' + _NUMBER
+)  # fmt: skip
 
 
 def is_keypoints(head: bytes) -> bool:
@@ -294,9 +311,24 @@ def is_keypoints(head: bytes) -> bool:
         return False
     if b'"pose_keypoints_3d"' in text:
         return True
-    if re.match(rb"\[\s*\{", text) or _FRAMED.search(text):
-        return len(_NAMED.findall(text)) > 1
-    return _RATED.search(text) is not None and len(_LISTED.findall(text)) > 1
+    framed = re.match(rb"\[\s*\{", text) or _FRAMED.search(text)
+    if framed and len(_NAMED.findall(text)) > 1:
+        return True
+    if _RATED.search(text) is not None and len(_LISTED.findall(text)) > 1:
+        return True
+    # One list may be longer than what is looked at.
+    n_parts = len({one.lower() for one in _PARTS.findall(text)})
+    return n_parts > (len(head) < _LONG) and len(_PLACES.findall(text)) > 1
+
+
+def is_keypoint_csv(head: bytes) -> bool:
+    """Tell keypoints in a table: below comments, and not what another format begins with."""
+    from besman.io.recordings.keypoint_columns import is_keypoint_table
+
+    text = _text(head)
+    if b"\0" in text or text[:1] in (b"{", b"[", b"<") or _OTHER_TABLES.match(text):
+        return False
+    return is_keypoint_table(text.decode("utf-8", "replace"))
 
 
 class Reading(NamedTuple):

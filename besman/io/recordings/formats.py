@@ -20,6 +20,7 @@ from besman.io.recordings.format import (
     Units,
     is_bag,
     is_c3d,
+    is_keypoint_csv,
     is_keypoints,
     reading,
     text_begins,
@@ -105,10 +106,11 @@ FORMATS = (
         "animation and suits: a skeleton with joints' angles; units by the height of the body",
         takes_units=True,
         takes_partial=True,
+        turns_from_pose=True,
     ),
     Format(
         "keypoints JSON",
-        (".json",),
+        (".json", ".jsonl"),
         is_keypoints,
         "keypoints:read_keypoints",
         "markerless systems: [{name: [x, y, z], ...}, ...]; rate as fps or times, units by height",
@@ -118,12 +120,10 @@ FORMATS = (
     Format(
         "keypoints CSV",
         (".csv",),
-        text_begins(
-            rb"(?i)(#[^\n]*\n)*([^\n]*[,;\t])?\"?([^\n,;\t\"]+)[ _.:]x\"?([,;\t])"
-            rb"\"?\3[ _.:]y\"?\4\"?\3[ _.:]z\"?"
-        ),
+        is_keypoint_csv,
         "keypoints_csv:read_keypoints_csv",
-        "markerless systems: columns name_x, name_y, name_z, time or '# fps: 30'; units by height",
+        "markerless systems: columns name_x, name_y, name_z, or names above x, y, z; time or "
+        "'# fps: 30'; units by height",
         takes_units=True,
         takes_partial=True,
         writes_zeros=True,

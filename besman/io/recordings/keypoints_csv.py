@@ -1,14 +1,14 @@
 """Keypoints in a table: a column for each coordinate, ``nose_x, nose_y, nose_z``, and the time.
 
-Variants seen: ``nose_x``, ``nose.x`` and ``nose X``; commas, semicolons or tabs;
-frames, times in seconds or milliseconds, both or, with a rate in the first lines (``# fps: 30``),
-neither; further columns.
+Variants seen: coordinates called as `besman.io.recordings.keypoint_columns` says; commas, tabs or
+semicolons (then with points or commas in numbers); frames, times in seconds or milliseconds, both
+or, with a rate in the first lines (``# fps: 30``), neither; further columns.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,19 +17,19 @@ from besman.exceptions import RecordingError
 from besman.io.recordings.c3d_names import keep_single_names
 from besman.io.recordings.clock import read_rate, settle_clock
 from besman.io.recordings.format import Units
+from besman.io.recordings.keypoint_columns import find_columns, join_header
 from besman.io.recordings.keypoints import find_keypoint_length
 from besman.io.recordings.number_rows import find_cells, is_blank, read_rows
-from besman.io.recordings.text_lines import open_lines
+from besman.io.recordings.text_lines import TextLines, open_lines
 from besman.records import Origin, Recording
 from besman.records.frozen import hand_over
 
-_COORDINATE = re.compile(r"(.+)[ _.:]([xyz])", re.IGNORECASE)
 _ABOUT = re.compile(r"#\s*([A-Za-z_]+)\s*[:=,]\s*(\S+)")
 _SECONDS = ("time", "time_s", "time (s)", "time (seconds)", "t", "timestamp", "seconds")
 _TIMES = dict.fromkeys(_SECONDS, 1.0) | dict.fromkeys(
     ("time_ms", "time (ms)", "timestamp_ms"), 1e-3
 )
-_FRAMES = {"frame", "frame#", "frame_number", "frame_id", "index", ""}
+_FRAMES = {"frame", "frame#", "frame_number", "framenumber", "frame_id", "fnum", "index", ""}
 
 
 def read_keypoints_csv(path: Path, units: Units | None = None, partial: bool = False) -> Recording:
@@ -61,33 +61,29 @@ def read_keypoints_csv(path: Path, units: Units | None = None, partial: bool = F
         For what was concluded of units and rate.
     """
     lines = open_lines(path, "keypoints in a table")
-    about: dict[str, str] = {}
-    at = -1
-    for line in lines:
-        at += 1
-        if line.lstrip().startswith("#"):
-            found = _ABOUT.match(line.lstrip())
-            if found:
-                about[found[1].lower()] = found[2].strip(",;\t")
-        elif not is_blank(line):
-            break
+    at, about = _read_comments(lines)
     header = lines[at]
     cells = find_cells(header)
-    labels = cells.split(header)
+    head = [cells.split(lines[k]) for k in range(at, min(at + 3, len(lines)))]
+    labels, n_header = join_header(head)
     while labels and not labels[-1]:
         labels.pop()
-    names, columns = _find_columns(labels)
+    found_names, columns, unit = find_columns(labels)
+    names: list[str | None] = list(found_names)
     if not names:
         raise RecordingError(f"{path}:{at + 1}: no keypoint with three columns, x, y and z")
-    values = read_rows(lines, at + 1, len(labels), cells, path, partial=partial)
+    at += n_header
+    if cells.separator == b";" and at < len(lines) and "," in lines[at]:
+        cells = replace(cells, has_decimal_commas=True)
+    values = read_rows(lines, at, len(labels), cells, path, partial=partial)
     lowered = [label.lower() for label in labels]
     frame = next((k for k, one in enumerate(lowered) if one in _FRAMES), None)
     time = next((k for k, one in enumerate(lowered) if one in _TIMES), None)
     frames = np.arange(1.0, len(values) + 1) if frame is None else values[:, frame]
     times = None if time is None else values[:, time] * _TIMES[lowered[time]]
-    clock = settle_clock(frames, times, _rate(about), path, at + 2)
+    clock = settle_clock(frames, times, _rate(about), path, at + 1)
     positions = clock.spread(np.take(values, np.array(columns), axis=1))
-    length = find_keypoint_length(about.get("units"), names, positions, units, path)
+    length = find_keypoint_length(about.get("units") or unit or None, names, positions, units, path)
     positions *= length.metres
     return Recording(
         time=clock.time,
@@ -100,15 +96,19 @@ def read_keypoints_csv(path: Path, units: Units | None = None, partial: bool = F
     )
 
 
-def _find_columns(labels: Sequence[str]) -> tuple[list[str | None], list[list[int]]]:
-    """Return names and the columns of their coordinates."""
-    found: dict[str, dict[str, int]] = {}
-    for at, label in enumerate(labels):
-        match = _COORDINATE.fullmatch(label)
-        if match:
-            found.setdefault(match[1], {}).setdefault(match[2].lower(), at)
-    whole = {name: places for name, places in found.items() if len(places) == len("xyz")}
-    return list(whole), [[places[axis] for axis in "xyz"] for places in whole.values()]
+def _read_comments(lines: TextLines) -> tuple[int, dict[str, str]]:
+    """Return the index of the first line of the table, and what the lines above say by key."""
+    about: dict[str, str] = {}
+    at = -1
+    for line in lines:
+        at += 1
+        if line.lstrip().startswith("#"):
+            found = _ABOUT.match(line.lstrip())
+            if found:
+                about[found[1].lower()] = found[2].strip(",;\t")
+        elif not is_blank(line):
+            break
+    return at, about
 
 
 def _rate(about: dict[str, str]) -> float | None:

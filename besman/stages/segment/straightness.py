@@ -12,9 +12,11 @@ is one of a straight path whatever its speed, constant along a circle, and cos(a
 path turns by the angle a. The speed with which a path gets on is :math:`v \rho^p`. Of movements
 that do not turn it is the speed itself; rests are found in that alone.
 
-Of simulated reaches that blend for 35 % and 50 % of their duration and turn by 50 to 150 degrees
-(``benchmarks/segmentation_blends.py``) its valleys give F1 0.89 and 0.58, those of the speed alone
-0.66 and 0.40. A higher power finds more of them, and would cut throws along a wide arc sooner.
+The power tells how deep a valley is for a turn as against a mere slowing down: a valley counts
+below a quarter of its peaks (`besman.stages.segment.valleys.ValleyShape`), and with p = 7 that is a
+turn by 70 degrees on an even path, or a straight path on which a hand slows to a quarter. People
+slow down by half within a movement, when they correct it or carry something, but hardly turn there.
+BLENDS
 """
 
 from __future__ import annotations
@@ -26,7 +28,7 @@ FloatArray = npt.NDArray[np.float64]
 
 # People need about as long to turn from one movement into the next.
 _WINDOW_S = 0.4
-_POWER = 2
+_POWER = 7
 
 
 def speed_ahead(path: FloatArray, speed: FloatArray, rate_hz: float) -> FloatArray:

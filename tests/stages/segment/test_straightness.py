@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from besman.stages.segment.straightness import speed_ahead
+from besman.stages.segment.straightness import _POWER, speed_ahead
 from besman.stages.segment.valley_vmci import find_movements
 from besman.stages.segment.valleys import ValleyShape, find_valleys, path_speed, smooth_path
 
@@ -30,11 +30,11 @@ def test_a_corner_and_a_circle(turn_deg):
     after = np.arange(61)[:, None] * np.array([np.cos(a), np.sin(a), 0.0])
     corner = share(np.concatenate([before, after]))
     assert corner.argmin() == 60
-    assert corner[60] == pytest.approx(np.cos(a / 2) ** 2)
+    assert corner[60] == pytest.approx(np.cos(a / 2) ** _POWER)
     angle = a * np.arange(200) / (2 * HALF)
     circle = share(np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1))[HALF:-HALF]
     chord = 2 * np.sin(a / 2) / (2 * HALF * 2 * np.sin(a / 4 / HALF))
-    np.testing.assert_allclose(circle, chord**2, atol=1e-12)
+    np.testing.assert_allclose(circle, chord**_POWER, atol=1e-12)
 
 
 @settings(deadline=None, max_examples=25)
@@ -45,7 +45,7 @@ def test_of_any_path_window_by_window(seed, n):
     for at in range(n):
         piece = path[max(at - min(HALF, n - 1), 0) : at + min(HALF, n - 1) + 1]
         gone = sum(np.linalg.norm(b - a) for a, b in pairwise(piece))
-        expected.append((np.linalg.norm(piece[-1] - piece[0]) / gone) ** 2)
+        expected.append((np.linalg.norm(piece[-1] - piece[0]) / gone) ** _POWER)
     np.testing.assert_allclose(share(path), expected, atol=1e-9)
 
 

@@ -1,0 +1,148 @@
+"""Segmentation on stand-ins for recordings not seen here, and ways that were tried on them.
+
+Run as ``python benchmarks/segmentation_unseen.py FOLDER``: recordings with manual segments beside
+them. Stand-ins are the other two markers of the hand, the same takes a quarter faster and slower,
+and takes in which time runs faster wherever the hand is slower at a border than a share of the
+peaks beside it, so that no rest and no valley of the speed is left there. ``contacts``: where the
+object begins to move or comes to rest, a border where none is within 0.4 s.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from besman.evaluation.segmentation_data import SegmentedDataset, read_dataset
+from besman.records import LabelledRecording
+from besman.stages.segment.scores import manual_borders, match_borders
+from besman.stages.segment.valley_vmci import find_movements
+from besman.stages.segment.valleys import GRID_HZ, ValleyShape, smooth_speed
+
+MARGINS_S = (0.3, 0.1)
+Find = Callable[[LabelledRecording, str], np.ndarray]
+Take = tuple[LabelledRecording, str, np.ndarray]
+NEAR_S, MERGED_S, BESIDE_S, LEAST_CARRY_S = 0.4, 0.15, 0.9, 0.3
+MOVES_M_S = 0.05
+
+
+def plain(recording: LabelledRecording, marker: str, shape: ValleyShape | None = None):
+    path = recording.marker(marker)[:, None]
+    return find_movements(recording.time, path, shape=shape).borders_s[1:-1]
+
+
+def shaped(**changes: float) -> Find:
+    return lambda recording, marker: plain(recording, marker, ValleyShape(**changes))
+
+
+def contacts(recording: LabelledRecording) -> np.ndarray:
+    columns = [k for k, name in enumerate(recording.markers) if name.startswith("box")]
+    path = np.nanmean(recording.positions[:, columns], axis=1, keepdims=True)
+    speed = smooth_speed(recording.time, path, 0.05)
+    moves = speed > max(MOVES_M_S, 0.1 * np.quantile(speed, 0.95))
+    edges = np.flatnonzero(np.diff(moves.astype(int), prepend=0, append=0)) / GRID_HZ
+    carried = edges.reshape(-1, 2)
+    carried = carried[np.diff(carried, axis=1)[:, 0] > LEAST_CARRY_S]
+    inside = (carried > 0) & (carried < len(speed) / GRID_HZ - MARGINS_S[1])
+    return carried[inside]
+
+
+def with_contacts(recording: LabelledRecording, marker: str) -> np.ndarray:
+    found = plain(recording, marker)
+    more = [one for one in contacts(recording) if np.abs(found - one).min(initial=9) > NEAR_S]
+    return np.sort(np.concatenate([found, more]))
+
+
+WAYS: dict[str, Find] = {
+    "default": plain,
+    "contacts": with_contacts,
+    "rests from 0.3 s": shaped(least_rest_s=0.3),
+    "valleys of 0.5": shaped(depth=0.5),
+}
+
+
+def takes_of(data: SegmentedDataset, marker: str = "hand_top", times: float = 1.0) -> list[Take]:
+    takes = []
+    for recording, truth in zip(data.recordings, data.truth, strict=True):
+        borders = manual_borders(truth)
+        inside = borders[(borders > 0) & (borders < len(recording.time) - 1)] / truth.rate_hz
+        changed = replace(recording, time=recording.time / times, rate_hz=recording.rate_hz * times)
+        takes.append((changed, marker, inside / times))
+    return takes
+
+
+def hurried(take: Take, level: float) -> Take:
+    """Let time run faster at the borders, until the hand is nowhere slower than a share."""
+    recording, marker, borders = take
+    since, step = recording.time - recording.time[0], 1 / recording.rate_hz
+    speed = smooth_speed(recording.time, recording.marker(marker)[:, None], 0.05)
+    speed = np.interp(since, np.arange(len(speed)) / GRID_HZ, speed)
+    share, beside = np.ones(len(since)), round(BESIDE_S * recording.rate_hz)
+    for at in np.round(borders * recording.rate_hz).astype(int):
+        low, high = max(0, at - beside), min(len(speed), at + beside)
+        least = level * min(speed[low : at + 1].max(), speed[at:high].max())
+        slow = speed[low:high] < least
+        first = at - low - int(np.argmin(slow[: at - low + 1][::-1]))
+        last = at - low + int(np.argmin(np.append(slow[at - low :], False)))
+        rows = slice(low + first + 1, low + last)
+        share[rows] = np.minimum(share[rows], np.maximum(speed[rows] / least, 0.02))
+    clock = np.concatenate([[0.0], np.cumsum(share[:-1] * step)])
+    time = np.arange(0.0, clock[-1], step)
+    flat = recording.positions.reshape(len(clock), -1)
+    positions = np.stack([np.interp(time, clock, one) for one in flat.T], axis=1)
+    nearest = np.searchsorted(clock, time, side="right") - 1
+    true = np.interp(borders, since, clock)
+    # A rest of which nothing is left has one border.
+    true = true[np.append(True, np.diff(true) > MERGED_S)]
+    changed = replace(
+        recording,
+        time=time,
+        positions=positions.reshape(len(time), *recording.positions.shape[1:]),
+        filled=recording.filled[nearest],
+    )
+    return changed, marker, true
+
+
+def score(takes: list[Take], find: Find) -> list[float]:
+    figures = []
+    found = [find(recording, marker) for recording, marker, _ in takes]
+    for margin in MARGINS_S:
+        pairs = sum(
+            len(match_borders(one, true, margin))
+            for one, (*_, true) in zip(found, takes, strict=True)
+        )
+        n_all = sum(len(one) + len(true) for one, (*_, true) in zip(found, takes, strict=True))
+        figures.append(2 * pairs / n_all)
+    return figures
+
+
+def main() -> None:
+    if len(sys.argv) < 2:
+        print("segmentation of what was not seen: only on real recordings, name their FOLDER")
+        return
+    data = read_dataset(Path(sys.argv[1]))
+    usual = takes_of(data)
+    sets = {
+        "as recorded": usual,
+        "hand_left": takes_of(data, "hand_left"),
+        "hand_right": takes_of(data, "hand_right"),
+        "a quarter faster": takes_of(data, times=1.25),
+        "a quarter slower": takes_of(data, times=0.75),
+        **{
+            f"valleys filled to {one}": [hurried(take, one) for take in usual] for one in (0.5, 0.9)
+        },
+    }
+    print(f"{'F1 0.3 s / 0.1 s':22}" + "".join(f"{way:>20}" for way in WAYS))
+    for name, takes in sets.items():
+        cells = (
+            f"{first:.3f} / {second:.3f}"
+            for first, second in (score(takes, WAYS[way]) for way in WAYS)
+        )
+        print(f"{name:22}" + "".join(f"{cell:>20}" for cell in cells))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,113 @@
+"""Which columns of a table are coordinates of keypoints, in whatever way they are called.
+
+Understood: ``nose_x`` (or ``.``, ``:``, a blank, nothing before a capital X, ``nose (X)``,
+``nose.PosX``) and ``x_nose``, each maybe with its unit behind (``nose_x (mm)``); and names that
+stand once above x, y, z (DeepLabCut's three lines, tables with two lines of header).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import NamedTuple
+
+_UNIT = r"(?:\s*[(\[]\s*(m|cm|mm|in|ft)\s*[)\]])?"
+_BEHIND = re.compile(r"(.+?)(?:[ _.:]+(?i:pos(?:ition)?[ _.]?)?\(?|\()([xyzXYZ])\)?" + _UNIT)
+_GLUED = re.compile(r"(.+?)([XYZ])" + _UNIT)
+_BEFORE = re.compile(r"([xyzXYZ])[_.:]([^\s()\[\]]+)" + _UNIT)
+# What has three axes and is no place.
+_NO_PLACE = re.compile(
+    r"(?i)(.*[ _.:])?(acc|accel\w*|gyr\w*|mag\w*|vel\w*|omega|quat\w*|euler|angles?|rot\w*|"
+    r"forces?|moments?|torques?)([ _.:].*)?"
+)
+_AXES = "xyz"
+_FIRST_CELLS = 6  # of frames and times, before x, y and z stand for the first time
+
+
+class KeypointColumns(NamedTuple):
+    """Keypoints of a table.
+
+    Attributes
+    ----------
+    names : list of str, length M
+    places : list of (list of int), shape (M, 3)
+        Columns of x, y and z.
+    unit : str
+        What the columns say that they are in; empty if they do not, or disagree.
+    """
+
+    names: list[str]
+    places: list[list[int]]
+    unit: str
+
+
+def join_header(rows: Sequence[Sequence[str]]) -> tuple[list[str], int]:
+    """Make one label of each column where names stand above x, y and z.
+
+    Parameters
+    ----------
+    rows : sequence of (sequence of str)
+        Cells of the first lines.
+
+    Returns
+    -------
+    labels : list of str
+        Of each column; those of the first line, if that is the whole header.
+    n_lines : int
+        How many lines the header has.
+    """
+    first = rows[0]
+    for at in range(1, min(3, len(rows))):
+        axes = [cell.lower() for cell in rows[at]]
+        start = axes.index("x") if "x" in axes[:_FIRST_CELLS] else None
+        if start is None or axes[start : start + 3] != ["x", "y", "z"]:
+            continue
+        above, labels, name = rows[at - 1], [], ""
+        for k, axis in enumerate(axes):
+            name = (above[k] if k < len(above) else "") or name
+            labels.append(f"{name}_{axis}" if axis in _AXES and axis and name else rows[at][k])
+        # DeepLabCut calls the column of frames "coords".
+        return ["frame" if one.lower() == "coords" else one for one in labels], at + 1
+    return list(first), 1
+
+
+def find_columns(labels: Sequence[str]) -> KeypointColumns:
+    """Find the keypoints that have a column each for x, y and z.
+
+    Parameters
+    ----------
+    labels : sequence of str
+        Of the columns.
+    """
+    for pattern, name_at, axis_at in ((_BEHIND, 1, 2), (_GLUED, 1, 2), (_BEFORE, 2, 1)):
+        found: dict[str, dict[str, int]] = {}
+        units = set()
+        for at, label in enumerate(labels):
+            match = pattern.fullmatch(label)
+            if match and not _NO_PLACE.fullmatch(match[name_at]):
+                found.setdefault(match[name_at], {}).setdefault(match[axis_at].lower(), at)
+                units.add(match[3] or "")
+        whole = {name: places for name, places in found.items() if len(places) == len(_AXES)}
+        if whole:
+            unit = units.pop() if len(units) == 1 else ""
+            places = [[each[axis] for axis in _AXES] for each in whole.values()]
+            return KeypointColumns(list(whole), places, unit)
+    return KeypointColumns([], [], "")
+
+
+def is_keypoint_table(text: str) -> bool:
+    """Tell a table of keypoints by its first lines; lines that begin with ``#`` may stand above.
+
+    Parameters
+    ----------
+    text : str
+        The beginning of a file, without blank lines before it.
+    """
+    lines = [line for line in text.splitlines()[:40] if line.strip() and line.lstrip()[:1] != "#"]
+    if not lines or len(lines[0]) < 8:
+        return False
+    separator = max("\t;,", key=lines[0].count)
+    rows = [
+        [cell.strip().strip('"').strip() for cell in line.split(separator)] for line in lines[:3]
+    ]
+    return len(rows[0]) > 2 and bool(find_columns(join_header(rows)[0]).names)
