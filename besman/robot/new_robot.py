@@ -18,6 +18,7 @@ from besman.exceptions import RobotError
 from besman.records import FloatArray
 from besman.robot.collision import distances
 from besman.robot.config import RobotConfig
+from besman.robot.files.arm_base import split_at_base
 from besman.robot.files.arm_chain import find_chain, find_tip, held_joints
 from besman.robot.files.arm_files import check_name, free_name, write_arm, write_new
 from besman.robot.files.joint_limits import assume_torques, parse_limit_list, read_joints
@@ -69,6 +70,8 @@ class Wishes:
         Degrees/s and Nm, one number or one for each joint, where the file gives none.
     arguments : dict of str
         Of a xacro, by name.
+    base : str, optional
+        Link that the arm stands on: what moves it is held. Without it the root's.
     """
 
     tip: str | None = None
@@ -78,6 +81,7 @@ class Wishes:
     velocity: str | None = None
     torque: str | None = None
     arguments: Mapping[str, str] | None = None
+    base: str | None = None
 
 
 def add_robot(
@@ -90,6 +94,7 @@ def add_robot(
     velocity: str | None = None,
     torque: str | None = None,
     arguments: Mapping[str, str] | None = None,
+    base: str | None = None,
     show: Display = no_display,
 ) -> Path:
     """Write a robot.yaml for the arm that a file describes.
@@ -98,7 +103,7 @@ def add_robot(
     ----------
     urdf : Path
         The URDF, xacro or MJCF; of the latter two a URDF is written too, of a MJCF its meshes.
-    tip, name, folder, packages, velocity, torque, arguments
+    tip, name, folder, packages, velocity, torque, arguments, base
         See `Wishes`.
     show : Display, optional
         Shows how far it is.
@@ -114,7 +119,7 @@ def add_robot(
         If the file cannot be used, the link is not there, more than one could be meant, the name is
         taken, or there is such a file already. Nothing is left behind then.
     """
-    wishes = Wishes(tip, name, folder, packages, velocity, torque, arguments)
+    wishes = Wishes(tip, name, folder, packages, velocity, torque, arguments, base)
     if not urdf.is_file():
         raise RobotError(f"{urdf}: no such file; expected a URDF, xacro or MJCF")
     made: list[Path] = []
@@ -187,9 +192,9 @@ def _describe(
     tree: ElementTree.Element, urdf: Path, path: Path, name: str, wishes: Wishes, show: Display
 ) -> dict[str, Any]:
     """Return the content of a robot.yaml."""
-    tip = wishes.tip or find_tip(tree, urdf)
-    chain = find_chain(tree, tip, urdf)
-    held = _held_values(tree, tip, urdf)
+    tip = wishes.tip or find_tip(tree, urdf, wishes.base)
+    chain = find_chain(tree, tip, urdf, wishes.base)
+    held, standing = _held_values(tree, tip, urdf, wishes.base)
     names = [str(joint.get("name")) for joint in chain]
     known = find_known_arm(_titles(tree, urdf), len(chain))
     joints, assumed = read_joints(
@@ -216,7 +221,7 @@ def _describe(
         "held": held,
         "mounting": {"height_m": 0.0, "yaw_deg": 0.0, "pedestal_radius_m": 0.0},
     }
-    notes += [f"joint {key} is held at {value:g}" for key, value in held.items()]
+    notes += [f"joint {key} is held at {value:g}" for key, value in held.items()] + standing
     notes += [*folders.guessed, *faults]
     return _complete(content, tree, urdf, path, [*notes, *assumed], show)
 
@@ -232,19 +237,26 @@ def _relative(folder: Path, base: Path) -> str:
     return Path(os.path.relpath(folder, base)).as_posix()
 
 
-def _held_values(tree: ElementTree.Element, tip: str, urdf: Path) -> dict[str, float]:
-    """Return where sliding joints before the tip are held: at zero, or as near as they can."""
-    held = {}
-    for joint in held_joints(tree, tip, urdf):
-        limit = joint.find("limit")
-        if joint.get("type") != "prismatic":
+def _held_values(
+    tree: ElementTree.Element, tip: str, urdf: Path, base: str | None
+) -> tuple[dict[str, float], list[str]]:
+    """Return where joints before the tip are held: at zero, or as near as they can; and notes."""
+    held, notes = {}, []
+    below = split_at_base(tree, tip, urdf, base)[0]
+    for joint in held_joints(tree, tip, urdf, base):
+        limit, kind = joint.find("limit"), joint.get("type")
+        if kind in ("planar", "floating") and joint in below:
+            notes.append(f"joint {joint.get('name')} is {kind}: it is fixed")
+            continue
+        if kind != "prismatic" and joint not in below:
             raise RobotError(
                 f"{urdf}: joint {joint.get('name')}: only hinges and sliding joints can be used, "
-                f"got {joint.get('type')!r:.60}"
+                f"got {kind!r:.60}"
             )
         ends = [0.0 if limit is None else float(limit.get(key, "0")) for key in ("lower", "upper")]
-        held[str(joint.get("name"))] = min(max(0.0, min(ends)), max(ends))
-    return held
+        least, most = (-math.inf, math.inf) if kind == "continuous" else (min(ends), max(ends))
+        held[str(joint.get("name"))] = min(max(0.0, least), most)
+    return held, notes
 
 
 def _place_meshes(
