@@ -147,7 +147,11 @@ def _bring(file: Path, wishes: Wishes, show: Display, made: list[Path]) -> Path:
     if arm is not None:
         urdf, home = write_arm(arm, folder, name, made), arm.home
         tree = read_urdf_text(urdf)
-    content = _describe(tree, urdf, path, name, wishes, show)
+    try:
+        content = _describe(tree, urdf, path, name, wishes, show)
+    except RobotError as error:
+        # What was written of another file is deleted again: that one is named.
+        raise RobotError(str(error).replace(str(urdf), str(file))) from None
     if arm is not None:
         content["assumed"] += arm.notes
     if home and _set_home(content, home, urdf, path):
@@ -287,6 +291,8 @@ def _complete(
     show: Display,
 ) -> dict[str, Any]:
     """Add what is computed: capsules, masses, torques, mounting, home, ignored pairs."""
+    import coal
+
     from besman.robot.files import fitted_shapes
     from besman.robot.files.standing import (
         arm_reach,
@@ -304,10 +310,14 @@ def _complete(
         tool = mount_tool("none", config)
         return config, build_model(config, tool, joint_limits(config.joints), tree, urdf, path)[0]
 
+    # Each mesh is read once.
+    loader = coal.CachedMeshLoader(coal.BV_OBBRSS)
     notes += _visual_note(fitted_shapes.use_visual_shapes(tree))
     config, model = model_now()
     progress, end = show("capsules")
-    content["capsules"], said = fitted_shapes.fit_shapes(model, config, tree, urdf, path, progress)
+    content["capsules"], said = fitted_shapes.fit_shapes(
+        model, config, tree, urdf, path, progress, loader
+    )
     end(True)
     config = _as_config(content)
     content["inertia"], weights = fitted_shapes.assume_masses(model, config)
@@ -322,10 +332,10 @@ def _complete(
     progress, end = show("poses")
     config = _as_config(content)
     robot = build_robot(config, "none", tree, urdf, path, str(path))
-    shapes = [one[:4] for one in collision_shapes(robot.model, tree, urdf)]
-    contacts = mesh_contacts(robot.model, shapes)
+    shapes = collision_shapes(robot.model, tree, urdf, loader)
+    contacts = mesh_contacts(robot.model, [one[:4] for one in shapes])
     content["capsules"] = fitted_shapes.carve(
-        content["capsules"], robot, link_surfaces(robot.model, tree, urdf), contacts,
+        content["capsules"], robot, link_surfaces(shapes), contacts,
         lambda share: progress(0.5 * share),
     )  # fmt: skip
     robot = build_robot(_as_config(content), "none", tree, urdf, path, str(path))

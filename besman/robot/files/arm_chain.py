@@ -32,6 +32,8 @@ _FLANGES = tuple(
 _LEAST_ARM = 4
 # Of so many parts that move by themselves a hand consists.
 _LEAST_FINGERS = 3
+# Two of more hinges than a finger and a head may hang on a torso.
+_LONGEST_FINGER, _MOST_ARMS = 4, 3
 _FEWEST_HINGES = 3
 _MOST_NAMED = 8
 
@@ -107,7 +109,7 @@ def find_tip(tree: ElementTree.Element, urdf: Path, base: str | None = None) -> 
         raise RobotError(f"{urdf}: base: no link {base!r}; {nearest(base, link_names(tree))}")
     links = _Links(tree, base)
     end, hinges = links.last_link(links.root)
-    if links.choices(end) and hinges < _LEAST_ARM:
+    if links.parts_into_arms(end, hinges):
         ends = sorted(links.arm_ends(end, hinges), key=lambda one: -one[1])
         named = [f"--tip {links.flange_of(one)} ({count} hinges)" for one, count in ends]
         more = f" and {len(named) - _MOST_NAMED} more" if len(named) > _MOST_NAMED else ""
@@ -190,13 +192,23 @@ class _Links:
             link = joint_ends(joint)[1]
         return link, hinges
 
+    def parts_into_arms(self, link: str, hinges: int) -> bool:
+        """Tell whether so few hinges are above a link, or so many below it, that arms part there.
+
+        Above a hand there is an arm; its fingers are short, or more than arms and a head.
+        """
+        if not self.choices(link):
+            return False
+        depths = sorted(depth for _, depth in self.branches(link))
+        are_arms = depths[-2] > _LONGEST_FINGER and len(depths) <= _MOST_ARMS
+        return hinges < _LEAST_ARM or are_arms
+
     def arm_ends(self, link: str, hinges: int) -> list[tuple[str, int]]:
         """Return where all chains end that part above a hand, and how many hinges lead there."""
-        choice = self.choices(link)
-        if not choice or hinges >= _LEAST_ARM:
+        if not self.parts_into_arms(link, hinges):
             return [(link, hinges)]
         found = []
-        for joint in choice:
+        for joint in self.choices(link):
             end, more = self.last_link(joint_ends(joint)[1])
             found += self.arm_ends(end, hinges + self._is_hinge(joint) + more)
         return found
