@@ -11,6 +11,7 @@ from besman.foreign.urdf_text import joint_ends, link_names
 HINGES = ("revolute", "continuous")
 SLIDES = ("prismatic", "planar", "floating")
 _SHAPES = ("visual", "collision")
+_DEGREES_ON_A_PLANE = 3
 
 
 def joints_above(tree: ElementTree.Element, tip: str, urdf: Path) -> list[ElementTree.Element]:
@@ -56,7 +57,8 @@ def split_at_base(
     path = joints_above(tree, tip, urdf)
     if base is None:
         moved = mobile_base_joints(tree)
-        count = sum(str(joint.get("name")) in moved for joint in path)
+        last = [index for index, joint in enumerate(path) if joint.get("name") in moved]
+        count = last[-1] + 1 if last else 0
         return path[:count], path[count:]
     if base not in link_names(tree):
         raise RobotError(f"{urdf}: base: no link {base!r}; {nearest(base, link_names(tree))}")
@@ -84,18 +86,17 @@ def mobile_base_joints(tree: ElementTree.Element) -> set[str]:
     }
     if not shaped:
         return set()
-    children = {joint_ends(joint)[1] for joint in tree.findall("joint")}
-    bare = {name for name in link_names(tree) if name not in children and name not in shaped}
-    found: dict[str, str] = {}
     joints = tree.findall("joint")
-    more = True
-    while more:
-        more = False
-        for joint in joints:
-            parent, child = joint_ends(joint)
-            name = str(joint.get("name"))
-            if parent in bare and name not in found:
-                found[name] = str(joint.get("type"))
-                bare |= {child} - shaped
-                more = True
-    return set(found) if any(kind in SLIDES for kind in found.values()) else set()
+    children = {joint_ends(joint)[1] for joint in joints}
+    waiting = [name for name in link_names(tree) if name not in children]
+    drives: list[ElementTree.Element] = []
+    for link in waiting:
+        if link not in shaped:
+            below = [joint for joint in joints if joint_ends(joint)[0] == link]
+            drives += below
+            waiting += [joint_ends(joint)[1] for joint in below]
+    moving = [joint for joint in drives if joint.get("type") in (*SLIDES, *HINGES)]
+    slides = sum(joint.get("type") in SLIDES for joint in moving)
+    # A base has three degrees of freedom on a plane, six in space; what moves behind is the arm's.
+    most = 2 * _DEGREES_ON_A_PLANE if slides >= _DEGREES_ON_A_PLANE else _DEGREES_ON_A_PLANE
+    return {str(joint.get("name")) for joint in moving[:most]} if slides else set()
