@@ -184,6 +184,27 @@ def joint_in_model(name: str, links: Collection[str]) -> str:
     return f"{name} (joint)" if name in links else name
 
 
+def _complete_link(link: ElementTree.Element) -> None:
+    """Write what a link leaves out, else urdfdom drops its mass and its shapes, and goes on.
+
+    Moments of inertia that are left out are zero; a shape without geometry is none.
+    """
+    for inertial in link.findall("inertial"):
+        mass = inertial.find("mass")
+        if mass is None or not mass.get("value", "").strip():
+            link.remove(inertial)
+            continue
+        mass.set("value", mass.get("value", "").strip())
+        inertia = inertial.find("inertia")
+        inertia = ElementTree.SubElement(inertial, "inertia") if inertia is None else inertia
+        for axes in ("xx", "yy", "zz", "xy", "xz", "yz"):
+            inertia.set(f"i{axes}", inertia.get(f"i{axes}", "").strip() or "0")
+    for shape in [one for tag in _SHAPES for one in link.findall(tag)]:
+        geometry = shape.find("geometry")
+        if geometry is None or not len(geometry):
+            link.remove(shape)
+
+
 def text_for_model(tree: ElementTree.Element) -> str:
     """Return a URDF's text for other libraries, which refuse what besman reads.
 
@@ -196,6 +217,8 @@ def text_for_model(tree: ElementTree.Element) -> str:
     """
     links = set(link_names(tree))
     apart = copy.deepcopy(tree)
+    for link in apart.findall("link"):
+        _complete_link(link)
     for joint in apart.findall("joint"):
         joint.set("name", joint_in_model(joint.get("name", ""), links))
         if joint.get("type") in ("revolute", "prismatic"):
