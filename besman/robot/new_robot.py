@@ -227,7 +227,8 @@ def _describe(
     }
     notes += [f"joint {key} is held at {value:g}" for key, value in held.items()] + standing
     notes += [*folders.guessed, *faults]
-    return _complete(content, tree, urdf, path, [*notes, *assumed], show)
+    moves_about = bool(split_at_base(tree, tip, urdf, wishes.base)[0])
+    return _complete(content, tree, urdf, path, [*notes, *assumed], moves_about, show)
 
 
 def _titles(tree: ElementTree.Element, urdf: Path) -> list[str]:
@@ -288,6 +289,7 @@ def _complete(
     urdf: Path,
     path: Path,
     notes: list[str],
+    moves_about: bool,
     show: Display,
 ) -> dict[str, Any]:
     """Add what is computed: capsules, masses, torques, mounting, home, ignored pairs."""
@@ -325,7 +327,7 @@ def _complete(
     accelerations = [joint["acceleration_rad_s2"] for joint in content["joints"]]
     weights += assume_torques(content["joints"], model, accelerations)
     reach, shoulder = arm_reach(model, content["tip"])
-    content["mounting"] = assume_mounting(reach, shoulder)
+    content["mounting"] = assume_mounting(reach, shoulder, moves_about or bool(content["held"]))
     quaternion, flange = flange_rotation(model, content["tip"])
     if flange:
         content["flange_wxyz"] = [round(float(part), 9) for part in quaternion]
