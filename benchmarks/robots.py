@@ -26,6 +26,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio
+from arm_agreement import agreement
 
 from besman.config.yaml_file import load_config
 from besman.exceptions import BesmanError, MappingError
@@ -197,6 +198,7 @@ def measure(
     if robot.n < 4:
         return {"error": "no hinge moves more than three links"}
     found: dict[str, object] = {"seconds": spent, "cpu_s": worked, "n": robot.n}
+    found |= agreement(file, path)
     if count == 0:
         return found | (throws.try_on(path) if throws is not None else {})
     poses = random_poses(robot, count, seed=99)

@@ -47,6 +47,9 @@ def _show_robot(name: Annotated[str, typer.Argument(help="A robot.")]) -> None:
 Tip = Annotated[
     str | None, typer.Option(help="Link that tools are mounted on; default the last one.")
 ]
+Base = Annotated[
+    str | None, typer.Option(help="Link that the arm stands on; what moves that one is held.")
+]
 Name = Annotated[str | None, typer.Option(help="Name; default the one in the file.")]
 Package = Annotated[
     list[str] | None, typer.Option(help="NAME=FOLDER of package://NAME; repeatable.")
@@ -71,6 +74,7 @@ def _add_robot(
     velocity: Velocity = None,
     torque: Torque = None,
     arg: Arg = None,
+    base: Base = None,
 ) -> None:
     """Write NAME.yaml for your own arm, and say what to look at in it."""
     from besman.cli.progress_bars import stage_display
@@ -89,6 +93,7 @@ def _add_robot(
             velocity=velocity,
             torque=torque,
             arguments=parse_arguments(arg or []),
+            base=base,
             show=show,
         )
     open_terminal().print(f"wrote {path}", soft_wrap=True)
@@ -110,6 +115,7 @@ def _try_robot(
     velocity: Velocity = None,
     torque: Torque = None,
     arg: Arg = None,
+    base: Base = None,
     jobs: Jobs = ALL_CORES,
 ) -> None:
     """Take the embedded throws to an arm and write a page: what it is, what it can do, why not."""
@@ -122,7 +128,7 @@ def _try_robot(
 
     console = open_terminal()
     packages, arguments = parse_packages(package or []), parse_arguments(arg or [])
-    wishes = Wishes(tip, name, None, packages, velocity, torque, arguments)
+    wishes = Wishes(tip, name, None, packages, velocity, torque, arguments, base)
     with stage_display() as show:
         tried = try_robot(
             robot,

@@ -139,12 +139,18 @@ class MountingConfig(Config):
         Height of the base link above the floor, metres.
     yaw_deg : float
         Turn of the base link about the vertical, degrees: world x is forward.
+    roll_deg, pitch_deg : float
+        Turns of the base link about the world's x and y axes, before that about the vertical,
+        degrees: ``pitch_deg: 90`` is an arm on a wall, whose z points forward, ``roll_deg: 180``
+        one on a ceiling.
     pedestal_radius_m : float
         Radius of the column below the base, metres; 0 for none.
     """
 
     height_m: NotNegative = 0.0
     yaw_deg: float = 0.0
+    roll_deg: float = 0.0
+    pitch_deg: float = 0.0
     pedestal_radius_m: NotNegative = 0.0
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -35,6 +35,7 @@ def link_capsules(
     urdf: Path,
     path: Path,
     progress: Callable[[float], None] = lambda share: None,
+    loader: Any = None,
 ) -> list[tuple[str, int, FloatArray, float]]:
     """List the capsules of the links: the config's, or else fitted to the URDF's shapes.
 
@@ -50,6 +51,8 @@ def link_capsules(
         The URDF and the robot.yaml, named in errors.
     progress : callable, optional
         Is told the share that is fitted.
+    loader : coal.MeshLoader, optional
+        Reads the meshes.
 
     Returns
     -------
@@ -64,7 +67,7 @@ def link_capsules(
     if config.capsules:
         return [_from_config(model, capsule, path) for capsule in config.capsules]
     by_link: dict[tuple[str, int], list[tuple[Any, Any, bool]]] = {}
-    for link, joint, *shape in collision_shapes(model, tree, urdf):
+    for link, joint, *shape in collision_shapes(model, tree, urdf, loader):
         by_link.setdefault((link, joint), []).append((shape[0], shape[1], shape[2]))
     found = []
     for index, ((link, joint), shapes) in enumerate(by_link.items()):
@@ -137,7 +140,8 @@ def _primitive_mesh(geometry: Any, pose: Any) -> tuple[FloatArray, IntArray]:
 def _corners(geometry: Any) -> FloatArray:
     """Return points whose hull is a little larger than a primitive, in its own frame, metres."""
     if hasattr(geometry, "halfSide"):
-        box: FloatArray = _CORNERS * np.asarray(geometry.halfSide)
+        # A plate without thickness would have no hull.
+        box: FloatArray = _CORNERS * np.maximum(geometry.halfSide, _ROUNDING_M)
         return box
     if not hasattr(geometry, "radius"):
         return np.zeros((0, 3))
@@ -157,14 +161,14 @@ def _corners(geometry: Any) -> FloatArray:
 
 
 def link_surfaces(
-    model: Any, tree: ElementTree.Element, urdf: Path
+    shapes: Sequence[tuple[str, int, Any, Any, bool]],
 ) -> list[tuple[str, int, FloatArray, IntArray]]:
-    """List the surfaces of all collision shapes, primitives as polyhedra around them.
+    """List the surfaces of collision shapes, primitives as polyhedra around them.
 
     Parameters
     ----------
-    model, tree, urdf
-        As in `link_capsules`.
+    shapes : sequence of (link, joint, pose, geometry, mirrored)
+        From `collision_shapes`.
 
     Returns
     -------
@@ -173,7 +177,7 @@ def link_surfaces(
     """
     return [
         (link, joint, *_surface(placed, geometry, mirrored))
-        for link, joint, placed, geometry, mirrored in collision_shapes(model, tree, urdf)
+        for link, joint, placed, geometry, mirrored in shapes
     ]
 
 
@@ -201,7 +205,7 @@ def link_meshes(
 
 
 def collision_shapes(
-    model: Any, tree: ElementTree.Element, urdf: Path
+    model: Any, tree: ElementTree.Element, urdf: Path, loader: Any = None
 ) -> list[tuple[str, int, Any, Any, bool]]:
     """List the collision shapes of a URDF.
 
@@ -209,6 +213,8 @@ def collision_shapes(
     ----------
     model, tree, urdf
         As in `link_capsules`.
+    loader : coal.MeshLoader, optional
+        Reads the meshes; one that keeps them reads each once.
 
     Returns
     -------
@@ -224,11 +230,16 @@ def collision_shapes(
     text = text_for_model(tree)
     try:
         plain = pinocchio.buildModelFromXML(text)
-        shapes = pinocchio.buildGeomFromUrdfString(plain, text, pinocchio.GeometryType.COLLISION)
+        kind = pinocchio.GeometryType.COLLISION
+        keep = {} if loader is None else {"mesh_loader": loader}
+        shapes = pinocchio.buildGeomFromUrdfString(plain, text, kind, **keep)
     except (ValueError, RuntimeError) as error:
         raise RobotError(f"{urdf}: collision meshes: {in_one_line(error)}") from None
     found = []
     for item in shapes.geometryObjects:
+        if hasattr(item.geometry, "halfSide") and not np.any(item.geometry.halfSide):
+            # A box of no size stands for no shape.
+            continue
         link = plain.frames[item.parentFrame]
         frame = model.frames[model.getFrameId(link.name, pinocchio.FrameType.BODY)]
         pose = frame.placement * link.placement.actInv(item.placement)

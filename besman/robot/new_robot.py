@@ -18,6 +18,7 @@ from besman.exceptions import RobotError
 from besman.records import FloatArray
 from besman.robot.collision import distances
 from besman.robot.config import RobotConfig
+from besman.robot.files.arm_base import split_at_base
 from besman.robot.files.arm_chain import find_chain, find_tip, held_joints
 from besman.robot.files.arm_files import check_name, free_name, write_arm, write_new
 from besman.robot.files.joint_limits import assume_torques, parse_limit_list, read_joints
@@ -69,6 +70,8 @@ class Wishes:
         Degrees/s and Nm, one number or one for each joint, where the file gives none.
     arguments : dict of str
         Of a xacro, by name.
+    base : str, optional
+        Link that the arm stands on: what moves it is held. Without it the root's.
     """
 
     tip: str | None = None
@@ -78,6 +81,7 @@ class Wishes:
     velocity: str | None = None
     torque: str | None = None
     arguments: Mapping[str, str] | None = None
+    base: str | None = None
 
 
 def add_robot(
@@ -90,6 +94,7 @@ def add_robot(
     velocity: str | None = None,
     torque: str | None = None,
     arguments: Mapping[str, str] | None = None,
+    base: str | None = None,
     show: Display = no_display,
 ) -> Path:
     """Write a robot.yaml for the arm that a file describes.
@@ -98,7 +103,7 @@ def add_robot(
     ----------
     urdf : Path
         The URDF, xacro or MJCF; of the latter two a URDF is written too, of a MJCF its meshes.
-    tip, name, folder, packages, velocity, torque, arguments
+    tip, name, folder, packages, velocity, torque, arguments, base
         See `Wishes`.
     show : Display, optional
         Shows how far it is.
@@ -114,7 +119,7 @@ def add_robot(
         If the file cannot be used, the link is not there, more than one could be meant, the name is
         taken, or there is such a file already. Nothing is left behind then.
     """
-    wishes = Wishes(tip, name, folder, packages, velocity, torque, arguments)
+    wishes = Wishes(tip, name, folder, packages, velocity, torque, arguments, base)
     if not urdf.is_file():
         raise RobotError(f"{urdf}: no such file; expected a URDF, xacro or MJCF")
     made: list[Path] = []
@@ -142,7 +147,11 @@ def _bring(file: Path, wishes: Wishes, show: Display, made: list[Path]) -> Path:
     if arm is not None:
         urdf, home = write_arm(arm, folder, name, made), arm.home
         tree = read_urdf_text(urdf)
-    content = _describe(tree, urdf, path, name, wishes, show)
+    try:
+        content = _describe(tree, urdf, path, name, wishes, show)
+    except RobotError as error:
+        # What was written of another file is deleted again: that one is named.
+        raise RobotError(str(error).replace(str(urdf), str(file))) from None
     if arm is not None:
         content["assumed"] += arm.notes
     if home and _set_home(content, home, urdf, path):
@@ -187,9 +196,9 @@ def _describe(
     tree: ElementTree.Element, urdf: Path, path: Path, name: str, wishes: Wishes, show: Display
 ) -> dict[str, Any]:
     """Return the content of a robot.yaml."""
-    tip = wishes.tip or find_tip(tree, urdf)
-    chain = find_chain(tree, tip, urdf)
-    held = _held_values(tree, tip, urdf)
+    tip = wishes.tip or find_tip(tree, urdf, wishes.base)
+    chain = find_chain(tree, tip, urdf, wishes.base)
+    held, standing = _held_values(tree, tip, urdf, wishes.base)
     names = [str(joint.get("name")) for joint in chain]
     known = find_known_arm(_titles(tree, urdf), len(chain))
     joints, assumed = read_joints(
@@ -216,9 +225,10 @@ def _describe(
         "held": held,
         "mounting": {"height_m": 0.0, "yaw_deg": 0.0, "pedestal_radius_m": 0.0},
     }
-    notes += [f"joint {key} is held at {value:g}" for key, value in held.items()]
+    notes += [f"joint {key} is held at {value:g}" for key, value in held.items()] + standing
     notes += [*folders.guessed, *faults]
-    return _complete(content, tree, urdf, path, [*notes, *assumed], show)
+    moves_about = bool(split_at_base(tree, tip, urdf, wishes.base)[0])
+    return _complete(content, tree, urdf, path, [*notes, *assumed], moves_about, show)
 
 
 def _titles(tree: ElementTree.Element, urdf: Path) -> list[str]:
@@ -232,19 +242,26 @@ def _relative(folder: Path, base: Path) -> str:
     return Path(os.path.relpath(folder, base)).as_posix()
 
 
-def _held_values(tree: ElementTree.Element, tip: str, urdf: Path) -> dict[str, float]:
-    """Return where sliding joints before the tip are held: at zero, or as near as they can."""
-    held = {}
-    for joint in held_joints(tree, tip, urdf):
-        limit = joint.find("limit")
-        if joint.get("type") != "prismatic":
+def _held_values(
+    tree: ElementTree.Element, tip: str, urdf: Path, base: str | None
+) -> tuple[dict[str, float], list[str]]:
+    """Return where joints before the tip are held: at zero, or as near as they can; and notes."""
+    held, notes = {}, []
+    below = split_at_base(tree, tip, urdf, base)[0]
+    for joint in held_joints(tree, tip, urdf, base):
+        limit, kind = joint.find("limit"), joint.get("type")
+        if kind in ("planar", "floating") and joint in below:
+            notes.append(f"joint {joint.get('name')} is {kind}: it is fixed")
+            continue
+        if kind != "prismatic" and joint not in below:
             raise RobotError(
                 f"{urdf}: joint {joint.get('name')}: only hinges and sliding joints can be used, "
-                f"got {joint.get('type')!r:.60}"
+                f"got {kind!r:.60}"
             )
         ends = [0.0 if limit is None else float(limit.get(key, "0")) for key in ("lower", "upper")]
-        held[str(joint.get("name"))] = min(max(0.0, min(ends)), max(ends))
-    return held
+        least, most = (-math.inf, math.inf) if kind == "continuous" else (min(ends), max(ends))
+        held[str(joint.get("name"))] = min(max(0.0, least), most)
+    return held, notes
 
 
 def _place_meshes(
@@ -272,9 +289,12 @@ def _complete(
     urdf: Path,
     path: Path,
     notes: list[str],
+    moves_about: bool,
     show: Display,
 ) -> dict[str, Any]:
     """Add what is computed: capsules, masses, torques, mounting, home, ignored pairs."""
+    import coal
+
     from besman.robot.files import fitted_shapes
     from besman.robot.files.standing import (
         arm_reach,
@@ -292,10 +312,14 @@ def _complete(
         tool = mount_tool("none", config)
         return config, build_model(config, tool, joint_limits(config.joints), tree, urdf, path)[0]
 
+    # Each mesh is read once.
+    loader = coal.CachedMeshLoader(coal.BV_OBBRSS)
     notes += _visual_note(fitted_shapes.use_visual_shapes(tree))
     config, model = model_now()
     progress, end = show("capsules")
-    content["capsules"], said = fitted_shapes.fit_shapes(model, config, tree, urdf, path, progress)
+    content["capsules"], said = fitted_shapes.fit_shapes(
+        model, config, tree, urdf, path, progress, loader
+    )
     end(True)
     config = _as_config(content)
     content["inertia"], weights = fitted_shapes.assume_masses(model, config)
@@ -303,17 +327,17 @@ def _complete(
     accelerations = [joint["acceleration_rad_s2"] for joint in content["joints"]]
     weights += assume_torques(content["joints"], model, accelerations)
     reach, shoulder = arm_reach(model, content["tip"])
-    content["mounting"] = assume_mounting(reach, shoulder)
+    content["mounting"] = assume_mounting(reach, shoulder, moves_about or bool(content["held"]))
     quaternion, flange = flange_rotation(model, content["tip"])
     if flange:
         content["flange_wxyz"] = [round(float(part), 9) for part in quaternion]
     progress, end = show("poses")
     config = _as_config(content)
     robot = build_robot(config, "none", tree, urdf, path, str(path))
-    shapes = [one[:4] for one in collision_shapes(robot.model, tree, urdf)]
-    contacts = mesh_contacts(robot.model, shapes)
+    shapes = collision_shapes(robot.model, tree, urdf, loader)
+    contacts = mesh_contacts(robot.model, [one[:4] for one in shapes])
     content["capsules"] = fitted_shapes.carve(
-        content["capsules"], robot, link_surfaces(robot.model, tree, urdf), contacts,
+        content["capsules"], robot, link_surfaces(shapes), contacts,
         lambda share: progress(0.5 * share),
     )  # fmt: skip
     robot = build_robot(_as_config(content), "none", tree, urdf, path, str(path))

@@ -21,6 +21,9 @@ from besman.robot.urdf_file import joint_in_model, text_for_model
 
 FloatArray = npt.NDArray[np.float64]
 
+# What urdfdom writes where it drops a part of a link, and what follows it.
+_LOST = "Could not parse"
+
 
 def build_model(
     config: RobotConfig,
@@ -64,6 +67,10 @@ def build_model(
     except (ValueError, RuntimeError) as error:
         why = in_one_line(said) or in_one_line(error)
         raise RobotError(f"{urdf}: cannot be used as URDF: {why}") from None
+    lost = next((line for line in said if _LOST in line), None)
+    if lost is not None:
+        # The library goes on without the link's mass and shapes.
+        raise RobotError(f"{urdf}: cannot be used as URDF: {in_one_line(said)}")
     _refuse_mimics(config, tree, path)
     model = _reduce(full, config, set(link_names(tree)), path)
     if not model.existFrame(config.tip, pinocchio.FrameType.BODY):
@@ -179,9 +186,9 @@ def _is_hinge(joint: Any) -> bool:
 
 def _mount(model: Any, config: RobotConfig) -> None:
     """Raise the arm onto its pedestal: everything that hangs on the world moves along."""
-    yaw = np.radians(config.mounting.yaw_deg)
-    turn = pinocchio.exp3(np.array([0.0, 0.0, yaw]))
-    mount = pinocchio.SE3(turn, np.array([0.0, 0.0, config.mounting.height_m]))
+    how = config.mounting
+    turn = pinocchio.rpy.rpyToMatrix(np.radians([how.roll_deg, how.pitch_deg, how.yaw_deg]))
+    mount = pinocchio.SE3(turn, np.array([0.0, 0.0, how.height_m]))
     model.jointPlacements[1] = mount * model.jointPlacements[1]
     for index in range(1, model.nframes):
         if model.frames[index].parentJoint == 0:

@@ -8,7 +8,10 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 from xml.etree import ElementTree
 
+import numpy as np
+
 from besman.exceptions import RobotError
+from besman.foreign.numbers import parse_number
 from besman.foreign.paths import is_file
 from besman.foreign.urdf_text import MOST_CHARACTERS, UrdfTextError, link_names, parse_urdf
 from besman.robot.files.mesh_folders import mesh_path
@@ -93,9 +96,47 @@ def parse_urdf_bytes(content: bytes, urdf: Path) -> ElementTree.Element:
             f"{urdf}: not valid XML: expected text in UTF-8, or as its first line says"
         ) from None
     try:
-        return parse_urdf(text)
+        tree = parse_urdf(text)
     except UrdfTextError as error:
         raise RobotError(f"{urdf}: {error}") from None
+    _split_capsules(tree)
+    return tree
+
+
+def _split_capsules(tree: ElementTree.Element) -> None:
+    """Make a cylinder and two balls of each capsule, which simulators know and URDF does not.
+
+    Its length is that of the cylinder, along z.
+    """
+    for link in tree.findall("link"):
+        for shape in [one for tag in _SHAPES for one in link.findall(tag)]:
+            geometry = shape.find("geometry")
+            capsule = None if geometry is None else geometry.find("capsule")
+            if geometry is None or capsule is None:
+                continue
+            radius, length = (capsule.get(key, "0") for key in ("radius", "length"))
+            geometry.remove(capsule)
+            ElementTree.SubElement(geometry, "cylinder", radius=radius, length=length)
+            for sign in (1, -1):
+                link.append(_ball_at_end(shape, radius, sign * parse_number(length) / 2))
+
+
+def _ball_at_end(shape: ElementTree.Element, radius: str, along: float) -> ElementTree.Element:
+    """Return a ball on a shape's z axis, of the same kind and material."""
+    import pinocchio
+
+    origin = shape.find("origin")
+    xyz, rpy = (
+        np.array([parse_number(word) for word in ("" if origin is None else origin.get(key, "")).split()]
+                 or [0.0] * 3)
+        for key in ("xyz", "rpy")
+    )  # fmt: skip
+    place = xyz + pinocchio.rpy.rpyToMatrix(*rpy)[:, 2] * along
+    ball = ElementTree.Element(shape.tag)
+    ElementTree.SubElement(ball, "origin", xyz=" ".join(repr(float(one)) for one in place))
+    geometry = ElementTree.SubElement(ball, "geometry")
+    ElementTree.SubElement(geometry, "sphere", radius=radius)
+    return ball
 
 
 def place_meshes(
@@ -143,6 +184,27 @@ def joint_in_model(name: str, links: Collection[str]) -> str:
     return f"{name} (joint)" if name in links else name
 
 
+def _complete_link(link: ElementTree.Element) -> None:
+    """Write what a link leaves out, else urdfdom drops its mass and its shapes, and goes on.
+
+    Moments of inertia that are left out are zero; a shape without geometry is none.
+    """
+    for inertial in link.findall("inertial"):
+        mass = inertial.find("mass")
+        if mass is None or not mass.get("value", "").strip():
+            link.remove(inertial)
+            continue
+        mass.set("value", mass.get("value", "").strip())
+        inertia = inertial.find("inertia")
+        inertia = ElementTree.SubElement(inertial, "inertia") if inertia is None else inertia
+        for axes in ("xx", "yy", "zz", "xy", "xz", "yz"):
+            inertia.set(f"i{axes}", inertia.get(f"i{axes}", "").strip() or "0")
+    for shape in [one for tag in _SHAPES for one in link.findall(tag)]:
+        geometry = shape.find("geometry")
+        if geometry is None or not len(geometry):
+            link.remove(shape)
+
+
 def text_for_model(tree: ElementTree.Element) -> str:
     """Return a URDF's text for other libraries, which refuse what besman reads.
 
@@ -155,6 +217,8 @@ def text_for_model(tree: ElementTree.Element) -> str:
     """
     links = set(link_names(tree))
     apart = copy.deepcopy(tree)
+    for link in apart.findall("link"):
+        _complete_link(link)
     for joint in apart.findall("joint"):
         joint.set("name", joint_in_model(joint.get("name", ""), links))
         if joint.get("type") in ("revolute", "prismatic"):

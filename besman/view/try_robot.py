@@ -111,6 +111,7 @@ def _bring(file: Path, wishes: Wishes, folder: Path, show: Display) -> Path:
         velocity=wishes.velocity,
         torque=wishes.torque,
         arguments=wishes.arguments,
+        base=wishes.base,
         show=show,
     )
 

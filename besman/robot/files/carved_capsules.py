@@ -40,13 +40,15 @@ _NEAR_SHARE = 0.3
 # Of room that is lost in less than these shares of the poses, by all pairs or by one, nothing is
 # made: every further capsule costs time in every check.
 _FINE, _FINE_PAIR = 0.03, 0.004
-_MOST_SPLITS = 20
-_MOST_PIECES = 6
+_MOST_SPLITS = 24
+_MOST_PIECES, _MOST_PIECES_OF_MUCH, _MUCH = 6, 12, 0.1
 # A split must save this share of what the pair costs.
 _WORTH = 0.08
 _CUTS = (0.3, 0.5, 0.7)
 # An overlap costs this much, and its depth up to the greatest.
 _TOUCH_M, _DEEPEST_M = 0.005, 0.05
+# Poses in which what is lost is measured: the meshes' distance is what costs time.
+_LOOKED_POSES = 600
 # Longer edges are halved: a triangle lies wholly in one capsule.
 _EDGE_SHARE = 1 / 8
 
@@ -101,11 +103,15 @@ class _Pieces:
 
 @dataclass
 class _Pair:
-    """Two links: least gap (B,) in all poses, and how much an overlap counts in each (B,)."""
+    """Two links: least gap (B,) in all poses, and how much an overlap counts in each (B,).
+
+    An overlap counts in full until it was looked at.
+    """
 
     names: tuple[str, str]
     gaps: FloatArray
     counts: FloatArray
+    looked: BoolArray
 
     @property
     def lost(self) -> float:
@@ -148,11 +154,16 @@ def carve_capsules(
     pairs = []
     for names in link_pairs(robot):
         if set(names) <= set(links):
-            pair = _Pair(names, _gaps(links, *names), np.ones(len(poses)))
-            _look(pair, poses, meshes_touch)
+            gaps = _gaps(links, *names)
             margin = touching_margin(*(links[name].joint for name in names))
-            if not _says_nothing(pair, poses, meshes_touch, margin):
-                pairs.append(pair)
+            if not _says_nothing(names, poses[gaps <= 0], meshes_touch, margin):
+                gaps = gaps[:_LOOKED_POSES]
+                pairs.append(_Pair(names, gaps, np.ones(len(gaps)), np.zeros(len(gaps), np.bool_)))
+    poses = poses[:_LOOKED_POSES]
+    for own in links.values():
+        own.placed = np.ascontiguousarray(own.placed[:, : len(poses)])
+    for pair in pairs:
+        _look(pair, poses, meshes_touch)
     changed: set[str] = set()
     given_up: list[_Pair] = []
     for count in range(_MOST_SPLITS):
@@ -241,23 +252,22 @@ def _least(placed: FloatArray, radii: FloatArray, other: _Pieces) -> FloatArray:
 
 def _look(pair: _Pair, poses: FloatArray, meshes_touch: MeshesTouch) -> None:
     """Hold meshes against each other where capsules overlap: what is near does not count."""
-    for row in np.flatnonzero((pair.gaps <= 0) & (pair.counts == 1.0)):
-        pair.counts[row] = 0.0
-        for margin, share in ((0.0, _NEAR_SHARE), (_APART_M, 1.0)):
+    for row in np.flatnonzero((pair.gaps <= 0) & ~pair.looked):
+        pair.looked[row] = True
+        for margin, share in ((_APART_M, _NEAR_SHARE), (0.0, 0.0)):
             met = meshes_touch(*pair.names, poses[row : row + 1], margin)
-            if met is None or met[0]:
+            if met is not None and not met[0]:
                 break
-            pair.counts[row] = share
+            pair.counts[row] = 0.0 if met is None else share
 
 
 def _says_nothing(
-    pair: _Pair, poses: FloatArray, meshes_touch: MeshesTouch, margin_m: float
+    names: tuple[str, str], some: FloatArray, meshes_touch: MeshesTouch, margin_m: float
 ) -> bool:
-    """Tell whether capsules overlap often and meshes never touch: the pair will be left out."""
-    some = poses[pair.gaps <= 0]
+    """Tell whether meshes never touch where capsules overlap, and that often: left out later."""
     if len(some) < LEAST_MESH_POSES:
         return False
-    met = meshes_touch(*pair.names, some, margin_m)
+    met = meshes_touch(*names, some, margin_m)
     return met is not None and met[0] == 0
 
 
@@ -272,9 +282,10 @@ def _split_best(
 ) -> str | None:
     """Split one capsule of a pair where that helps most; return its link, None if nothing does."""
     most, best = _WORTH * _cost(pair.gaps, pair.counts), None
+    pieces = _MOST_PIECES_OF_MUCH if pair.lost > _MUCH else _MOST_PIECES
     for name in pair.names:
         own = links[name]
-        if len(own.capsules) >= _MOST_PIECES:
+        if len(own.capsules) >= pieces:
             continue
         touched = [one for one in pairs if name in one.names]
         others = [links[one.names[one.names[0] == name]] for one in touched]

@@ -50,6 +50,7 @@ def fit_shapes(
     urdf: Path,
     path: Path,
     progress: Callable[[float], None],
+    loader: Any = None,
 ) -> tuple[list[dict[str, Any]], list[str]]:
     """Fit the capsules of a robot.yaml.
 
@@ -63,6 +64,8 @@ def fit_shapes(
         The URDF; it loses the shapes whose meshes cannot be read. Paths are named in errors.
     progress : callable
         Is told the share that is done.
+    loader : coal.MeshLoader, optional
+        Reads the meshes.
 
     Returns
     -------
@@ -74,7 +77,7 @@ def fit_shapes(
     notes = []
     while True:
         try:
-            capsules = link_capsules(model, config, tree, urdf, path, progress)
+            capsules = link_capsules(model, config, tree, urdf, path, progress, loader)
             break
         except RobotError as error:
             bad = _drop_named_mesh(tree, str(error))

@@ -21,6 +21,7 @@ SHORT_ARM_M = 0.5
 """Reach below which an arm gets shorter tools."""
 
 _LEAST_PEDESTAL_M = 0.05
+_LEAST_STANDING_M = 0.4
 _PEDESTAL_SHARE = 0.1
 ALONG_AXIS = 0.99
 """Cosine of what counts as along an axis."""
@@ -59,15 +60,20 @@ def arm_reach(model: Any, tip: str) -> tuple[float, float]:
     return sum(ways), float(shoulder.translation[2])
 
 
-def assume_mounting(reach: float, shoulder: float) -> dict[str, float]:
+def assume_mounting(reach: float, shoulder: float, has_base: bool = False) -> dict[str, float]:
     """Return the mounting of a robot.yaml: the shoulder as high as the arm is long.
 
     Parameters
     ----------
     reach, shoulder : float
         See `arm_reach`.
+    has_base : bool
+        Whether the description has what the arm stands on, a torso or a mobile base: it stands on
+        the floor then, unless it is a small one.
     """
     height = round(max(min(reach, _SHOULDER_M) - shoulder, 0.0), 2)
+    if has_base and shoulder >= _LEAST_STANDING_M:
+        height = 0.0
     if height < _LEAST_PEDESTAL_M:
         return {"height_m": 0.0, "yaw_deg": 0.0, "pedestal_radius_m": 0.0}
     radius = round(min(_PEDESTAL_SHARE * min(reach, 1.0), height / 2), 3)

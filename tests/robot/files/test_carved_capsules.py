@@ -43,7 +43,7 @@ def plates(tmp_path_factory):
         path = add_robot(write_arm(folder), name="whole")
     robot = load_robot(path)
     tree, urdf = read_robot_urdf(load_config(path, RobotConfig), path)
-    surfaces = link_surfaces(robot.model, tree, urdf)
+    surfaces = link_surfaces(collision_shapes(robot.model, tree, urdf))
     shapes = [one[:4] for one in collision_shapes(robot.model, tree, urdf)]
     contacts = mesh_contacts(robot.model, shapes)
     return robot, surfaces, contacts, load_robot(add_robot(folder / "plates.urdf", name="carved"))

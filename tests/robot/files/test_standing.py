@@ -32,7 +32,11 @@ def test_a_small_arm_stands_as_high_as_it_is_long_and_a_tall_one_on_the_floor():
     small = assume_mounting(0.4, 0.1)
     assert small["height_m"] == pytest.approx(0.3)
     assert 0 < small["pedestal_radius_m"] < 0.05
-    assert assume_mounting(1.3, 1.2) == {"height_m": 0, "yaw_deg": 0, "pedestal_radius_m": 0}
+    nothing = {"height_m": 0, "yaw_deg": 0, "pedestal_radius_m": 0}
+    assert assume_mounting(1.3, 1.2) == nothing
+    # A mobile robot stands on the floor; an arm on a rail, on what that stands on.
+    assert assume_mounting(1.1, 0.7, has_base=True) == nothing
+    assert assume_mounting(1.1, 0.2, has_base=True)["height_m"] == 0.9
     assert assume_mounting(3.0, 0.6)["height_m"] == pytest.approx(0.5)
 
 

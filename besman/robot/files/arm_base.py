@@ -1,0 +1,102 @@
+"""What stands below an arm and is held: gantries, torsos, and mobile bases that no wheel moves."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+from besman.exceptions import RobotError, nearest
+from besman.foreign.urdf_text import joint_ends, link_names
+
+HINGES = ("revolute", "continuous")
+SLIDES = ("prismatic", "planar", "floating")
+_SHAPES = ("visual", "collision")
+_DEGREES_ON_A_PLANE = 3
+
+
+def joints_above(tree: ElementTree.Element, tip: str, urdf: Path) -> list[ElementTree.Element]:
+    """Return all joints from the root to a link.
+
+    Raises
+    ------
+    RobotError
+        If the link is not there.
+    """
+    links = link_names(tree)
+    if tip not in links:
+        raise RobotError(f"{urdf}: tip: no link {tip!r}; {nearest(tip, links)}")
+    above = {joint_ends(joint)[1]: joint for joint in tree.findall("joint")}
+    path: list[ElementTree.Element] = []
+    link = tip
+    while link in above:
+        path.insert(0, above[link])
+        link = joint_ends(above[link])[0]
+    return path
+
+
+def split_at_base(
+    tree: ElementTree.Element, tip: str, urdf: Path, base: str | None = None
+) -> tuple[list[ElementTree.Element], list[ElementTree.Element]]:
+    """Return the joints from the root to a link: those that the arm stands on, and the rest.
+
+    Parameters
+    ----------
+    tree : Element
+    tip : str
+        The link.
+    urdf : Path
+        Named in errors.
+    base : str, optional
+        Link that the arm stands on; without it the one that a mobile base's joints lead to.
+
+    Raises
+    ------
+    RobotError
+        If a link is not there, or the base is not above the tip.
+    """
+    path = joints_above(tree, tip, urdf)
+    if base is None:
+        moved = mobile_base_joints(tree)
+        last = [index for index, joint in enumerate(path) if joint.get("name") in moved]
+        count = last[-1] + 1 if last else 0
+        return path[:count], path[count:]
+    if base not in link_names(tree):
+        raise RobotError(f"{urdf}: base: no link {base!r}; {nearest(base, link_names(tree))}")
+    links = [joint_ends(joint)[0] for joint in path]
+    if base not in links:
+        raise RobotError(
+            f"{urdf}: base: link {base!r} is not between the root and the tip {tip!r}; expected "
+            f"one of {', '.join(links) or 'none, the tip is the root'}"
+        )
+    index = links.index(base)
+    return path[:index], path[index:]
+
+
+def mobile_base_joints(tree: ElementTree.Element) -> set[str]:
+    """Return the names of the joints by which a description lets its base drive about.
+
+    Simulators move a base by sliding joints and hinges in a row between links that are nothing: no
+    link above such a joint has a shape, and one of them at least slides. Where no link has a shape
+    there is nothing to tell them by.
+    """
+    shaped = {
+        str(link.get("name"))
+        for link in tree.findall("link")
+        if any(link.find(kind) is not None for kind in _SHAPES)
+    }
+    if not shaped:
+        return set()
+    joints = tree.findall("joint")
+    children = {joint_ends(joint)[1] for joint in joints}
+    waiting = [name for name in link_names(tree) if name not in children]
+    drives: list[ElementTree.Element] = []
+    for link in waiting:
+        if link not in shaped:
+            below = [joint for joint in joints if joint_ends(joint)[0] == link]
+            drives += below
+            waiting += [joint_ends(joint)[1] for joint in below]
+    moving = [joint for joint in drives if joint.get("type") in (*SLIDES, *HINGES)]
+    slides = sum(joint.get("type") in SLIDES for joint in moving)
+    # A base has three degrees of freedom on a plane, six in space; what moves behind is the arm's.
+    most = 2 * _DEGREES_ON_A_PLANE if slides >= _DEGREES_ON_A_PLANE else _DEGREES_ON_A_PLANE
+    return {str(joint.get("name")) for joint in moving[:most]} if slides else set()
