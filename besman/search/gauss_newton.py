@@ -28,7 +28,7 @@ FloatArray = npt.NDArray[np.float64]
 
 # Longest step at first, and the one below which nothing is gained any more, in units.
 _REACH, _LEAST_REACH = 3.0, 0.1
-# What an outcome that there is not counts, in radii of success.
+# What an outcome that there is not counts at least, in radii of success.
 _FAILED = 3.0
 # By how much a step must make the models' outcomes agree more, in radii of success, if all are
 # farther from the target after it.
@@ -61,9 +61,17 @@ class _Tried:
 
 
 def rms(residuals: FloatArray) -> float:
-    """Return the root mean square over worlds of the norms of residuals (W, R); a NaN costs."""
+    """Return the root mean square over worlds of the norms of residuals (W, R).
+
+    A world without an outcome costs as much as the farthest of the others at least; infinite if
+    none has one.
+    """
     squares = np.square(residuals).sum(axis=1)
-    return float(np.sqrt(np.where(np.isfinite(squares), squares, _FAILED**2).mean()))
+    known = np.isfinite(squares)
+    if not known.any():
+        return np.inf
+    lost = max(_FAILED**2, float(squares[known].max()))
+    return float(np.sqrt(np.where(known, squares, lost).mean()))
 
 
 class GaussNewton:
@@ -124,7 +132,7 @@ class GaussNewton:
         self._best: _Tried | None = None
         self._wary, self._most_detours = damping, detours
         self._damping, self._reach, self._detours, self._back = damping, _REACH, 0, 0
-        self._ended = self.handed_over = self._in_worlds = False
+        self._ended = self.handed_over = self._in_worlds = self._blind = False
         self._strategy: CmaEs | None = None
         self.jacobian = None if jacobian is None else np.array(jacobian, dtype=np.float64)
         if self.jacobian is None:
@@ -172,19 +180,25 @@ class GaussNewton:
         """
         if self._strategy is not None:
             self._strategy.tell(points, returns)
-            self._look_for_near(points, residuals)
+            if residuals is not None:
+                self._look_for_near(points, residuals)
         elif residuals is None:
             self._begin_cma(self._start)
         else:
             self._learn(_Tried(np.array(points[0]), np.array(residuals[0])))
 
-    def _look_for_near(self, points: FloatArray, residuals: FloatArray | None) -> None:
-        """Take Newton steps again from a point at which CMA-ES has come near, once."""
-        if self.n_worlds == 1 or residuals is None or self._in_worlds:
-            return
-        norms = [rms(one) for one in residuals]
+    def _look_for_near(self, points: FloatArray, residuals: FloatArray) -> None:
+        """Take Newton steps again from a point at which CMA-ES has come near, once.
+
+        The first point with an outcome is one, if CMA-ES began because there was none.
+        """
+        norms = [rms(one) if np.isfinite(one).all() else np.inf for one in residuals]
         at = int(np.argmin(norms))
-        if norms[at] <= _NEAR:
+        if self._blind and np.isfinite(norms[at]):
+            self._strategy, self._at, self._best, self._blind = None, None, None, False
+            self._damping, self._reach, self._left = self._wary, _REACH, self._steps
+            self._learn(_Tried(np.array(points[at]), np.array(residuals[at])))
+        elif norms[at] <= _NEAR and self.n_worlds > 1 and not self._in_worlds:
             self.enter_worlds(np.array(points[at]))
 
     def enter_worlds(self, point: FloatArray) -> None:
@@ -268,6 +282,7 @@ class GaussNewton:
                 self._ended = True
             return
         known = self._best is not None and bool(np.isfinite(self._best.residuals).any())
+        self._blind = not known and not self.handed_over
         self._begin_cma(self._best.point if known and self._best is not None else self._start)
         self.handed_over = True
 

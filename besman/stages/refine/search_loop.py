@@ -46,8 +46,12 @@ class RunningSearch:
         plans = self.search.propose()
         worlds = self.perturbations if self.search.in_worlds else ()
         trials, _, others = try_in_worlds(self.robot, self.task, plans, worlds)
-        generation = self.search.learn(trials, others)
+        generation = self.search.learn(trials, others, self._attempt)
         self.checkpoint.save(self.search.n_generations - 1, generation)
+
+    def _attempt(self, plan: AnyPlan, model: int) -> Trial:
+        """Try a plan in one of the perturbed models."""
+        return try_perturbed(self.robot, self.task, plan, [self.perturbations[model]])[0]
 
     def result(self) -> RefinedMotion:
         """Sum up the search."""
