@@ -132,9 +132,11 @@ class GaussNewton:
         self._best: _Tried | None = None
         self._wary, self._most_detours = damping, detours
         self._damping, self._reach, self._detours, self._back = damping, _REACH, 0, 0
-        self._ended = self.handed_over = self._in_worlds = self._blind = False
+        self._ended = self.handed_over = self._in_worlds = False
         self._strategy: CmaEs | None = None
-        self.jacobian = None if jacobian is None else np.array(jacobian, dtype=np.float64)
+        self._other: _Tried | None = None
+        self._given = None if jacobian is None else np.array(jacobian, dtype=np.float64)
+        self.jacobian = None if self._given is None else self._given.copy()
         if self.jacobian is None:
             self._begin_cma(self._start)
 
@@ -159,10 +161,13 @@ class GaussNewton:
 
     def tell_start(self, point: FloatArray, residuals: FloatArray) -> None:
         """Take the residuals (1, R) of the start (D,), before anything is asked for."""
-        if self._strategy is not None or self.n_worlds > 1:
+        if self._strategy is not None:
             return
-        if np.isfinite(residuals).all():
-            self._learn(_Tried(np.array(point), np.array(residuals)))
+        known, tried = np.isfinite(residuals).all(), _Tried(np.array(point), np.array(residuals))
+        if self.n_worlds > 1:
+            self._other = tried if known and not np.array_equal(self._next, point) else None
+        elif known:
+            self._learn(tried)
         elif np.array_equal(self._next, point):
             self._end()
 
@@ -180,32 +185,37 @@ class GaussNewton:
         """
         if self._strategy is not None:
             self._strategy.tell(points, returns)
-            if residuals is not None:
-                self._look_for_near(points, residuals)
+            self._look_for_near(points, residuals)
         elif residuals is None:
             self._begin_cma(self._start)
         else:
             self._learn(_Tried(np.array(points[0]), np.array(residuals[0])))
 
-    def _look_for_near(self, points: FloatArray, residuals: FloatArray) -> None:
-        """Take Newton steps again from a point at which CMA-ES has come near, once.
-
-        The first point with an outcome is one, if CMA-ES began because there was none.
-        """
-        norms = [rms(one) if np.isfinite(one).all() else np.inf for one in residuals]
+    def _look_for_near(self, points: FloatArray, residuals: FloatArray | None) -> None:
+        """Take Newton steps again from a point at which CMA-ES has come near, once."""
+        if self.n_worlds == 1 or residuals is None or self._in_worlds:
+            return
+        norms = [rms(one) for one in residuals]
         at = int(np.argmin(norms))
-        if self._blind and np.isfinite(norms[at]):
-            self._strategy, self._at, self._best, self._blind = None, None, None, False
-            self._damping, self._reach, self._left = self._wary, _REACH, self._steps
-            self._learn(_Tried(np.array(points[at]), np.array(residuals[at])))
-        elif norms[at] <= _NEAR and self.n_worlds > 1 and not self._in_worlds:
+        if norms[at] <= _NEAR:
             self.enter_worlds(np.array(points[at]))
 
     def enter_worlds(self, point: FloatArray) -> None:
         """Look at all worlds from now on, beginning at a point that is near in the first."""
-        self._strategy, self._at, self._best, self._in_worlds = None, None, None, True
-        self._next, self._left = point, self._steps
-        self._damping, self._reach, self._detours = self._wary, _REACH, 0
+        self._strategy, self._in_worlds, self._next = None, True, point
+        self._begin()
+
+    def _begin(self) -> None:
+        """Begin a row of steps."""
+        self._at = self._best = None
+        self._left, self._damping, self._reach, self._detours = self._steps, self._wary, _REACH, 0
+
+    def _begin_at_other(self, other: _Tried) -> None:
+        """Begin again at the start, whose outcome is known: where the first point leads nowhere."""
+        assert self._given is not None
+        self.jacobian, self._other, self._in_worlds = self._given.copy(), None, False
+        self._begin()
+        self._learn(other)
 
     def _learn(self, tried: _Tried) -> None:
         """Correct the Jacobian, judge the last step and take the next one."""
@@ -274,17 +284,22 @@ class GaussNewton:
         return np.asarray(step * min(1.0, self._reach / max(float(np.linalg.norm(step)), 1e-12)))
 
     def _end(self) -> None:
-        """End, or look at all worlds, if an outcome is within the radius; else go on by CMA-ES."""
-        if self._best is not None and self._best.cost <= 1.0:
+        """End, or look at all worlds, if an outcome is within the radius; else begin elsewhere.
+
+        At the start, if its outcome is known, and once more in the hands of CMA-ES.
+        """
+        best = self._best
+        if best is not None and best.cost <= 1.0:
             if self.n_worlds > 1 and not self._in_worlds:
-                self.enter_worlds(self._best.point)
+                self.enter_worlds(best.point)
             else:
                 self._ended = True
-            return
-        known = self._best is not None and bool(np.isfinite(self._best.residuals).any())
-        self._blind = not known and not self.handed_over
-        self._begin_cma(self._best.point if known and self._best is not None else self._start)
-        self.handed_over = True
+        elif self._other is not None:
+            self._begin_at_other(self._other)
+        else:
+            known = best is not None and bool(np.isfinite(best.residuals).any())
+            self._begin_cma(best.point if known and best is not None else self._start)
+            self.handed_over = True
 
     def _begin_cma(self, start: FloatArray) -> None:
         """Have CMA-ES go on."""

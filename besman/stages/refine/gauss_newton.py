@@ -153,6 +153,7 @@ class _Lesson:
             search = self._search(None)
             while not search.search.done:
                 search.advance()
+            search.search.settle()
             spent += search.search.n_episodes
             if not search.search.best_trial.success:
                 return nothing(spent, f"nothing comes of {self.plan.name}")
@@ -169,6 +170,7 @@ class _Lesson:
         # Beyond what is enough for itself: all others begin there.
         while search.search.may_go_on and not search.search.handed_over:
             search.advance()
+        search.search.settle()
         spent += search.search.n_episodes
         moved = search.search.newton_jacobian
         best = search.search.best_point if search.search.best_trial.success else point

@@ -103,10 +103,12 @@ class MotionSearch:
         `attempt` gives what comes of a plan in one of the models.
 
         A success counts if it keeps all limits at 1 kHz, and is one at a quarter of the time step
-        too: what a coarse simulation alone makes of a contact is of no use on an arm.
+        too: what a coarse simulation alone makes of a contact is of no use on an arm. That is tried
+        where the search might end with it, see `settle` for the rest.
         """
         verified = [self._verify(*pair) for pair in zip(self._plans, trials, strict=True)]
-        at = [row for row, trial in enumerate(verified) if trial.success]
+        pairs = zip(verified, worlds or [()] * len(verified), strict=True)
+        at = [row for row, pair in enumerate(pairs) if self._may_end(*pair)]
         plans = [self._plans[row] for row in at]
         for row, fine in zip(at, self._try_finely(plans), strict=True):
             if not fine.success:
@@ -130,6 +132,26 @@ class MotionSearch:
         for at, others in zip(entered, raced, strict=True):
             found[at] = others
         return found
+
+    def settle(self) -> None:
+        """Make sure that the best trial, if it has succeeded, does so at the finer step too.
+
+        To be called when the search is over.
+        """
+        settled = -1
+        while self._trials and self._best != settled and self.best_trial.success:
+            settled = self._best
+            if not self._may_end(self.best_trial, self._worlds[settled]):
+                (fine,) = self._try_finely([self.best_plan]) or [self.best_trial]
+                self._trials[settled] = self.best_trial if fine.success else fine
+
+    def _may_end(self, trial: Trial, others: Sequence[Trial]) -> bool:
+        """Tell whether the search might end with a trial: then it is one at the finer step too."""
+        if not trial.success:
+            return False
+        if isinstance(self._search, ResidualSearch) and self._search.n_worlds > 1:
+            return bool(others) and cost_of((trial, *others)) <= _MARGIN_IN_WORLDS
+        return succeeds(trial, self._task, _MARGIN)
 
     def _try_finely(self, plans: Sequence[AnyPlan]) -> list[Trial]:
         """Try plans at a quarter of the time step; what comes of them counts, however they go.
@@ -216,12 +238,9 @@ class MotionSearch:
         """Whether a trial has succeeded with a margin, in the perturbed models if they count."""
         if not self._trials:
             return False
-        search, others = self._search, self._worlds[self._best]
-        if isinstance(search, ResidualSearch) and search.n_worlds > 1:
-            near = self._cost(self._best) <= _MARGIN_IN_WORLDS
-            return bool(others) and self.best_trial.success and near
-        raced = len(others) == self._n_models and not count_failures(others)
-        return raced and succeeds(self.best_trial, self._task, _MARGIN)
+        others = self._worlds[self._best]
+        raced = not self._n_models or (len(others) == self._n_models and not count_failures(others))
+        return raced and self._may_end(self.best_trial, others)
 
     @property
     def done(self) -> bool:
@@ -256,11 +275,7 @@ class MotionSearch:
             return False, trial.reward
         if self._n_models:
             return True, bool(others), -count_failures(others), len(others), trial.reward
-        return True, bool(others), -self._cost(at) if others else trial.reward
-
-    def _cost(self, at: int) -> float:
-        """Return how far off an episode's outcomes are in all worlds, in radii of success."""
-        return rms(np.stack([residual_of(one) for one in (self._trials[at], *self._worlds[at])]))
+        return True, bool(others), -cost_of((trial, *others)) if others else trial.reward
 
     @property
     def best_trial(self) -> Trial:
@@ -372,6 +387,11 @@ class MotionSearch:
 def residual_of(trial: Trial) -> FloatArray:
     """Return the residual of a trial, shape (R,); NaN where it failed."""
     return np.full(len(trial.residual), np.nan) if trial.failure else trial.residual
+
+
+def cost_of(trials: Sequence[Trial]) -> float:
+    """Return how far off the outcomes in several worlds are, in radii of success."""
+    return rms(np.stack([residual_of(one) for one in trials]))
 
 
 def count_failures(trials: Sequence[Trial]) -> int:

@@ -55,6 +55,7 @@ class RunningSearch:
 
     def result(self) -> RefinedMotion:
         """Sum up the search."""
+        self.search.settle()
         # Once more, because paths of all episodes would be too much to keep.
         (best,) = try_plans(self.robot, self.task, [self.search.best_plan], paths=True)
         return self.search.result(best)
@@ -119,6 +120,8 @@ def search_side_by_side(
         threads.map(RunningSearch.advance, todo, name=lambda one: "search")
         work.progress(min(max(one.search.n_episodes for one in searches) / episodes, 1.0))
     work.progress(1.0)
+    for one in searches:
+        one.search.settle()
     return max(
         searches, key=lambda one: (one.search.best_trial.success, one.search.best_trial.reward)
     )
