@@ -17,6 +17,7 @@ References
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeGuard
 
 import numpy as np
 import numpy.typing as npt
@@ -35,10 +36,16 @@ _FAILED = 3.0
 _CLOSER = 0.02
 # An outcome that CMA-ES brings this near is worth Newton steps again.
 _NEAR = 0.5
+# Outcomes of two dimensions that are so far apart (root mean square) are within the radius 87 times
+# in 100, if they are normal: not often enough.
+_POOR = 0.7
 _STEPS_BACK = 2
 # How much of what a step did is believed of the worlds apart from each other: little stands out of
 # what contacts make of any change.
 _TRUST = 0.2
+# Where steps stall, the Jacobian is measured anew along so many directions, by differences of so
+# many units, and more of that is believed.
+_DIRECTIONS, _DIFFERENCE, _TRUST_OF_MEASURED = 6, 1.0, 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,6 +142,9 @@ class GaussNewton:
         self._ended = self.handed_over = self._in_worlds = False
         self._strategy: CmaEs | None = None
         self._other: _Tried | None = None
+        # Points at which the Jacobian is being measured; whether that is still to be done.
+        self._block: FloatArray | None = None
+        self._may_measure = True
         self._given = None if jacobian is None else np.array(jacobian, dtype=np.float64)
         self.jacobian = None if self._given is None else self._given.copy()
         if self.jacobian is None:
@@ -156,8 +166,10 @@ class GaussNewton:
         return self._ended if self._strategy is None else self._strategy.exhausted
 
     def ask(self) -> FloatArray:
-        """Return the points to try next, shape (P, D); one, before CMA-ES."""
-        return self._next[None].copy() if self._strategy is None else self._strategy.ask()
+        """Return the points to try next, shape (P, D); one, where it takes steps."""
+        if self._strategy is not None:
+            return self._strategy.ask()
+        return (self._next[None] if self._block is None else self._block).copy()
 
     def tell_start(self, point: FloatArray, residuals: FloatArray) -> None:
         """Take the residuals (1, R) of the start (D,), before anything is asked for."""
@@ -189,7 +201,12 @@ class GaussNewton:
         elif residuals is None:
             self._begin_cma(self._start)
         else:
-            self._learn(_Tried(np.array(points[0]), np.array(residuals[0])))
+            pairs = zip(np.array(points), np.array(residuals), strict=True)
+            tried = [_Tried(*pair) for pair in pairs]
+            if self._block is None:
+                self._learn(tried[0])
+            else:
+                self._learn_anew(tried)
 
     def _look_for_near(self, points: FloatArray, residuals: FloatArray | None) -> None:
         """Take Newton steps again from a point at which CMA-ES has come near, once."""
@@ -204,6 +221,7 @@ class GaussNewton:
         """Look at all worlds from now on, beginning at a point that is near in the first."""
         self._strategy, self._in_worlds, self._next = None, True, point
         self._begin()
+        self._may_measure = True
 
     def _begin(self) -> None:
         """Begin a row of steps."""
@@ -232,11 +250,39 @@ class GaussNewton:
         enough = self._best.cost <= _NEAR and self.n_worlds > 1 and not self._in_worlds
         if enough or self._left == 0 or self._reach < _LEAST_REACH:
             self._end()
-            return
+        else:
+            self._go_on(self._at)
+
+    def _go_on(self, tried: _Tried) -> None:
+        """Take the next step from a point."""
         self._left -= 1
-        self._next = self._at.point + self._step(self._at)
-        if self._bounds is not None:
-            self._next = np.clip(self._next, *self._bounds)
+        self._next = self._within(tried.point + self._step(tried))
+
+    def _within(self, points: FloatArray) -> FloatArray:
+        """Move points (..., D) to where they may be."""
+        return points if self._bounds is None else np.clip(points, *self._bounds)
+
+    def _measure_anew(self, tried: _Tried) -> None:
+        """Ask for points along the directions that matter most, to the side that leads down."""
+        assert self.jacobian is not None
+        known = np.isfinite(tried.residuals)
+        rows = self.jacobian[: len(known)][known] * self._trust
+        directions = np.linalg.svd(rows, full_matrices=False)[2][:_DIRECTIONS]
+        up = directions @ (rows.T @ tried.residuals[known])
+        sides = np.where(up > 0, -_DIFFERENCE, _DIFFERENCE)
+        self._block = self._within(tried.point + sides[:, None] * directions)
+        self._may_measure = False
+
+    def _learn_anew(self, tried: list[_Tried]) -> None:
+        """Correct the Jacobian by what came of those points, and go on from the best."""
+        assert self._best is not None
+        self._block, before = None, self._best
+        for one in tried:
+            self._correct(before, one, _TRUST_OF_MEASURED)
+        best = min([before, *tried], key=lambda one: one.cost)
+        self._begin()
+        self._at = self._best = best
+        self._go_on(best)
 
     def _step_back(self, point: FloatArray) -> None:
         """Halve the way to the first point: there is no outcome there."""
@@ -246,7 +292,7 @@ class GaussNewton:
         self._back += 1
         self._next = 0.5 * (point + self._start)
 
-    def _correct(self, before: _Tried, after: _Tried) -> None:
+    def _correct(self, before: _Tried, after: _Tried, trust: float = _TRUST) -> None:
         """Update the Jacobian by what a step did [2]_."""
         assert self.jacobian is not None
         step = after.point - before.point
@@ -256,7 +302,7 @@ class GaussNewton:
             told = self.jacobian[: len(after.residuals)] @ step
             off = np.nan_to_num(after.residuals - before.residuals - told)
             mean = off.mean(axis=0)
-            apart = _TRUST * (off - mean) if len(off) == self.n_worlds else 0.0
+            apart = trust * (off - mean) if len(off) == self.n_worlds else 0.0
             self.jacobian += (mean + apart)[..., None] * step / length
 
     def _judge(self, before: _Tried, after: _Tried) -> None:
@@ -286,20 +332,31 @@ class GaussNewton:
     def _end(self) -> None:
         """End, or look at all worlds, if an outcome is within the radius; else begin elsewhere.
 
-        At the start, if its outcome is known, and once more in the hands of CMA-ES.
+        At the start, if its outcome is known; with a Jacobian of its own; by CMA-ES.
         """
         best = self._best
-        if best is not None and best.cost <= 1.0:
-            if self.n_worlds > 1 and not self._in_worlds:
-                self.enter_worlds(best.point)
-            else:
-                self._ended = True
+        near = best is not None and best.cost <= 1.0
+        if best is not None and near and self.n_worlds > 1 and not self._in_worlds:
+            self.enter_worlds(best.point)
+        elif self._worth_measuring(best):
+            self._measure_anew(best)
+        elif near:
+            self._ended = True
         elif self._other is not None:
             self._begin_at_other(self._other)
+        elif best is not None and self._in_worlds and rms(best.residuals[:1]) <= 1.0:
+            # CMA-ES looks at the model as it is alone, which this serves already.
+            self._ended = True
         else:
             known = best is not None and bool(np.isfinite(best.residuals).any())
             self._begin_cma(best.point if known and best is not None else self._start)
             self.handed_over = True
+
+    def _worth_measuring(self, best: _Tried | None) -> TypeGuard[_Tried]:
+        """Tell whether steps stalled for want of a Jacobian that holds here."""
+        if best is None or not self._may_measure or not _POOR < best.cost < np.inf:
+            return False
+        return best.cost <= 1.0 or self._other is None
 
     def _begin_cma(self, start: FloatArray) -> None:
         """Have CMA-ES go on."""
