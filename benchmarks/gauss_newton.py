@@ -22,7 +22,6 @@ from pathlib import Path
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
-from pydantic import TypeAdapter
 
 from besman.config.resources import find_resource
 from besman.pipeline.config import load_pipeline
@@ -31,9 +30,9 @@ from besman.pipeline.stored_run import open_run
 from besman.robot.model import load_robot
 from besman.simulation.tasks.kinds import load_task
 from besman.simulation.trial import try_plans
-from besman.stages.refine.methods import RefineStage
+from besman.stages.refine.gauss_newton import GaussNewtonConfig
 from besman.stages.refine.robustness import RobustnessConfig
-from besman.stages.refine.stage import place_plan
+from besman.stages.refine.stage import CmaEsConfig, RefinementConfig, place_plan
 from besman.work.work import Work
 from besman.work.workers import Workers
 
@@ -64,17 +63,14 @@ def load_case(name: str, folder: Path) -> Case:
 
 
 def stage_of(method: str, case: Case):
-    both = case.refine.model_dump(exclude={"robust", "steps", "difference", "measure", "method"})
-    both["robustness"] = None
-    if method == "cma_es":
-        keys = {**both, "method": "cma_es"}
-    else:
-        keys = {**both, "method": "gauss_newton"}
-        if method == "robust":
-            keys["measure"] = getattr(case.refine, "measure", None)
-        else:
-            keys["robust"] = None
-    return TypeAdapter(RefineStage).validate_python(keys)
+    kind = CmaEsConfig if method == "cma_es" else GaussNewtonConfig
+    keys = {name: getattr(case.refine, name) for name in RefinementConfig.model_fields}
+    keys |= {"method": kind.model_fields["method"].annotation.__args__[0], "robustness": None}
+    if method == "robust":
+        keys["measure"] = getattr(case.refine, "measure", None)
+    elif kind is GaussNewtonConfig:
+        keys["robust"] = None
+    return kind.model_validate(keys)
 
 
 def refine(method: str, case: Case, work: Work) -> tuple[list, list, int, int]:

@@ -17,6 +17,7 @@ References
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeGuard
 
 import numpy as np
 import numpy.typing as npt
@@ -28,17 +29,23 @@ FloatArray = npt.NDArray[np.float64]
 
 # Longest step at first, and the one below which nothing is gained any more, in units.
 _REACH, _LEAST_REACH = 3.0, 0.1
-# What an outcome that there is not counts, in radii of success.
+# What an outcome that there is not counts at least, in radii of success.
 _FAILED = 3.0
 # By how much a step must make the models' outcomes agree more, in radii of success, if all are
 # farther from the target after it.
 _CLOSER = 0.02
 # An outcome that CMA-ES brings this near is worth Newton steps again.
 _NEAR = 0.5
+# Outcomes of two dimensions that are so far apart (root mean square) are within the radius 87 times
+# in 100, if they are normal: not often enough.
+_POOR = 0.7
 _STEPS_BACK = 2
 # How much of what a step did is believed of the worlds apart from each other: little stands out of
 # what contacts make of any change.
 _TRUST = 0.2
+# Where steps stall, the Jacobian is measured anew along so many directions, by differences of so
+# many units, and more of that is believed.
+_DIRECTIONS, _DIFFERENCE, _TRUST_OF_MEASURED = 6, 1.0, 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,9 +68,17 @@ class _Tried:
 
 
 def rms(residuals: FloatArray) -> float:
-    """Return the root mean square over worlds of the norms of residuals (W, R); a NaN costs."""
+    """Return the root mean square over worlds of the norms of residuals (W, R).
+
+    A world without an outcome costs as much as the farthest of the others at least; infinite if
+    none has one.
+    """
     squares = np.square(residuals).sum(axis=1)
-    return float(np.sqrt(np.where(np.isfinite(squares), squares, _FAILED**2).mean()))
+    known = np.isfinite(squares)
+    if not known.any():
+        return np.inf
+    lost = max(_FAILED**2, float(squares[known].max()))
+    return float(np.sqrt(np.where(known, squares, lost).mean()))
 
 
 class GaussNewton:
@@ -126,7 +141,12 @@ class GaussNewton:
         self._damping, self._reach, self._detours, self._back = damping, _REACH, 0, 0
         self._ended = self.handed_over = self._in_worlds = False
         self._strategy: CmaEs | None = None
-        self.jacobian = None if jacobian is None else np.array(jacobian, dtype=np.float64)
+        self._other: _Tried | None = None
+        # Points at which the Jacobian is being measured; whether that is still to be done.
+        self._block: FloatArray | None = None
+        self._may_measure = True
+        self._given = None if jacobian is None else np.array(jacobian, dtype=np.float64)
+        self.jacobian = None if self._given is None else self._given.copy()
         if self.jacobian is None:
             self._begin_cma(self._start)
 
@@ -146,15 +166,20 @@ class GaussNewton:
         return self._ended if self._strategy is None else self._strategy.exhausted
 
     def ask(self) -> FloatArray:
-        """Return the points to try next, shape (P, D); one, before CMA-ES."""
-        return self._next[None].copy() if self._strategy is None else self._strategy.ask()
+        """Return the points to try next, shape (P, D); one, where it takes steps."""
+        if self._strategy is not None:
+            return self._strategy.ask()
+        return (self._next[None] if self._block is None else self._block).copy()
 
     def tell_start(self, point: FloatArray, residuals: FloatArray) -> None:
         """Take the residuals (1, R) of the start (D,), before anything is asked for."""
-        if self._strategy is not None or self.n_worlds > 1:
+        if self._strategy is not None:
             return
-        if np.isfinite(residuals).all():
-            self._learn(_Tried(np.array(point), np.array(residuals)))
+        known, tried = np.isfinite(residuals).all(), _Tried(np.array(point), np.array(residuals))
+        if self.n_worlds > 1:
+            self._other = tried if known and not np.array_equal(self._next, point) else None
+        elif known:
+            self._learn(tried)
         elif np.array_equal(self._next, point):
             self._end()
 
@@ -176,7 +201,12 @@ class GaussNewton:
         elif residuals is None:
             self._begin_cma(self._start)
         else:
-            self._learn(_Tried(np.array(points[0]), np.array(residuals[0])))
+            pairs = zip(np.array(points), np.array(residuals), strict=True)
+            tried = [_Tried(*pair) for pair in pairs]
+            if self._block is None:
+                self._learn(tried[0])
+            else:
+                self._learn_anew(tried)
 
     def _look_for_near(self, points: FloatArray, residuals: FloatArray | None) -> None:
         """Take Newton steps again from a point at which CMA-ES has come near, once."""
@@ -189,9 +219,21 @@ class GaussNewton:
 
     def enter_worlds(self, point: FloatArray) -> None:
         """Look at all worlds from now on, beginning at a point that is near in the first."""
-        self._strategy, self._at, self._best, self._in_worlds = None, None, None, True
-        self._next, self._left = point, self._steps
-        self._damping, self._reach, self._detours = self._wary, _REACH, 0
+        self._strategy, self._in_worlds, self._next = None, True, point
+        self._begin()
+        self._may_measure = True
+
+    def _begin(self) -> None:
+        """Begin a row of steps."""
+        self._at = self._best = None
+        self._left, self._damping, self._reach, self._detours = self._steps, self._wary, _REACH, 0
+
+    def _begin_at_other(self, other: _Tried) -> None:
+        """Begin again at the start, whose outcome is known: where the first point leads nowhere."""
+        assert self._given is not None
+        self.jacobian, self._other, self._in_worlds = self._given.copy(), None, False
+        self._begin()
+        self._learn(other)
 
     def _learn(self, tried: _Tried) -> None:
         """Correct the Jacobian, judge the last step and take the next one."""
@@ -208,11 +250,39 @@ class GaussNewton:
         enough = self._best.cost <= _NEAR and self.n_worlds > 1 and not self._in_worlds
         if enough or self._left == 0 or self._reach < _LEAST_REACH:
             self._end()
-            return
+        else:
+            self._go_on(self._at)
+
+    def _go_on(self, tried: _Tried) -> None:
+        """Take the next step from a point."""
         self._left -= 1
-        self._next = self._at.point + self._step(self._at)
-        if self._bounds is not None:
-            self._next = np.clip(self._next, *self._bounds)
+        self._next = self._within(tried.point + self._step(tried))
+
+    def _within(self, points: FloatArray) -> FloatArray:
+        """Move points (..., D) to where they may be."""
+        return points if self._bounds is None else np.clip(points, *self._bounds)
+
+    def _measure_anew(self, tried: _Tried) -> None:
+        """Ask for points along the directions that matter most, to the side that leads down."""
+        assert self.jacobian is not None
+        known = np.isfinite(tried.residuals)
+        rows = self.jacobian[: len(known)][known] * self._trust
+        directions = np.linalg.svd(rows, full_matrices=False)[2][:_DIRECTIONS]
+        up = directions @ (rows.T @ tried.residuals[known])
+        sides = np.where(up > 0, -_DIFFERENCE, _DIFFERENCE)
+        self._block = self._within(tried.point + sides[:, None] * directions)
+        self._may_measure = False
+
+    def _learn_anew(self, tried: list[_Tried]) -> None:
+        """Correct the Jacobian by what came of those points, and go on from the best."""
+        assert self._best is not None
+        self._block, before = None, self._best
+        for one in tried:
+            self._correct(before, one, _TRUST_OF_MEASURED)
+        best = min([before, *tried], key=lambda one: one.cost)
+        self._begin()
+        self._at = self._best = best
+        self._go_on(best)
 
     def _step_back(self, point: FloatArray) -> None:
         """Halve the way to the first point: there is no outcome there."""
@@ -222,7 +292,7 @@ class GaussNewton:
         self._back += 1
         self._next = 0.5 * (point + self._start)
 
-    def _correct(self, before: _Tried, after: _Tried) -> None:
+    def _correct(self, before: _Tried, after: _Tried, trust: float = _TRUST) -> None:
         """Update the Jacobian by what a step did [2]_."""
         assert self.jacobian is not None
         step = after.point - before.point
@@ -232,7 +302,7 @@ class GaussNewton:
             told = self.jacobian[: len(after.residuals)] @ step
             off = np.nan_to_num(after.residuals - before.residuals - told)
             mean = off.mean(axis=0)
-            apart = _TRUST * (off - mean) if len(off) == self.n_worlds else 0.0
+            apart = trust * (off - mean) if len(off) == self.n_worlds else 0.0
             self.jacobian += (mean + apart)[..., None] * step / length
 
     def _judge(self, before: _Tried, after: _Tried) -> None:
@@ -260,16 +330,33 @@ class GaussNewton:
         return np.asarray(step * min(1.0, self._reach / max(float(np.linalg.norm(step)), 1e-12)))
 
     def _end(self) -> None:
-        """End, or look at all worlds, if an outcome is within the radius; else go on by CMA-ES."""
-        if self._best is not None and self._best.cost <= 1.0:
-            if self.n_worlds > 1 and not self._in_worlds:
-                self.enter_worlds(self._best.point)
-            else:
-                self._ended = True
-            return
-        known = self._best is not None and bool(np.isfinite(self._best.residuals).any())
-        self._begin_cma(self._best.point if known and self._best is not None else self._start)
-        self.handed_over = True
+        """End, or look at all worlds, if an outcome is within the radius; else begin elsewhere.
+
+        At the start, if its outcome is known; with a Jacobian of its own; by CMA-ES.
+        """
+        best = self._best
+        near = best is not None and best.cost <= 1.0
+        if best is not None and near and self.n_worlds > 1 and not self._in_worlds:
+            self.enter_worlds(best.point)
+        elif self._worth_measuring(best):
+            self._measure_anew(best)
+        elif near:
+            self._ended = True
+        elif self._other is not None:
+            self._begin_at_other(self._other)
+        elif best is not None and self._in_worlds and rms(best.residuals[:1]) <= 1.0:
+            # CMA-ES looks at the model as it is alone, which this serves already.
+            self._ended = True
+        else:
+            known = best is not None and bool(np.isfinite(best.residuals).any())
+            self._begin_cma(best.point if known and best is not None else self._start)
+            self.handed_over = True
+
+    def _worth_measuring(self, best: _Tried | None) -> TypeGuard[_Tried]:
+        """Tell whether steps stalled for want of a Jacobian that holds here."""
+        if best is None or not self._may_measure or not _POOR < best.cost < np.inf:
+            return False
+        return best.cost <= 1.0 or self._other is None
 
     def _begin_cma(self, start: FloatArray) -> None:
         """Have CMA-ES go on."""

@@ -126,3 +126,12 @@ def arm_failure(tracking: float, greatest: float) -> str:
     if not np.isfinite(tracking):
         return "unstable simulation"
     return "arm did not follow" if tracking > greatest else ""
+
+
+def lag_shortfall(tracking: float, greatest: float) -> float:
+    """Return how far an arm that did not follow was from following, 0 to 1.
+
+    The share of its deviation that is too much: without it a search cannot tell an arm that nearly
+    follows from one that is stuck.
+    """
+    return float(np.clip(1.0 - greatest / tracking, 0.0, 1.0)) if np.isfinite(tracking) else 1.0

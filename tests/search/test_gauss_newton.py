@@ -158,3 +158,48 @@ def test_bounds_hold_for_steps():
     search = search_of(SLOPE[None], bounds=(-0.1, 0.1))
     points, _ = run(search, residuals_of, most=30)
     assert np.abs(points).max() <= 0.1
+
+
+def test_a_world_without_an_outcome_is_the_farthest():
+    """A step into the void must never look like one nearer to the target."""
+    assert rms(np.array([[np.nan, np.nan]])) == np.inf
+    assert rms(np.array([[7.0, 0.0], [np.nan, 0.0]])) == pytest.approx(7.0)
+    assert rms(np.array([[0.5, 0.0], [np.nan, 0.0]])) == pytest.approx(np.sqrt((0.25 + 9.0) / 2))
+
+
+def test_where_the_first_point_leads_nowhere_it_begins_again_at_the_start():
+    """The start's outcome is known; nothing comes of any point on the other side."""
+    first = np.full(5, -4.0)
+
+    def evaluate(point):
+        found = residuals_of(point, np.stack([SLOPE, SLOPE]))
+        return found if point[0] > -1e-9 else np.full((2, 2), 8.0)
+
+    search = search_of(np.stack([SLOPE, SLOPE]), first=first)
+    search.tell_start(np.zeros(5), evaluate(np.zeros(5))[:1])
+    points, costs = run(search, evaluate, most=40, enough=0.1)
+    assert costs[-1] <= 0.1
+    assert not search.handed_over
+    assert points[:, 0].all()  # the start is not tried a second time
+
+
+def test_where_steps_stall_the_jacobian_is_measured_along_what_matters_most():
+    """One world of a linear outcome: afterwards the Jacobian is right along those directions."""
+    given = np.stack([SLOPE, SLOPE + 0.3 * np.roll(SLOPE, 1, axis=1)])
+    search = search_of(given, steps=1)
+    search.enter_worlds(np.zeros(5))
+    truth = np.stack([SLOPE[::-1], SLOPE[::-1]])
+    while len(asked := search.ask()) == 1:
+        # As if every step led away, so that nothing is learnt but by measuring.
+        found = residuals_of(np.zeros(5), truth) * (1.0 + np.any(asked))
+        search.tell(asked, np.zeros(1), found[None])
+    wrong = search.jacobian.copy()
+    directions = asked / np.linalg.norm(asked, axis=1)[:, None]
+    np.testing.assert_allclose(directions @ directions.T, np.eye(len(asked)), atol=1e-9)
+    rows = wrong.reshape(-1, 5)
+    np.testing.assert_allclose(rows @ directions.T @ directions, rows, atol=1e-9)
+    residuals = np.stack([residuals_of(point, truth) for point in asked])
+    search.tell(asked, np.zeros(len(asked)), residuals)
+    mean = search.jacobian.mean(axis=0) @ directions.T
+    np.testing.assert_allclose(mean, SLOPE[::-1] @ directions.T, atol=1e-9)
+    assert len(search.ask()) == 1

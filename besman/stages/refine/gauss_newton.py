@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from besman.config.stage import Config, Work
+from besman.config.stage import Work
 from besman.records import AnyPlan
 from besman.records.files import digest
 from besman.robot.model import Robot
 from besman.search.protocol import Part
-from besman.simulation.perturbation import Perturbation, Spreads, draw_two_level
+from besman.simulation.perturbation import Perturbation
 from besman.simulation.task import Task
+from besman.stages.refine.robustness import RobustConfig
 from besman.stages.refine.stage import RefinementConfig, place_plan
 
 if TYPE_CHECKING:
@@ -25,31 +26,11 @@ if TYPE_CHECKING:
     from besman.stages.refine.plan_space import Space
     from besman.stages.refine.search_loop import RunningSearch
 
-# Sets the models of the search apart from all that judge, whatever their seed.
-_OF_THE_SEARCH = 1_000_000
 # What is measured of a motion that is searched in the model as it is alone.
 _FEW: tuple[Part, ...] = ("goal", "duration")
 _DIFFERENCE, _DIFFERENCE_IN_WORLDS = 0.8, 1.5
 # The middle motion is worth more and bolder steps: what it finds is where all others begin.
 _STEPS_OF_MIDDLE, _BOLDER, _DETOURS_OF_MIDDLE = 2, 0.3, 4
-
-
-class RobustConfig(Config):
-    """In which perturbed models a motion is searched, all motions in the same.
-
-    Attributes
-    ----------
-    models : int
-        How many, besides the model as it is.
-    seed : int
-        Of their draw; they are never those that judge (`RobustnessConfig`).
-    spreads : Spreads
-        How far off they are.
-    """
-
-    models: Annotated[int, Field(ge=2, le=64)] = 8
-    seed: Annotated[int, Field(ge=0)] = 0
-    spreads: Spreads = Spreads()
 
 
 class GaussNewtonConfig(RefinementConfig):
@@ -96,10 +77,7 @@ class GaussNewtonConfig(RefinementConfig):
 
     def perturbations(self, robot: Robot) -> tuple[Perturbation, ...]:
         """Draw the models of the search."""
-        if self.robust is None:
-            return ()
-        seed = (self.robust.seed, _OF_THE_SEARCH)
-        return draw_two_level(self.robust.spreads, robot, seed, self.robust.models)
+        return () if self.robust is None else self.robust.draw(robot)
 
     def share(
         self, plans: Sequence[AnyPlan], robot: Robot, task: Task, work: Work = Work()
@@ -175,6 +153,7 @@ class _Lesson:
             search = self._search(None)
             while not search.search.done:
                 search.advance()
+            search.search.settle()
             spent += search.search.n_episodes
             if not search.search.best_trial.success:
                 return nothing(spent, f"nothing comes of {self.plan.name}")
@@ -191,6 +170,7 @@ class _Lesson:
         # Beyond what is enough for itself: all others begin there.
         while search.search.may_go_on and not search.search.handed_over:
             search.advance()
+        search.search.settle()
         spent += search.search.n_episodes
         moved = search.search.newton_jacobian
         best = search.search.best_point if search.search.best_trial.success else point

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -21,8 +21,11 @@ from besman.simulation.trial import Trial, try_plans
 from besman.stages.refine.checkpoint import Generation
 from besman.stages.refine.class_model import ClassModel
 from besman.stages.refine.plan_space import Space
+from besman.stages.refine.racing import race
 
 FloatArray = npt.NDArray[np.float64]
+
+Attempt = Callable[[AnyPlan, int], Trial]
 
 # A search ends when the outcome is this much better than the task asks for.
 _MARGIN = 0.5
@@ -50,6 +53,8 @@ class MotionSearch:
         Greatest number of episodes, the imitation's own among them.
     shared : ClassModel, optional
         What the search knows beforehand.
+    n_models : int
+        In how many perturbed models motions race, if the search takes no residuals.
     """
 
     def __init__(
@@ -60,8 +65,10 @@ class MotionSearch:
         task: Task,
         episodes: int,
         shared: ClassModel | None = None,
+        n_models: int = 0,
     ) -> None:
         self._shared = shared
+        self._n_models = 0 if isinstance(search, ResidualSearch) else n_models
         self._space, self._search, self._robot = space, search, robot
         self._task, self._episodes = task, episodes
         self._points: FloatArray = np.empty((0, space.dimension))
@@ -84,21 +91,67 @@ class MotionSearch:
         search = self._search
         return bool(self._trials) and isinstance(search, ResidualSearch) and search.in_worlds
 
-    def learn(self, trials: list[Trial], worlds: Sequence[tuple[Trial, ...]] = ()) -> Generation:
+    def learn(
+        self,
+        trials: list[Trial],
+        worlds: Sequence[tuple[Trial, ...]] = (),
+        attempt: Attempt | None = None,
+    ) -> Generation:
         """Take what came of the plans that were proposed last; return that generation.
 
-        `worlds` is what came of each in perturbed models, if they are tried there.
+        `worlds` is what came of each in perturbed models, if they are tried there; where they race,
+        `attempt` gives what comes of a plan in one of the models.
 
         A success counts if it keeps all limits at 1 kHz, and is one at a quarter of the time step
-        too: what a coarse simulation alone makes of a contact is of no use on an arm.
+        too: what a coarse simulation alone makes of a contact is of no use on an arm. That is tried
+        where the search might end with it, see `settle` for the rest.
         """
         verified = [self._verify(*pair) for pair in zip(self._plans, trials, strict=True)]
-        at = [row for row, trial in enumerate(verified) if trial.success]
+        pairs = zip(verified, worlds or [()] * len(verified), strict=True)
+        at = [row for row, pair in enumerate(pairs) if self._may_end(*pair)]
         plans = [self._plans[row] for row in at]
         for row, fine in zip(at, self._try_finely(plans), strict=True):
             if not fine.success:
                 verified[row] = fine
+        if self._n_models and attempt is not None:
+            worlds = self._race(verified, attempt)
         return self._take(Generation(self._points, tuple(verified), tuple(worlds)))
+
+    def _race(self, trials: Sequence[Trial], attempt: Attempt) -> list[tuple[Trial, ...]]:
+        """Let those of the plans proposed last race that have succeeded with a margin."""
+        found: list[tuple[Trial, ...]] = [()] * len(trials)
+        entered = [at for at, one in enumerate(trials) if succeeds(one, self._task, _MARGIN)]
+        done = [count_failures(one) for one in self._worlds if len(one) == self._n_models]
+        raced = race(
+            [trials[at].reward for at in entered],
+            self._n_models,
+            self._episodes - self.n_episodes - len(trials),
+            min(done, default=self._n_models),
+            lambda entry, model: attempt(self._plans[entered[entry]], model),
+        )
+        for at, others in zip(entered, raced, strict=True):
+            found[at] = others
+        return found
+
+    def settle(self) -> None:
+        """Make sure that the best trial, if it has succeeded, does so at the finer step too.
+
+        To be called when the search is over.
+        """
+        settled = -1
+        while self._trials and self._best != settled and self.best_trial.success:
+            settled = self._best
+            if not self._may_end(self.best_trial, self._worlds[settled]):
+                (fine,) = self._try_finely([self.best_plan]) or [self.best_trial]
+                self._trials[settled] = self.best_trial if fine.success else fine
+
+    def _may_end(self, trial: Trial, others: Sequence[Trial]) -> bool:
+        """Tell whether the search might end with a trial: then it is one at the finer step too."""
+        if not trial.success:
+            return False
+        if isinstance(self._search, ResidualSearch) and self._search.n_worlds > 1:
+            return bool(others) and cost_of((trial, *others)) <= _MARGIN_IN_WORLDS
+        return succeeds(trial, self._task, _MARGIN)
 
     def _try_finely(self, plans: Sequence[AnyPlan]) -> list[Trial]:
         """Try plans at a quarter of the time step; what comes of them counts, however they go.
@@ -139,7 +192,8 @@ class MotionSearch:
         worlds = generation.worlds or ((),) * len(trials)
         # A generation cut short by the budget is the last one: there is nothing to learn for.
         if len(trials) == len(points):
-            returns = np.array([trial.reward for trial in trials])
+            pairs = zip(trials, worlds, strict=True)
+            returns = np.array([np.mean([t.reward for t in (one, *more)]) for one, more in pairs])
             if isinstance(self._search, ResidualSearch):
                 self._tell_residuals(points, returns, trials, worlds)
             elif self._trials:
@@ -184,11 +238,9 @@ class MotionSearch:
         """Whether a trial has succeeded with a margin, in the perturbed models if they count."""
         if not self._trials:
             return False
-        search, others = self._search, self._worlds[self._best]
-        if isinstance(search, ResidualSearch) and search.n_worlds > 1:
-            near = self._cost(self._best) <= _MARGIN_IN_WORLDS
-            return bool(others) and self.best_trial.success and near
-        return succeeds(self.best_trial, self._task, _MARGIN)
+        others = self._worlds[self._best]
+        raced = not self._n_models or (len(others) == self._n_models and not count_failures(others))
+        return raced and self._may_end(self.best_trial, others)
 
     @property
     def done(self) -> bool:
@@ -216,15 +268,14 @@ class MotionSearch:
         """
         return max(range(len(self._trials)), key=self._rank)
 
-    def _rank(self, at: int) -> tuple[bool, bool, float]:
+    def _rank(self, at: int) -> tuple[float, ...]:
         """Say how good an episode is."""
-        trial, others = self._trials[at], bool(self._worlds[at])
-        quality = -self._cost(at) if others else trial.reward
-        return trial.success, others and trial.success, quality if trial.success else trial.reward
-
-    def _cost(self, at: int) -> float:
-        """Return how far off an episode's outcomes are in all worlds, in radii of success."""
-        return rms(np.stack([residual_of(one) for one in (self._trials[at], *self._worlds[at])]))
+        trial, others = self._trials[at], self._worlds[at]
+        if not trial.success:
+            return False, trial.reward
+        if self._n_models:
+            return True, bool(others), -count_failures(others), len(others), trial.reward
+        return True, bool(others), -cost_of((trial, *others)) if others else trial.reward
 
     @property
     def best_trial(self) -> Trial:
@@ -336,6 +387,16 @@ class MotionSearch:
 def residual_of(trial: Trial) -> FloatArray:
     """Return the residual of a trial, shape (R,); NaN where it failed."""
     return np.full(len(trial.residual), np.nan) if trial.failure else trial.residual
+
+
+def cost_of(trials: Sequence[Trial]) -> float:
+    """Return how far off the outcomes in several worlds are, in radii of success."""
+    return rms(np.stack([residual_of(one) for one in trials]))
+
+
+def count_failures(trials: Sequence[Trial]) -> int:
+    """Count the trials that did not succeed."""
+    return sum(not trial.success for trial in trials)
 
 
 def succeeds(trial: Trial, task: Task, share: float) -> bool:

@@ -11,17 +11,46 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
-from besman.config.stage import Items, Stage, Truth, Work
+from besman.config.stage import Config, Items, Stage, Truth, Work
 from besman.records import AnyPlan, Record, RefinedMotion, freeze
 from besman.robot.model import Robot
-from besman.simulation.perturbation import Spreads, draw_perturbation
+from besman.simulation.perturbation import (
+    Perturbation,
+    Spreads,
+    draw_perturbation,
+    draw_two_level,
+)
 from besman.simulation.task import Task
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 
+# Sets the models of the search apart from all that judge, whatever their seed.
+_OF_THE_SEARCH = 1_000_000
 # Processes are started in the time of so many episodes; see `besman.stages.refine.stage`.
 _EPISODES_FOR_PROCESSES = 4000
+
+
+class RobustConfig(Config):
+    """In which perturbed models a motion is searched, all motions in the same.
+
+    Attributes
+    ----------
+    models : int
+        How many, besides the model as it is.
+    seed : int
+        Of their draw; they are never those that judge (`RobustnessConfig`).
+    spreads : Spreads
+        How far off they are.
+    """
+
+    models: Annotated[int, Field(ge=2, le=64)] = 8
+    seed: Annotated[int, Field(ge=0)] = 0
+    spreads: Spreads = Spreads()
+
+    def draw(self, robot: Robot) -> tuple[Perturbation, ...]:
+        """Draw the models."""
+        return draw_two_level(self.spreads, robot, (self.seed, _OF_THE_SEARCH), self.models)
 
 
 @dataclass(frozen=True, eq=False)

@@ -46,11 +46,16 @@ class RunningSearch:
         plans = self.search.propose()
         worlds = self.perturbations if self.search.in_worlds else ()
         trials, _, others = try_in_worlds(self.robot, self.task, plans, worlds)
-        generation = self.search.learn(trials, others)
+        generation = self.search.learn(trials, others, self._attempt)
         self.checkpoint.save(self.search.n_generations - 1, generation)
+
+    def _attempt(self, plan: AnyPlan, model: int) -> Trial:
+        """Try a plan in one of the perturbed models."""
+        return try_perturbed(self.robot, self.task, plan, [self.perturbations[model]])[0]
 
     def result(self) -> RefinedMotion:
         """Sum up the search."""
+        self.search.settle()
         # Once more, because paths of all episodes would be too much to keep.
         (best,) = try_plans(self.robot, self.task, [self.search.best_plan], paths=True)
         return self.search.result(best)
@@ -115,6 +120,8 @@ def search_side_by_side(
         threads.map(RunningSearch.advance, todo, name=lambda one: "search")
         work.progress(min(max(one.search.n_episodes for one in searches) / episodes, 1.0))
     work.progress(1.0)
+    for one in searches:
+        one.search.settle()
     return max(
         searches, key=lambda one: (one.search.best_trial.success, one.search.best_trial.reward)
     )

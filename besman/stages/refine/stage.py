@@ -20,7 +20,7 @@ from besman.robot.model import Robot
 from besman.search.kinds import search_kind
 from besman.search.protocol import Part, Search
 from besman.simulation.task import Task
-from besman.stages.refine.robustness import RobustnessConfig
+from besman.stages.refine.robustness import RobustConfig, RobustnessConfig
 
 if TYPE_CHECKING:
     from besman.simulation.perturbation import Perturbation
@@ -267,7 +267,8 @@ class RefinementConfig(Stage):
         plan = place_plan(plan, robot, task)
         space = self.space(plan, robot)
         search = self.make_search(space.dimension, (self.seed, _seed_of(plan)), shared)
-        return MotionSearch(space, search, robot, task, self.episodes, shared)
+        n_models = len(self.perturbations(robot))
+        return MotionSearch(space, search, robot, task, self.episodes, shared, n_models)
 
 
 class CmaEsConfig(RefinementConfig):
@@ -282,11 +283,21 @@ class CmaEsConfig(RefinementConfig):
     restarts : "none", "ipop" or "bipop"
         What follows when the search has converged without success; see
         `besman.search.cma_es.CmaEs`.
+    robust : RobustConfig or None
+        Perturbed models in which those that succeed race each other; the search ends with one that
+        succeeds in all. For tasks that succeed or not. null to look at the model as it is alone.
     """
 
     method: Literal["cma_es"] = "cma_es"
     population: Annotated[int, Field(ge=4)] | None = 8
     restarts: Literal["none", "ipop", "bipop"] = "none"
+    robust: RobustConfig | None = None
+
+    not_of_search: ClassVar[frozenset[str]] = frozenset({"robust"})
+
+    def perturbations(self, robot: Robot) -> tuple[Perturbation, ...]:
+        """Draw the models of the races."""
+        return () if self.robust is None else self.robust.draw(robot)
 
 
 def _seed_of(plan: AnyPlan) -> int:

@@ -16,7 +16,14 @@ import numpy.typing as npt
 from besman.records import AnyPlan
 from besman.robot.model import Robot
 from besman.robot.mujoco_model import servo_controls
-from besman.simulation.episodes import Episodes, Movements, Playback, arm_failure, tracking_errors
+from besman.simulation.episodes import (
+    Episodes,
+    Movements,
+    Playback,
+    arm_failure,
+    lag_shortfall,
+    tracking_errors,
+)
 from besman.simulation.physics import SimulatedStates, run_physics
 from besman.simulation.task import PlacedBy
 from besman.simulation.tasks.pull_lever.hinge import Hinge, find_hinge
@@ -154,24 +161,27 @@ def judge_pulls(
     poses, handle = run.sensors[rows, last, :7], run.sensors[rows, last, _HANDLE]
     slips = np.linalg.norm(handle - poses[:, :3], axis=1)
     share = run.qpos[rows, last, -1] / np.radians(task.lever.pull_deg)
-    failures = tuple(_failure(tracking[i], slips[i], share[i], task) for i in rows)
-    shortfalls = np.clip(np.nan_to_num(1.0 - share, nan=1.0), 0.0, 1.0)
+    judged = [_failure(tracking[i], slips[i], share[i], task) for i in rows]
     return Episodes(
         outcomes=np.where(np.isfinite(tracking)[:, None], handle, np.nan),
         end_poses=poses,
         tracking_errors=tracking,
-        shortfalls=shortfalls * [bool(failure) for failure in failures],
-        failures=failures,
+        shortfalls=np.array([shortfall for _, shortfall in judged]),
+        failures=tuple(failure for failure, _ in judged),
         object_paths=tuple(run.sensors[i, : last[i] + 1, _HANDLE] for i in rows) if paths else (),
         measures={"slip_m": slips},
     )
 
 
-def _failure(tracking: float, slip: float, share: float, task: PullLeverConfig) -> str:
-    """Name what went wrong in one episode."""
-    failure = arm_failure(tracking, task.failure.greatest_tracking_error_rad)
-    if failure or share >= 1.0:
-        return failure
+def _failure(
+    tracking: float, slip: float, share: float, task: PullLeverConfig
+) -> tuple[str, float]:
+    """Name what went wrong in one episode, and how wrong it went (0 to 1)."""
+    greatest = task.failure.greatest_tracking_error_rad
+    if failure := arm_failure(tracking, greatest):
+        return failure, lag_shortfall(tracking, greatest)
     hook = task.hook
     room = task.lever.handle_radius_m + hook.clearance_m + hook.rod_radius_m + hook.tip_m
-    return "hook slipped off the lever" if slip > room else ""
+    if share >= 1.0 or slip <= room:
+        return "", 0.0
+    return "hook slipped off the lever", float(np.clip(1.0 - share, 0.0, 1.0))
