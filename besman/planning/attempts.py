@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +12,7 @@ import numpy.typing as npt
 from besman.exceptions import PlanError
 from besman.geometry.frames import rotation_to_quaternion
 from besman.motion.adapt_task import frame_matrix
-from besman.motion.grasp_goals import aim_grasps
+from besman.motion.grasp_goals import GraspWay, aim_grasps
 from besman.planning.block_effects import BlockUse, LearntBlock
 from besman.planning.chaining import Leg, chain_leg, join_legs
 from besman.records import TaskPlan
@@ -26,6 +26,9 @@ FloatArray = npt.NDArray[np.float64]
 
 # So many demonstrations of a block are tried, the nearest first.
 _MOST_SOURCES = 3
+# And so many ways of a leg at most.
+_MOST_TRIES = 60
+_OVER_M = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +61,7 @@ class LegGoal:
     ----------
     blocks : tuple of LearntBlock
     thing : int
-        Index of the object; -1 if none is taken.
+        Index of the object.
     poses : tuple of array, shape (7,)
         Where that may be put, the one wanted most first: of its middle, in the world.
     """
@@ -131,30 +134,24 @@ def try_legs(
     PlanError
         If a leg is out of the arm's reach or limits in every way: it names the block.
     """
-    standing = np.array(standing)
     tried: list[TriedLeg] = []
     for number, goal in enumerate(goals):
         best: TriedLeg | None = None
         why, tries = PlanError(f"{name}: no way to try"), 0
-        for pose, uses, way in _ways(goal, standing, bench):
+        for way in _ways(goal, standing, bench):
             if best is not None and (best.trial.success or not refine):
                 break
             tries += 1
-            after = np.array(standing)
-            if goal.thing >= 0:
-                after[goal.thing] = pose
             try:
-                plan = _aim_leg(name, Leg(uses, goal.thing), objects, (standing, after), tried, bench, way)
+                found = _try_leg(name, goal, way, objects, standing, tried, bench)
             except PlanError as error:
-                why = why if tries > 1 else error
-                if refine:
-                    continue
-                raise
-            joined = join_legs(name, [*(one.plan for one in tried), plan])
-            (trial,) = bench.task.try_tasks([joined], bench.robot, bench.frame)
-            if best is None or is_better(trial, best.trial):
-                sources = tuple(bench.plans[use.task].name for use in uses)
-                best = TriedLeg(plan, sources, standing, after, trial, tries)
+                if tries == 1:
+                    why = error
+                if not refine:
+                    break
+                continue
+            if best is None or is_better(found.trial, best.trial):
+                best = found
         if best is None:
             raise why
         best = replace(best, tries=tries)
@@ -164,38 +161,49 @@ def try_legs(
     return join_legs(name, [one.plan for one in tried]), tuple(tried)
 
 
-Way = object
+class _Way(NamedTuple):
+    """One way to do a leg: where its object is put, from which demonstrations, how it is grasped."""
+
+    pose: FloatArray
+    uses: tuple[BlockUse, ...]
+    grasp: GraspWay
 
 
-def _ways(goal: LegGoal, standing: FloatArray, bench: Bench) -> Iterator[tuple]:
-    """Return poses, demonstrations and ways to grasp, the ones wanted most first."""
-    grasps = [bench.task.grasp, *bench.task.ways.list(bench.task.grasp)]
-    poses = goal.poses or (np.zeros(7),)
-    ranked = [rank_sources(goal, standing, pose, bench) for pose in poses]
-    for grasp, source, number in product(grasps, range(_MOST_SOURCES), range(len(poses))):
-        if source < len(ranked[number]):
-            way = bench.task.grasp_way(bench.frame, grasp)
-            yield poses[number], ranked[number][source], way
+def _ways(goal: LegGoal, standing: FloatArray, bench: Bench) -> Iterator[_Way]:
+    """Return ways to do a leg, those first that are least far from what is wanted most."""
+    task = bench.task
+    grasps = [task.grasp, *task.ways.list(task.grasp)]
+    if len(standing) > 1:
+        # Over the others, which may stand beside it.
+        up_m = task.box.size_m[2] + _OVER_M
+        over = [one.model_copy(update={"up_m": up_m}) for one in grasps]
+        grasps = [one for pair in zip(over, grasps, strict=True) for one in pair]
+    ranked = [rank_sources(goal, standing, pose, bench) for pose in goal.poses]
+    found = [
+        (grasp + source + pose, grasp, source, pose)
+        for pose, sources in enumerate(ranked)
+        for source in range(min(len(sources), _MOST_SOURCES))
+        for grasp in range(len(grasps))
+    ]
+    for _, grasp, source, pose in sorted(found)[:_MOST_TRIES]:
+        way = task.grasp_way(bench.frame, grasps[grasp])
+        yield _Way(goal.poses[pose], ranked[pose][source], way)
 
 
 def rank_sources(
     goal: LegGoal, standing: FloatArray, pose: FloatArray, bench: Bench
 ) -> list[tuple[BlockUse, ...]]:
-    """Choose a demonstration of each block, then others, the nearest first."""
+    """Choose a demonstration of each block, then others: those that succeed, the nearest first."""
+    kind = next(block.thing for block in goal.blocks if block.thing)
+
     def distance(use: BlockUse) -> tuple[bool, float, int]:
         shown = bench.plans[use.task]
-        away = 0.0
-        if goal.thing >= 0 and shown.objects:
-            thing = shown.objects.index(use.thing) if use.thing else 0
-            before, after = (
-                box_poses(part[thing : thing + 1], bench.frame)[0, :3]
-                for part in (shown.object_poses, shown.target_poses)
-            )
-            here = standing[goal.thing, :3]
-            if use.frame == "object":
-                away = float(np.linalg.norm(before - here))
-            else:
-                away = float(np.linalg.norm(after - pose[:3]))
+        if use.frame == "object":
+            standing_then, wanted = shown.object_poses, standing[goal.thing]
+        else:
+            standing_then, wanted = shown.target_poses, pose
+        at = box_poses(standing_then, bench.frame)[shown.objects.index(kind)]
+        away = float(np.linalg.norm(at[:3] - wanted[:3]))
         return (use.task not in bench.good, away, use.task)
 
     orders = [sorted(block.uses, key=distance) for block in goal.blocks]
@@ -203,12 +211,28 @@ def rank_sources(
     return [tuple(order[min(k, len(order) - 1)] for order in orders) for k in range(most)]
 
 
-def _aim_leg(name, leg, objects, poses, tried, bench, way) -> TaskPlan:
+def _try_leg(
+    name: str,
+    goal: LegGoal,
+    way: _Way,
+    objects: tuple[str, ...],
+    standing: FloatArray,
+    tried: Sequence[TriedLeg],
+    bench: Bench,
+) -> TriedLeg:
+    """Aim a leg, and simulate it after those before it."""
+    after = np.array(standing)
+    after[goal.thing] = way.pose
+    # What a plan says of objects is where their markers are.
     markers = np.linalg.inv(bench.frame.matrix)
-    before, after = (_moved(part, markers) for part in poses)
+    poses = (_moved(standing, markers), _moved(after, markers))
     start = tried[-1].plan.blocks[-1].goal if tried else None
-    plan = chain_leg(name, leg, bench.plans, objects, (before, after), start)
-    return aim_grasps(plan, bench.robot, way)
+    leg = chain_leg(name, Leg(way.uses, goal.thing), bench.plans, objects, poses, start)
+    plan = aim_grasps(leg, bench.robot, way.grasp)
+    joined = join_legs(name, [*(one.plan for one in tried), plan])
+    (trial,) = bench.task.try_tasks([joined], bench.robot, bench.frame)
+    sources = tuple(bench.plans[use.task].name for use in way.uses)
+    return TriedLeg(plan, sources, standing, after, trial, 1)
 
 
 def _moved(poses: FloatArray, by: FloatArray) -> FloatArray:

@@ -25,7 +25,7 @@ class Leg(NamedTuple):
     uses : tuple of BlockUse
         Where each block is taken from.
     thing : int
-        Index of the object; -1 if none is taken.
+        Index of the object.
     """
 
     uses: tuple[BlockUse, ...]

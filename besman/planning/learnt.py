@@ -109,7 +109,7 @@ def learn_tasks(
     frame = task.box_frame(plans, robot)
     uses = find_uses(plans)
     poses = _middles(standing_poses(uses, plans), frame)
-    places = find_places(poses[:, :3], max(task.box.size_m))
+    places = find_places(uses, poses[:, :3], task.box.size_m)
     blocks = learn_blocks(uses, places.tolist())
     first = next(k for k, use in enumerate(uses) if use.frame == "object")
     good = frozenset(k for k, plan in enumerate(plans) if plan.name in won)

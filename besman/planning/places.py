@@ -31,28 +31,37 @@ class Place:
     pose: FloatArray
 
 
-def find_places(positions: FloatArray, apart_m: float) -> IntArray:
-    """Tell which positions are of one place: those that are joined by steps shorter than a length.
+def find_places(
+    uses: Sequence[BlockUse], positions: FloatArray, size_m: Sequence[float]
+) -> IntArray:
+    """Tell which blocks lead to one place.
+
+    Two lead to the same one if objects would stand in one another there, or if both bear one label,
+    do the same, and their heights differ by less than half an object's; and all that is joined so.
 
     Parameters
     ----------
+    uses : sequence of BlockUse, length U
     positions : array, shape (U, 3)
-        Metres; NaN of what stands nowhere.
-    apart_m : float
+        Of the middle of each one's object, metres; NaN of what stands nowhere.
+    size_m : sequence of three float
+        Of an object; its height is the last.
 
     Returns
     -------
     array, shape (U,)
         Index of each one's place, in the order in which places are first seen; -1 for NaN.
     """
-    from scipy.cluster.hierarchy import fcluster, linkage
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import connected_components
 
     found = np.full(len(positions), -1, dtype=np.int64)
     known = np.flatnonzero(np.isfinite(positions).all(axis=1))
-    if len(known) < 2:
-        found[known] = 0
-        return found
-    joined = fcluster(linkage(positions[known], "single"), apart_m, "distance")
+    does = np.array([f"{uses[row].frame} {uses[row].label}" for row in known], dtype=object)
+    apart = np.abs(positions[known, np.newaxis] - positions[known])
+    near = np.linalg.norm(apart, axis=2) < max(size_m)
+    alike = (does[:, np.newaxis] == does) & (apart[..., 2] < size_m[2] / 2)
+    _, joined = connected_components(csr_array(near | alike), directed=False)
     first = {int(one): at for at, one in enumerate(dict.fromkeys(joined.tolist()))}
     found[known] = [first[int(one)] for one in joined]
     return found
@@ -91,8 +100,8 @@ def name_places(labels: Sequence[Sequence[str]]) -> tuple[str, ...]:
         Of the blocks that lead to each place.
     """
     names = []
-    for at, own in enumerate(labels):
-        others = {w for k, some in enumerate(labels) if k != at for one in some for w in _words(one)}
+    for own in labels:
+        others = {w for some in labels for one in some if one not in own for w in _words(one)}
         shared = [w for w in _words(own[0]) if all(w in _words(one) for one in own)]
         alone = [w for w in shared if w not in others]
         names.append("_".join(alone) if others and alone else own[0])
