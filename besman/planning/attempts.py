@@ -59,14 +59,15 @@ class LegGoal:
 
     Attributes
     ----------
-    blocks : tuple of LearntBlock
+    blocks : tuple of tuple of LearntBlock
+        Each block, and after it others that do the same.
     thing : int
         Index of the object.
     poses : tuple of array, shape (7,)
         Where that may be put, the one wanted most first: of its middle, in the world.
     """
 
-    blocks: tuple[LearntBlock, ...]
+    blocks: tuple[tuple[LearntBlock, ...], ...]
     thing: int
     poses: tuple[FloatArray, ...]
 
@@ -79,8 +80,8 @@ class TriedLeg:
     ----------
     plan : TaskPlan
         Of this leg alone.
-    sources : tuple of str
-        The demonstration of each of its blocks.
+    sources : tuple of pair of str
+        Label and demonstration of each of its blocks.
     before, after : array, shape (O, 7)
         Where the middles of objects stand before, and are to stand after it, in the world.
     trial : TaskTrial
@@ -89,7 +90,7 @@ class TriedLeg:
     """
 
     plan: TaskPlan
-    sources: tuple[str, ...]
+    sources: tuple[tuple[str, str], ...]
     before: FloatArray
     after: FloatArray
     trial: TaskTrial
@@ -178,35 +179,43 @@ def _ways(goal: LegGoal, standing: FloatArray, bench: Bench) -> Iterator[_Way]:
         up_m = task.box.size_m[2] + _OVER_M
         over = [one.model_copy(update={"up_m": up_m}) for one in grasps]
         grasps = [one for pair in zip(over, grasps, strict=True) for one in pair]
-    ranked = [rank_sources(goal, standing, pose, bench) for pose in goal.poses]
-    found = [
-        (grasp + source + pose, grasp, source, pose)
-        for pose, sources in enumerate(ranked)
-        for source in range(min(len(sources), _MOST_SOURCES))
-        for grasp in range(len(grasps))
+    blocks = [
+        tuple(others[min(change, len(others) - 1)] for others in goal.blocks)
+        for change in range(max(map(len, goal.blocks)))
     ]
-    for _, grasp, source, pose in sorted(found)[:_MOST_TRIES]:
+    ranked = [
+        [rank_sources(own, goal.thing, standing, pose, bench) for own in blocks]
+        for pose in goal.poses
+    ]
+    found = [
+        (sum(way), way)
+        for pose, orders in enumerate(ranked)
+        for change, sources in enumerate(orders)
+        for source in range(min(len(sources), _MOST_SOURCES))
+        for way in ((grasp, source, change, pose) for grasp in range(len(grasps)))
+    ]
+    for _, (grasp, source, change, pose) in sorted(found)[:_MOST_TRIES]:
         way = task.grasp_way(bench.frame, grasps[grasp])
-        yield _Way(goal.poses[pose], ranked[pose][source], way)
+        yield _Way(goal.poses[pose], ranked[pose][change][source], way)
 
 
 def rank_sources(
-    goal: LegGoal, standing: FloatArray, pose: FloatArray, bench: Bench
+    blocks: Sequence[LearntBlock], thing: int, standing: FloatArray, pose: FloatArray, bench: Bench
 ) -> list[tuple[BlockUse, ...]]:
     """Choose a demonstration of each block, then others: those that succeed, the nearest first."""
-    kind = next(block.thing for block in goal.blocks if block.thing)
+    kind = next(block.thing for block in blocks if block.thing)
 
     def distance(use: BlockUse) -> tuple[bool, float, int]:
         shown = bench.plans[use.task]
         if use.frame == "object":
-            standing_then, wanted = shown.object_poses, standing[goal.thing]
+            standing_then, wanted = shown.object_poses, standing[thing]
         else:
             standing_then, wanted = shown.target_poses, pose
         at = box_poses(standing_then, bench.frame)[shown.objects.index(kind)]
         away = float(np.linalg.norm(at[:3] - wanted[:3]))
         return (use.task not in bench.good, away, use.task)
 
-    orders = [sorted(block.uses, key=distance) for block in goal.blocks]
+    orders = [sorted(block.uses, key=distance) for block in blocks]
     most = max(len(order) for order in orders)
     return [tuple(order[min(k, len(order) - 1)] for order in orders) for k in range(most)]
 
@@ -231,7 +240,7 @@ def _try_leg(
     plan = aim_grasps(leg, bench.robot, way.grasp)
     joined = join_legs(name, [*(one.plan for one in tried), plan])
     (trial,) = bench.task.try_tasks([joined], bench.robot, bench.frame)
-    sources = tuple(bench.plans[use.task].name for use in way.uses)
+    sources = tuple((use.label, bench.plans[use.task].name) for use in way.uses)
     return TriedLeg(plan, sources, standing, after, trial, 1)
 
 

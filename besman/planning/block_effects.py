@@ -161,6 +161,19 @@ def learn_blocks(uses: Sequence[BlockUse], places: Sequence[int]) -> tuple[Learn
     return tuple(learnt)
 
 
+def same_effect(block: LearntBlock, blocks: Sequence[LearntBlock]) -> tuple[LearntBlock, ...]:
+    """Return the other blocks that do the same, and can whenever that one can."""
+
+    def effect(one: LearntBlock) -> tuple[str, str, int]:
+        return one.frame, one.thing, one.place
+
+    return tuple(
+        one
+        for one in blocks
+        if one != block and effect(one) == effect(block) and one.before >= block.before
+    )
+
+
 def shown_ends(uses: Sequence[BlockUse]) -> frozenset[HandState]:
     """Return how the hand was when tasks were over."""
     last = {use.task: use for use in uses}

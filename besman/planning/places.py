@@ -22,13 +22,18 @@ class Place:
     ----------
     name : str
         What distinguishes the labels of the blocks that put something there.
-    pose : array, shape (7,)
-        Of an object's middle, in the robot's world: position (m) and quaternion wxyz; of all that
-        stood there the one in their midst.
+    poses : array, shape (P, 7)
+        Of the middles of what stood there, in the robot's world: position (m) and quaternion wxyz;
+        the one in their midst first, and the farther away the later.
     """
 
     name: str
-    pose: FloatArray
+    poses: FloatArray
+
+    @property
+    def pose(self) -> FloatArray:
+        """The pose in their midst, shape (7,)."""
+        return np.asarray(self.poses[0])
 
 
 def find_places(
@@ -70,7 +75,7 @@ def find_places(
 def describe_places(
     uses: Sequence[BlockUse], poses: FloatArray, places: IntArray
 ) -> tuple[Place, ...]:
-    """Name places, and choose for each the pose in its midst.
+    """Name places, and put what stood there in order.
 
     Parameters
     ----------
@@ -83,7 +88,7 @@ def describe_places(
     rows = [np.flatnonzero(places == at) for at in range(int(places.max(initial=-1)) + 1)]
     names = name_places([_labels(uses, own) for own in rows])
     return tuple(
-        Place(name, poses[own[_midst(poses[own, :3])]])
+        Place(name, poses[own[_from_midst(poses[own, :3])]])
         for name, own in zip(names, rows, strict=True)
     )
 
@@ -121,6 +126,7 @@ def _words(label: str) -> list[str]:
     return [word for word in label.split("_") if word]
 
 
-def _midst(positions: FloatArray) -> int:
-    """Return the index of the position that is nearest to the median of all."""
-    return int(np.argmin(np.linalg.norm(positions - np.median(positions, axis=0), axis=1)))
+def _from_midst(positions: FloatArray) -> IntArray:
+    """Return the indices of positions, the one that is nearest to the median of all first."""
+    away = np.linalg.norm(positions - np.median(positions, axis=0), axis=1)
+    return np.argsort(away, kind="stable")

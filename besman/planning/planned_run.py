@@ -17,6 +17,7 @@ from besman.pipeline.run_lock import take_lock
 from besman.pipeline.stage_store import checksum
 from besman.pipeline.stored_run import StoredRun
 from besman.planning.attempts import LegGoal, TriedLeg, try_legs
+from besman.planning.block_effects import same_effect
 from besman.planning.goals import Goal, Standing
 from besman.planning.learnt import Learnt, read_learnt
 from besman.planning.order_search import Step, find_order
@@ -142,7 +143,8 @@ def _leg_goal(steps: Sequence[Step], posed: Posed, learnt: Learnt) -> LegGoal:
     """Return what a leg is to do."""
     blocks = tuple(learnt.blocks[step.block] for step in steps)
     put = [step for step, b in zip(steps, blocks, strict=True) if b.frame == "target"]
-    return LegGoal(blocks, put[0].thing, posed.spots[put[0].spot].poses)
+    alike = tuple((b, *same_effect(b, learnt.blocks)) for b in blocks)
+    return LegGoal(alike, put[0].thing, posed.spots[put[0].spot].poses)
 
 
 def _told(goal: Goal) -> str:
@@ -158,7 +160,7 @@ def _describe(
     for steps, leg in zip(groups, tried, strict=True):
         # What leads to an object or its place was followed by two straight ways.
         own = iter(leg.plan.blocks)
-        for step, source in zip(steps, leg.sources, strict=True):
+        for step, (label, source) in zip(steps, leg.sources, strict=True):
             block = learnt.blocks[step.block]
             seconds = sum(next(own).duration for _ in range(1 if block.frame == "world" else 3))
             place = "" if block.frame == "world" else learnt.places[block.place].name
@@ -167,7 +169,7 @@ def _describe(
                 pose = (leg.before if block.frame == "object" else leg.after)[step.thing]
             thing = posed.things[step.thing] if step.thing >= 0 else ""
             put = leg.trial if block.frame == "target" else None
-            found.append(PlannedBlock(block.label, source, thing, place, pose, now, seconds, put))
+            found.append(PlannedBlock(label, source, thing, place, pose, now, seconds, put))
             now += seconds
     return found
 

@@ -15,6 +15,9 @@ from besman.planning.order_search import Condition, Order, Problem, fulfils
 
 FloatArray = npt.NDArray[np.float64]
 
+# Of those that were shown at a place so many are tried where a goal leaves it open.
+_MOST_POSES = 3
+
 
 @dataclass(frozen=True, eq=False)
 class Spot:
@@ -24,8 +27,8 @@ class Spot:
     ----------
     place : int
     poses : tuple of array, shape (7,)
-        Of its middle, in the world; more than one where its heading was left open, the one that was
-        shown first.
+        Of its middle, in the world; more than one where a goal leaves something open: the heading
+        (as shown, and turned about the arm), or all (as in several demonstrations).
     """
 
     place: int
@@ -81,7 +84,7 @@ def pose_problem(goals: tuple[Goal, ...], start: tuple[Standing, ...], learnt: L
         for thing, (one, spot) in enumerate(zip(start, stand, strict=True))
     }
     for at, known in enumerate(learnt.places):
-        _add(spots, Spot(at, (known.pose,)))
+        _add(spots, Spot(at, tuple(known.poses[:_MOST_POSES])))
     asked = {
         one: _add(spots, _spot(one, things, learnt))
         for goal in goals
@@ -170,7 +173,8 @@ def _spot(
 def _add(spots: list[Spot], spot: Spot) -> int:
     """Add a spot that is not there yet; return its index."""
     for at, other in enumerate(spots):
-        if other.place == spot.place and np.array_equal(other.poses, spot.poses):
+        if other.place == spot.place and np.array_equal(other.poses[0], spot.poses[0]):
+            spots[at] = max(spot, other, key=lambda one: len(one.poses))
             return at
     spots.append(spot)
     return len(spots) - 1
