@@ -118,7 +118,8 @@ def try_legs(
         Where their middles are before, in the world.
     bench : Bench
     refine : bool
-        Whether other ways are tried where a leg does not succeed.
+        Whether other ways are tried where a leg does not succeed; without, the first that is within
+        the arm's reach and limits stays.
     done : callable
         Takes the share that is done.
 
@@ -148,8 +149,6 @@ def try_legs(
             except PlanError as error:
                 if tries == 1:
                     why = error
-                if not refine:
-                    break
                 continue
             if best is None or is_better(found.trial, best.trial):
                 best = found
@@ -173,7 +172,9 @@ class _Way(NamedTuple):
 def _ways(goal: LegGoal, standing: FloatArray, bench: Bench) -> Iterator[_Way]:
     """Return ways to do a leg, those first that are least far from what is wanted most."""
     task = bench.task
-    grasps = [task.grasp, *task.ways.list(task.grasp)]
+    # The hand comes from elsewhere than it was shown to: it is straight ahead early.
+    early = task.grasp.model_copy(update={"before_m": max(task.ways.before_m)})
+    grasps = list(dict.fromkeys([early, task.grasp, *task.ways.list(task.grasp)]))
     if len(standing) > 1:
         # Over the others, which may stand beside it.
         up_m = task.box.size_m[2] + _OVER_M
