@@ -9,7 +9,6 @@ from besman.exceptions import RunError
 from besman.pipeline.run_record import find_file_faults
 from besman.pipeline.stored_run import StoredRun, read_object
 from besman.records.files import digest
-from besman.stages.export.motion_exports import is_export
 
 FOLDER, PLAN = "plans", "plan.json"
 """Where they stand in a run folder, and what says in each what it holds."""
@@ -44,13 +43,6 @@ def plan_faults(run: StoredRun) -> list[str]:
         if made["of"] != of:
             faults.append(f"{name} is made of other tasks than the run holds")
     return faults
-
-
-def n_plan_files(run: StoredRun) -> int:
-    """Return how many files for the arm there are in the plans of a run."""
-    return sum(
-        is_export(path) for folder in plan_folders(run.folder) for path in folder.iterdir()
-    )
 
 
 def _is_whole(made: dict[str, Any]) -> bool:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from besman.exceptions import PlanError
+from besman.exceptions import PlanError, ReachError
 from besman.geometry.frames import rotation_to_quaternion
 from besman.motion.adapt_task import frame_matrix
 from besman.motion.grasp_goals import GraspWay, aim_grasps
@@ -139,7 +139,8 @@ def try_legs(
     tried: list[TriedLeg] = []
     for number, goal in enumerate(goals):
         best: TriedLeg | None = None
-        why, tries = PlanError(f"{name}: no way to try"), 0
+        faults: list[tuple[int, PlanError]] = []
+        tries = 0
         for way in _ways(goal, standing, bench):
             if best is not None and (best.trial.success or not refine):
                 break
@@ -147,13 +148,13 @@ def try_legs(
             try:
                 found = _try_leg(name, goal, way, objects, standing, tried, bench)
             except PlanError as error:
-                if tries == 1:
-                    why = error
+                faults.append((_n_reached(error, way), error))
                 continue
             if best is None or is_better(found.trial, best.trial):
                 best = found
         if best is None:
-            raise why
+            # Why the way failed that came farthest, the first of these.
+            raise max(faults, key=lambda fault: fault[0])[1]
         best = replace(best, tries=tries)
         tried.append(best)
         standing = best.after
@@ -219,6 +220,14 @@ def rank_sources(
     orders = [sorted(block.uses, key=distance) for block in blocks]
     most = max(len(order) for order in orders)
     return [tuple(order[min(k, len(order) - 1)] for order in orders) for k in range(most)]
+
+
+def _n_reached(error: PlanError, way: _Way) -> int:
+    """Return how many blocks of a leg were within reach."""
+    labels = [use.label for use in way.uses]
+    if isinstance(error, ReachError) and error.label in labels:
+        return labels.index(error.label)
+    return len(labels)
 
 
 def _try_leg(

@@ -28,7 +28,7 @@ class Spot:
     place : int
     poses : tuple of array, shape (7,)
         Of its middle, in the world; more than one where a goal leaves something open: the heading
-        (as shown, and turned about the arm), or all (as in several demonstrations).
+        (turned about the arm as the place is, and as shown), or all (as in several demonstrations).
     """
 
     place: int
@@ -156,7 +156,8 @@ def _spot(
         return Spot(place, (shown,))
     heading = 2.0 * np.arctan2(shown[6], shown[3])
     turned = np.arctan2(one.at[1], one.at[0]) - np.arctan2(shown[1], shown[0])
-    headings = [heading, heading + turned]
+    # Turned about the arm with its place, the arm does there what it was shown to.
+    headings = [heading + turned, heading]
     if one.yaw_deg is not None:
         headings = [np.radians(one.yaw_deg)]
     elif one_way:

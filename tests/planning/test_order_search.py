@@ -107,7 +107,7 @@ def problems(draw):
     )  # fmt: skip
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=80, deadline=None)
 @given(problems())
 def test_it_is_the_shortest_and_most_familiar_of_all_orders(problem):
     order = find_order(problem)
