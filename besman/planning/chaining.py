@@ -116,13 +116,10 @@ def join_legs(name: str, legs: Sequence[TaskPlan]) -> TaskPlan:
             for block in leg.blocks
         ]
         between += [
-            leg.target_poses[k]
-            for k in np.flatnonzero(moved)
-            if not kept["target", leg.objects[k]]
+            leg.target_poses[k] for k in np.flatnonzero(moved) if not kept["target", leg.objects[k]]
         ]
         events += [
-            (passed + float(at), event)
-            for at, event in zip(leg.events_s, leg.events, strict=True)
+            (passed + float(at), event) for at, event in zip(leg.events_s, leg.events, strict=True)
         ]
         passed += leg.duration
     return replace(

@@ -146,9 +146,7 @@ def _place(one: Standing, things: tuple[str, ...], learnt: Learnt) -> int:
     raise PlanError(f"{one}: no place {one.place!r:.80}; {nearest(one.place, names)}")
 
 
-def _spot(
-    one: Standing, things: tuple[str, ...], learnt: Learnt, one_way: bool = False
-) -> Spot:
+def _spot(one: Standing, things: tuple[str, ...], learnt: Learnt, one_way: bool = False) -> Spot:
     """Return where something stands; a heading that is open is as shown, or turned to the arm."""
     place = _place(one, things, learnt)
     shown = learnt.places[place].pose

@@ -13,7 +13,9 @@ LONGEST = 6
 
 
 def block(label, frame="world", place=-1, before=("away",), thing="box"):
-    return LearntBlock(label, frame, "" if frame == "world" else thing, place, frozenset(before), ())
+    return LearntBlock(
+        label, frame, "" if frame == "world" else thing, place, frozenset(before), ()
+    )
 
 
 BLOCKS = (
