@@ -61,6 +61,20 @@ class PlanError(BesmanError):
     """A motion plan that cannot be made, or not for a start, goal or duration."""
 
 
+class ReachError(PlanError):
+    """A block's goal that is out of reach.
+
+    Attributes
+    ----------
+    label : str
+        The block.
+    """
+
+    def __init__(self, message: str, label: str) -> None:
+        super().__init__(message)
+        self.label = label
+
+
 class RefinementError(BesmanError):
     """A task or search that cannot be run."""
 

@@ -4,8 +4,11 @@ import functools
 
 from besman.evaluation.recognition_data import name_parts
 from besman.person.marker_set import load_marker_set
+from besman.planning.learnt import learn_tasks
 from besman.records.layers import building_blocks
 from besman.robot.model import load_robot
+from besman.simulation.tasks.kinds import load_whole_task
+from besman.stages.imitate.task_plans import plan_task
 from besman.stages.map.stage import MapConfig
 from besman.stages.map.whole_tasks import MapTasks
 from besman.stages.select.block_steps import DivideActions, FindActions
@@ -46,3 +49,16 @@ def map_box_task():
     mapping = config.run((demonstration.hand,), robot)
     (task,) = MapTasks(config).run(mapping, (demonstration,), robot)
     return robot, demonstration, task
+
+
+@functools.cache
+def learn_both():
+    """What an iiwa 7 learns of one person who puts a box on a table and back."""
+    (capture,) = captures("pick_and_place", 1, 1, seed=1)
+    take = name_parts(capture.recording), building_blocks(capture.segments)
+    found = divide_actions(*take, make_select(("to_table", "to_shelf")))
+    robot = load_robot("iiwa7", "gripper3")
+    config = MapConfig(evaluations=40, weights={"position": 5, "singularity": 5})
+    mapping = config.run(tuple(one.hand for one in found), robot)
+    plans = tuple(plan_task(one, robot, 20) for one in MapTasks(config).run(mapping, found, robot))
+    return learn_tasks(plans, set(), robot, load_whole_task("rearrange"))

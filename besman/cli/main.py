@@ -22,6 +22,7 @@ from besman.cli.evaluate import evaluate_app
 from besman.cli.export import export
 from besman.cli.live import play
 from besman.cli.look import look, markers_app
+from besman.cli.plan import plan
 from besman.cli.robots import robots
 from besman.cli.terminal import complain
 from besman.cli.view import view
@@ -63,6 +64,7 @@ for command in (
     run_folders.runs,
     run_folders.clean,
     run_folders.join,
+    plan,
     export,
 ):
     app.command()(command)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from besman.exceptions import PlanError, nearest
+from besman.exceptions import PlanError, ReachError, nearest
 from besman.geometry.frames import quaternion_to_rotation, rotation_to_quaternion
 from besman.motion.forcing import N_NODES
 from besman.motion.task_rollout import sample_task, stretch_task
@@ -23,10 +23,12 @@ from besman.robot.parts import JointLimits
 
 FloatArray = npt.NDArray[np.float64]
 
+MISS_M, MISS_RAD = 0.005, 0.05
+"""How far off a goal that is within reach is at most."""
+
 # A goal is brought to its new place in steps, so that the arm stays on its branch.
 _N_STEPS = 33
 _ROUNDS, _TOLERANCE = 60, 1e-12
-_GREATEST_MISS_M, _GREATEST_MISS_RAD = 0.005, 0.05
 _MARGIN = 1.0 + 1e-3
 # Between the places that are looked at a movement can be beyond its range by a hair.
 _RESERVE = 1e-3
@@ -129,7 +131,7 @@ def follow_goal(name: str, robot: Robot, block: BlockPlan, poses: FloatArray) ->
 
     Raises
     ------
-    PlanError
+    ReachError
         If that is out of reach.
     """
     chain = robot.chain
@@ -150,10 +152,12 @@ def follow_goal(name: str, robot: Robot, block: BlockPlan, poses: FloatArray) ->
         _TOLERANCE,
     )
     miss_m, miss_rad = errors[0, 0, -1]
-    if miss_m > _GREATEST_MISS_M or miss_rad > _GREATEST_MISS_RAD:
-        raise PlanError(
+    if miss_m > MISS_M or miss_rad > MISS_RAD:
+        raise ReachError(
             f"{name}: {block.label}: its goal at the {block.frame} {block.thing!r} is out of "
-            f"reach of {robot.name} by {1e3 * miss_m:.0f} mm and {np.degrees(miss_rad):.0f} degrees"
+            f"reach of {robot.name} by {1e3 * miss_m:.0f} mm and {np.degrees(miss_rad):.0f} "
+            "degrees",
+            block.label,
         )
     return np.asarray(found[0, 0, -1])
 

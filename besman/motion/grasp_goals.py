@@ -11,13 +11,20 @@ import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, Slerp
 
+from besman.exceptions import ReachError
 from besman.geometry.frames import rotation_to_quaternion
-from besman.motion.adapt_task import follow_goal, frame_matrix, keep_task_limits
+from besman.motion.adapt_task import (
+    MISS_M,
+    MISS_RAD,
+    follow_goal,
+    frame_matrix,
+    keep_task_limits,
+)
 from besman.motion.velocity_dmp import fit_velocity_weights, roll_out_velocity
 from besman.records import BlockPlan, TaskPlan
 from besman.records.layers import IDLE
 from besman.robot.ik_kernel import follow_paths
-from besman.robot.inverse_kinematics import IkWeights, joint_box
+from besman.robot.inverse_kinematics import IkWeights, joint_box, solve_path
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.model import Robot
 
@@ -118,7 +125,7 @@ def aim_grasps(plan: TaskPlan, robot: Robot, way: GraspWay) -> TaskPlan:
         frame = frame_matrix(standing[plan.objects.index(block.thing)])
         taking = block.frame == "object"
         first = way.back(way.before_m) if taking else way.above
-        led = _aim(plan.name, robot, block, frame, first)
+        led = _aim(plan.name, robot, block, frame, (first, way.tool))
         blocks.append(_raise(led, robot, way.higher_m))
         if after is None or (after.frame, after.thing) != (block.frame, block.thing):
             blocks.append(_straight(plan.name, robot, blocks[-1], frame, way.tool, way.straight_s))
@@ -149,11 +156,25 @@ def _start_where(block: BlockPlan, last: BlockPlan) -> BlockPlan:
 
 
 def _aim(
-    name: str, robot: Robot, block: BlockPlan, frame: FloatArray, wanted: FloatArray
+    name: str,
+    robot: Robot,
+    block: BlockPlan,
+    frame: FloatArray,
+    ends: tuple[FloatArray, FloatArray],
 ) -> BlockPlan:
-    """Return a block that leads to a pose in a frame, and is at rest there."""
+    """Return a block that leads to where a straight way begins in a frame, and is at rest there.
+
+    Where the arm's own posture does not reach that, it is another in which all of the way is.
+    """
+    wanted = ends[0]
     poses = _steps(robot, block.goal, frame @ wanted)
-    goal = follow_goal(name, robot, block, poses)
+    try:
+        goal = follow_goal(name, robot, block, poses)
+    except ReachError:
+        found = solve_path(robot, _between(frame @ wanted, frame @ ends[1]))
+        if max(found.position_error) > MISS_M or max(found.orientation_error) > MISS_RAD:
+            raise
+        goal = found.positions[0]
     still = np.zeros_like(goal)
     return replace(
         block, goal=goal, goal_velocity=still, goal_pose=_as_pose(wanted), path_error=None
@@ -230,7 +251,11 @@ def _as_pose(matrix: FloatArray) -> FloatArray:
 
 def _steps(robot: Robot, joints: FloatArray, wanted: FloatArray) -> FloatArray:
     """Return poses on the straight way from where the tool is to where it is wanted."""
-    here = forward_kinematics(robot.chain, joints[np.newaxis])[0]
+    return _between(forward_kinematics(robot.chain, joints[np.newaxis])[0], wanted)
+
+
+def _between(here: FloatArray, wanted: FloatArray) -> FloatArray:
+    """Return poses on the straight way between two, shape (N, 4, 4)."""
     shares = np.linspace(0.0, 1.0, _N_STEPS)
     ends: Sequence[FloatArray] = (here[:3, :3], wanted[:3, :3])
     poses = np.tile(np.eye(4), (_N_STEPS, 1, 1))

@@ -220,7 +220,6 @@ def _check_examples(config: PipelineConfig, inputs: Inputs) -> str:
 
 def _check_wanted(config: PipelineConfig, counts: Mapping[str, int], problem: str) -> None:
     """Refuse a class to select of which nothing is known, or an action with such a block."""
-    wanted = config.select.wanted
     for action, blocks in config.select.actions.items():
         for label in blocks:
             if label not in counts:
@@ -228,9 +227,9 @@ def _check_wanted(config: PipelineConfig, counts: Mapping[str, int], problem: st
                     f"select.actions.{action}: got {label!r}, which {problem}; "
                     f"{nearest(label, counts)}"
                 )
-    if wanted in config.select.actions:
-        return
-    if wanted not in counts:
+    for wanted in config.select.wanted:
+        if wanted in config.select.actions or wanted in counts:
+            continue
         key = "label" if config.select.label else "action"
         raise ConfigError(
             f"select.{key}: got {wanted!r}, which {problem}; {nearest(wanted, counts)}"

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from besman.exceptions import RunError
 from besman.pipeline.derived_files import stale_files
+from besman.pipeline.plan_folders import plan_faults, plan_folders
 from besman.pipeline.run_record import find_file_faults, find_leftovers
 from besman.pipeline.sealed_page import PAGE, fault_of_page
 from besman.pipeline.stage_store import DamageError, check_record, read_description
@@ -43,6 +44,7 @@ def check_run(folder: Path) -> tuple[list[str], list[str]]:
         f"stages: {len(run.stages)}": _stage_faults(run),
         "figures, truth, recipe": _file_faults(run),
         _exports_title(run): _export_faults(run),
+        **_plans(run),
         "report": _page_faults(run),
         "nothing of another recipe": _foreign(run),
     }
@@ -76,6 +78,12 @@ def _file_faults(run: StoredRun) -> list[str]:
         f"{name} is {'cut or changed' if (run.folder / name).is_file() else 'missing'}"
         for name in run.changed()
     ]
+
+
+def _plans(run: StoredRun) -> dict[str, list[str]]:
+    """Say how many plans were made of the run, and what is wrong with them."""
+    n_plans = len(plan_folders(run.folder))
+    return {f"plans: {n_plans}": plan_faults(run)} if n_plans else {}
 
 
 def _exports_title(run: StoredRun) -> str:

@@ -117,7 +117,10 @@ class PipelineConfig(Config):
     def _check_action(self) -> PipelineConfig:
         """Refuse an action that no level of `compose` has, if nothing else may know it."""
         action = self.select.action
-        if action in self.select.actions or (self.compose is None and self.select.as_ == "blocks"):
+        # Of several the stage itself has looked.
+        if isinstance(action, tuple) or action in self.select.actions:
+            return self
+        if self.compose is None and self.select.as_ == "blocks":
             return self
         known = () if self.compose is None else self.compose.actions
         if action is not None and action not in known:

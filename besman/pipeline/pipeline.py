@@ -162,8 +162,9 @@ def _run_stages(config: PipelineConfig, run: Run, inputs: Inputs, trained_in: Pa
         actions = run.step("compose", config.compose, labelled, found, levels)
     whole = found
     if config.select.action is not None:
-        if config.compose is not None and config.select.action not in config.select.actions:
-            whole = pick_level(actions, config.compose, config.select.action)
+        name = config.select.wanted[0]
+        if config.compose is not None and name not in config.select.actions:
+            whole = pick_level(actions, config.compose, name)
         else:
             whole = run.step(
                 "actions", FindActions(config.select), labelled, found, _by_hand(inputs)

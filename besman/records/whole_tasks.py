@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -130,7 +130,10 @@ class BlockPlan(
 
 @dataclass(frozen=True, eq=False)
 class TaskPlan(
-    Record, stored_as="TaskPlan", finite=("object_poses", "target_poses", "events_s", "opening_m")
+    Record,
+    stored_as="TaskPlan",
+    finite=("object_poses", "target_poses", "events_s", "opening_m", "between_poses"),
+    later=("between_poses",),
 ):
     """Blocks in their order, each beginning where and as fast as the one before ends.
 
@@ -152,6 +155,8 @@ class TaskPlan(
         As of `MappedTask`.
     rmse : float
         Root mean square error of the imitation, rad.
+    between_poses : array, shape (V, 7)
+        Where objects are put to be taken again, as `object_poses`.
 
     Raises
     ------
@@ -170,11 +175,11 @@ class TaskPlan(
     events: tuple[Literal["close", "open"], ...]
     opening_m: float
     rmse: float
+    between_poses: FloatArray = field(default_factory=lambda: np.empty((0, 7)))
 
     def __post_init__(self) -> None:
-        freeze(
-            self, {"object_poses": ("O", 7), "target_poses": ("O", 7), "events_s": ("E",)}
-        )  # fmt: skip
+        poses = {"object_poses": ("O", 7), "target_poses": ("O", 7), "between_poses": ("V", 7)}
+        freeze(self, {**poses, "events_s": ("E",)})
         if not self.blocks:
             raise PlanError(f"{self.name}: a task has at least one block, got none")
         rests = (self.blocks[0].start_velocity, self.blocks[-1].goal_velocity)

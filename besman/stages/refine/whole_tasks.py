@@ -170,7 +170,7 @@ class RefineTasks:
                     why = error
                     continue
                 (trial,) = task.try_tasks([moved], robot, frame)
-                if best is None or _is_better(trial, best.trial):
+                if best is None or is_better(trial, best.trial):
                     best = RefinedTask(moved, trial, tries)
             if best is None:
                 raise why
@@ -198,7 +198,7 @@ class RefineTasks:
         return told | {"tries": {one.plan.name: one.tries for one in refined}}
 
 
-def _is_better(trial: TaskTrial, other: TaskTrial) -> bool:
+def is_better(trial: TaskTrial, other: TaskTrial) -> bool:
     """Tell whether one that succeeds, or fails in nothing, or misses less."""
 
     def rank(one: TaskTrial) -> tuple[bool, bool, float]:

@@ -72,7 +72,8 @@ class FindActions:
             If an action has a block that no recording has, or the action that is selected is
             nowhere.
         """
-        grammar, name = self.config.actions, str(self.config.action)
+        grammar = self.config.actions
+        name, *others = self.config.wanted
         known = sorted({label for found in blocks for label in found.labels})
         check_grammar(grammar, known)
         if name in grammar:
@@ -80,17 +81,19 @@ class FindActions:
                 self._by_grammar(call_rests(recording, found, self.config.arm))
                 for recording, found in zip(recordings, blocks, strict=True)
             )
-            if not any(found.labels for found in actions):
-                raise MappingError(
-                    f"select.actions.{name}: {', '.join(grammar[name])} follow each other in none "
-                    f"of {len(blocks)} recordings"
-                )
+            labels = {label for found in actions for label in found.labels}
+            for action in (name, *others):
+                if action not in labels:
+                    raise MappingError(
+                        f"select.actions.{action}: {', '.join(grammar[action])} follow each other "
+                        f"in none of {len(blocks)} recordings"
+                    )
             return actions
         by_source = {one.source: one for one in manual}
-        labels = sorted({*grammar, *(label for one in manual for label in one.labels)})
-        if name not in labels:
+        known = sorted({*grammar, *(label for one in manual for label in one.labels)})
+        if name not in known:
             raise MappingError(
-                f"select.action: got {name!r}; {nearest(name, labels)} (select.actions, "
+                f"select.action: got {name!r}; {nearest(name, known)} (select.actions, "
                 "compose.levels or segments on the layer 'actions')"
             )
         return tuple(_by_hand(found, by_source.get(found.source), name) for found in blocks)

@@ -8,6 +8,7 @@ L. Gutzeit: From human movement recordings to robot behavior, thesis, sections 7
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 from typing import Literal
 
 import numpy as np
@@ -56,20 +57,19 @@ class Selected:
 
 def select_segments(
     segments: tuple[LabelledSegments, ...],
-    label: str,
-    *,
+    *labels: str,
     merge: bool = False,
     least_duration_s: float = 0.0,
     greatest_duration_s: float = np.inf,
 ) -> tuple[Selected, ...]:
-    """Pick the segments of one class.
+    """Pick the segments of one class, or of several.
 
     Parameters
     ----------
     segments : tuple of LabelledSegments
         One per recording.
-    label : str
-        The class.
+    *labels : str
+        The classes.
     merge : bool
         Join segments of the class that touch: a movement that was cut in two.
     least_duration_s, greatest_duration_s : float
@@ -83,15 +83,16 @@ def select_segments(
     Raises
     ------
     MappingError
-        If no segment has the label.
+        If no segment has one of the labels.
     """
-    if not any(label in part.labels for part in segments):
-        names = sorted({name for part in segments for name in part.labels})
-        raise MappingError(
-            f"select: no segment is labelled {label!r}; labels: {', '.join(names) or 'none'}"
-        )
+    names = sorted({name for part in segments for name in part.labels})
+    for label in labels:
+        if label not in names:
+            raise MappingError(
+                f"select: no segment is labelled {label!r}; labels: {', '.join(names) or 'none'}"
+            )
     found = []
-    for index, part in enumerate(segments):
+    for (index, part), label in product(enumerate(segments), labels):
         chosen = [
             Selected(index, number, int(start), int(stop))
             for number, ((start, stop), name) in enumerate(

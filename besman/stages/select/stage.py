@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import ConfigDict, Field, field_validator, model_validator
 
 from besman.config.stage import Items, NotNegative, Positive, Stage, Truth, Work
+from besman.exceptions import nearest
 from besman.records import HandTrajectory, LabelledRecording, LabelledSegments, Landing
 from besman.records.layers import Side
 from besman.stages.select.body_points import GapLimits
@@ -25,8 +26,9 @@ class SelectConfig(Stage):
     ----------
     label : str, optional
         The class of a building block, e.g. ``throw``.
-    action : str, optional
-        In place of `label`: an action that stage ``compose`` finds.
+    action : str or sequence of str, optional
+        In place of `label`: an action that stage ``compose`` finds. Several ``as: blocks``, all of
+        them in `actions`: one placement serves them all, and `besman plan` has the blocks of all.
     as : "movement" or "blocks"
         Of an action: the hand's way alone, or also the blocks that it is made of, and what objects
         do in them. Objects are those of the marker set.
@@ -86,7 +88,7 @@ class SelectConfig(Stage):
 
     method: Literal["label"] = "label"
     label: str | None = None
-    action: str | None = None
+    action: str | Annotated[tuple[str, ...], Field(min_length=1)] | None = None
     as_: Literal["movement", "blocks"] = Field(default="movement", alias="as")
     actions: dict[str, Annotated[tuple[str, ...], Field(min_length=1)]] = Field(
         default_factory=dict
@@ -130,6 +132,15 @@ class SelectConfig(Stage):
             raise ValueError(
                 "as: blocks and actions are of an action; expected action: NAME in place of label"
             )
+        if isinstance(self.action, tuple):
+            for name in self.action:
+                if name not in self.actions:
+                    raise ValueError(
+                        f"action: got {name!r}, one of several; {nearest(name, self.actions)} "
+                        "(select.actions)"
+                    )
+            if self.as_ != "blocks":
+                raise ValueError("action: several make no one movement; expected as: blocks")
         return self
 
     @model_validator(mode="after")
@@ -154,9 +165,10 @@ class SelectConfig(Stage):
         return landing if self.object is None else (*landing, *seen)
 
     @property
-    def wanted(self) -> str:
-        """The class that is taken, be it a building block or an action."""
-        return self.label or self.action or ""
+    def wanted(self) -> tuple[str, ...]:
+        """The classes that are taken, be they building blocks or actions: one, but of actions."""
+        wanted = self.label or self.action or ()
+        return (wanted,) if isinstance(wanted, str) else wanted
 
     @property
     def grasp(self) -> np.ndarray:
@@ -184,7 +196,8 @@ class SelectConfig(Stage):
         landings: tuple[Landing, ...] = (),
     ) -> Items:
         """Count the segments of the class."""
-        return Items(sum(found.labels.count(self.wanted) for found in segments), "segments")
+        labels = [label for found in segments for label in found.labels]
+        return Items(sum(label in self.wanted for label in labels), "segments")
 
     def figures(
         self, demonstrations: tuple[HandTrajectory, ...], truth: Truth, *records: Any
@@ -203,7 +216,7 @@ class SelectConfig(Stage):
         """Return the demonstrations, hand poses in the person's back frame."""
         chosen = select_segments(
             segments,
-            self.wanted,
+            *self.wanted,
             merge=self.merge,
             least_duration_s=self.least_duration_s,
             greatest_duration_s=self.greatest_duration_s or _LONGEST_S[self.as_],
@@ -217,7 +230,7 @@ class SelectConfig(Stage):
             return map_record(
                 recording,
                 (one.start, one.stop),
-                self.wanted,
+                segments[one.recording].labels[one.segment],
                 name=f"{recording.source}:{one.segment}",
                 cutoff_hz=self.cutoff_hz,
                 rate_hz=self.rate_hz,

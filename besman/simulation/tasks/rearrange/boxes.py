@@ -105,5 +105,5 @@ def taken(plan: TaskPlan) -> list[tuple[float, int]]:
 
 def box_poses(poses: FloatArray, frame: BoxFrame) -> FloatArray:
     """Return poses of boxes from those of their markers, both of shape (O, 7)."""
-    placed = np.stack([frame_matrix(pose) @ frame.matrix for pose in poses])
+    placed = np.array([frame_matrix(pose) @ frame.matrix for pose in poses]).reshape(-1, 4, 4)
     return np.hstack([placed[:, :3, 3], rotation_to_quaternion(placed[:, :3, :3])])

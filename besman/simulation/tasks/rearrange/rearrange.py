@@ -120,6 +120,7 @@ class RearrangeConfig(RearrangeFields):
         before = box_poses(plan.object_poses, frame)
         after = box_poses(plan.target_poses, frame)
         way = self.way(plan)
-        model, run = simulate_task(robot, self, way, before, after)
+        between = box_poses(plan.between_poses, frame)
+        model, run = simulate_task(robot, self, way, before, after, between)
         trial = judge(run, self, plan, way, after, robot.n)
         return trial, Playback(model, run.qpos[0, : run.steps[0]])

@@ -28,13 +28,17 @@ _FOOT_M = 0.004
 
 
 def rearrange_model(
-    robot: Robot, task: RearrangeFields, before: FloatArray, after: FloatArray
+    robot: Robot,
+    task: RearrangeFields,
+    before: FloatArray,
+    after: FloatArray,
+    between: FloatArray | None = None,
 ) -> mujoco.MjModel:
     """Build the scene.
 
     Joints: the arm's, three fingers, the free joint of every box. Sensors: position (3) and
     orientation (4, wxyz) of the tool centre point in the world; contacts of each finger with each
-    box (3 O); contacts of arm and gripper with each board, before and after (2 O).
+    box (3 O); contacts of arm and gripper with each board, before and after (2 O), and between (V).
 
     Parameters
     ----------
@@ -42,6 +46,8 @@ def rearrange_model(
     task : RearrangeFields
     before, after : array, shape (O, 7)
         Poses of the boxes: position (m) and quaternion wxyz, upright.
+    between : array, shape (V, 7), optional
+        Where boxes are put to be taken again: a board each.
     """
     spec, last = arm_spec(robot, task.simulation.time_step_s)
     set_contact_options(spec)
@@ -56,6 +62,9 @@ def rearrange_model(
             boards.append(f"board_{number}_{when}")
             _add_board(spec, task, boards[-1], pose, on_board)
         _add_box(spec, task, f"box_{number}", touch, on_board)
+    for number, pose in enumerate(() if between is None else between):
+        boards.append(f"board_between_{number}")
+        _add_board(spec, task, boards[-1], pose, on_board)
     add_tool_sensors(spec)
     geom, subtree = mujoco.mjtObj.mjOBJ_GEOM, mujoco.mjtObj.mjOBJ_XBODY
     for number, finger in product(range(len(before)), FINGERS):

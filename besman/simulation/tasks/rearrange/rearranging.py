@@ -25,7 +25,12 @@ _FIRST_TOUCH = 7
 
 
 def simulate_task(
-    robot: Robot, task: RearrangeFields, way: ArmWay, before: FloatArray, after: FloatArray
+    robot: Robot,
+    task: RearrangeFields,
+    way: ArmWay,
+    before: FloatArray,
+    after: FloatArray,
+    between: FloatArray | None = None,
 ) -> tuple[mujoco.MjModel, SimulatedStates]:
     """Move arm and fingers; nothing else moves the boxes.
 
@@ -36,8 +41,10 @@ def simulate_task(
     way : ArmWay
     before, after : array, shape (O, 7)
         Where the boxes stand, and where the boards are on which they are put.
+    between : array, shape (V, 7), optional
+        Where boxes are put to be taken again.
     """
-    model = rearrange_model(robot, task, before, after)
+    model = rearrange_model(robot, task, before, after, between)
     moved = way.movements
     arm = servo_controls(robot, moved.positions, moved.velocities, moved.accelerations)
     time = task.simulation.time_step_s * np.arange(arm.shape[1], dtype=np.float64)
@@ -135,7 +142,8 @@ def _failure(
         return failure
     step, wait = task.simulation.time_step_s, task.wait
     holding: int | None = None
-    for at, close in zip(way.commands_s, way.closes, strict=True):
+    following = [int(at / step) for at in way.commands_s[1:]] + [len(held) - 1]
+    for at, close, last in zip(way.commands_s, way.closes, following, strict=True):
         row = min(int((at + (wait.closing_s if close else 0.0)) / step), len(held) - 1)
         if close:
             if not held[row].any():
@@ -144,7 +152,7 @@ def _failure(
         elif holding is not None:
             if not held[row, holding]:
                 return f"{objects[holding]} dropped"
-            fall = boxes[row, holding, 2] - boxes[-1, holding, 2]
+            fall = boxes[row, holding, 2] - boxes[last, holding, 2]
             if fall > task.failure.greatest_fall_m:
                 return f"{objects[holding]} dropped: let go {1e3 * fall:.0f} mm above its board"
             holding = None

@@ -90,19 +90,21 @@ class WaysConfig(Config):
 
     Attributes
     ----------
-    pitch_deg, after_m, higher_m : tuple of float
+    pitch_deg, after_m, higher_m, before_m : tuple of float
         Values of these keys.
     """
 
     pitch_deg: Annotated[tuple[float, ...], Field(min_length=1)] = (10.0, 20.0, 0.0)
     after_m: Annotated[tuple[Positive, ...], Field(min_length=1)] = (0.15, 0.2)
     higher_m: Annotated[tuple[NotNegative, ...], Field(min_length=1)] = (0.0, 0.08, 0.16)
+    before_m: Annotated[tuple[Positive, ...], Field(min_length=1)] = (0.1, 0.2)
 
     def list(self, shown: GraspConfig) -> list[GraspConfig]:
         """Return all but the one that is shown."""
+        keys = tuple(type(self).model_fields)
         found = [
-            shown.model_copy(update={"pitch_deg": pitch, "after_m": after, "higher_m": higher})
-            for pitch, after, higher in product(self.pitch_deg, self.after_m, self.higher_m)
+            shown.model_copy(update=dict(zip(keys, values, strict=True)))
+            for values in product(*(getattr(self, key) for key in keys))
         ]
         return [one for one in found if one != shown]
 

@@ -1,0 +1,1 @@
+"""Whole tasks that nobody has shown: learnt blocks in another order, at other places."""

@@ -1,0 +1,259 @@
+"""Legs of a plan aimed, simulated, and if need be tried in other ways, each after those before."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from besman.exceptions import PlanError, ReachError
+from besman.geometry.frames import rotation_to_quaternion
+from besman.motion.adapt_task import frame_matrix
+from besman.motion.grasp_goals import GraspWay, aim_grasps
+from besman.planning.block_effects import BlockUse, LearntBlock
+from besman.planning.chaining import Leg, chain_leg, join_legs
+from besman.records import TaskPlan
+from besman.records.task_trial import TaskTrial
+from besman.robot.model import Robot
+from besman.simulation.tasks.rearrange.boxes import BoxFrame, box_poses
+from besman.simulation.tasks.rearrange.rearrange import RearrangeConfig
+from besman.stages.refine.whole_tasks import is_better
+
+FloatArray = npt.NDArray[np.float64]
+
+# So many demonstrations of a block are tried, the nearest first.
+_MOST_SOURCES = 3
+# And so many ways of a leg at most.
+_MOST_TRIES = 60
+_OVER_M = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class Bench:
+    """What legs are tried with.
+
+    Attributes
+    ----------
+    plans : tuple of TaskPlan
+        As imitated.
+    good : frozenset of int
+        Indices of those that succeed as they are: they are taken first.
+    robot : Robot
+    task : RearrangeConfig
+    frame : BoxFrame
+    """
+
+    plans: tuple[TaskPlan, ...]
+    good: frozenset[int]
+    robot: Robot
+    task: RearrangeConfig
+    frame: BoxFrame
+
+
+@dataclass(frozen=True, eq=False)
+class LegGoal:
+    """What one leg is to do.
+
+    Attributes
+    ----------
+    blocks : tuple of tuple of LearntBlock
+        Each block, and after it others that do the same.
+    thing : int
+        Index of the object.
+    poses : tuple of array, shape (7,)
+        Where that may be put, the one wanted most first: of its middle, in the world.
+    """
+
+    blocks: tuple[tuple[LearntBlock, ...], ...]
+    thing: int
+    poses: tuple[FloatArray, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class TriedLeg:
+    """What came of a leg.
+
+    Attributes
+    ----------
+    plan : TaskPlan
+        Of this leg alone.
+    sources : tuple of pair of str
+        Label and demonstration of each of its blocks.
+    before, after : array, shape (O, 7)
+        Where the middles of objects stand before, and are to stand after it, in the world.
+    trial : TaskTrial
+        Of all legs to its end.
+    tries : int
+    """
+
+    plan: TaskPlan
+    sources: tuple[tuple[str, str], ...]
+    before: FloatArray
+    after: FloatArray
+    trial: TaskTrial
+    tries: int
+
+
+def try_legs(
+    name: str,
+    goals: Sequence[LegGoal],
+    objects: tuple[str, ...],
+    standing: FloatArray,
+    bench: Bench,
+    refine: bool = True,
+    done: Callable[[float], None] = lambda share: None,
+) -> tuple[TaskPlan, tuple[TriedLeg, ...]]:
+    """Try legs one after the other, each from where the ones before have left arm and objects.
+
+    Parameters
+    ----------
+    name : str
+        Of the task.
+    goals : sequence of LegGoal
+    objects : tuple of str, length O
+    standing : array, shape (O, 7)
+        Where their middles are before, in the world.
+    bench : Bench
+    refine : bool
+        Whether other ways are tried where a leg does not succeed; without, the first that is within
+        the arm's reach and limits stays.
+    done : callable
+        Takes the share that is done.
+
+    Returns
+    -------
+    plan : TaskPlan
+        All legs as one.
+    tried : tuple of TriedLeg
+        The last one's trial is that of the whole task. After one that does not succeed others
+        follow as if it had.
+
+    Raises
+    ------
+    PlanError
+        If a leg is out of the arm's reach or limits in every way: it names the block.
+    """
+    tried: list[TriedLeg] = []
+    for number, goal in enumerate(goals):
+        best: TriedLeg | None = None
+        faults: list[tuple[int, PlanError]] = []
+        tries = 0
+        for way in _ways(goal, standing, bench):
+            if best is not None and (best.trial.success or not refine):
+                break
+            tries += 1
+            try:
+                found = _try_leg(name, goal, way, objects, standing, tried, bench)
+            except PlanError as error:
+                faults.append((_n_reached(error, way), error))
+                continue
+            if best is None or is_better(found.trial, best.trial):
+                best = found
+        if best is None:
+            # Why the way failed that came farthest, the first of these.
+            raise max(faults, key=lambda fault: fault[0])[1]
+        best = replace(best, tries=tries)
+        tried.append(best)
+        standing = best.after
+        done((number + 1) / len(goals))
+    return join_legs(name, [one.plan for one in tried]), tuple(tried)
+
+
+class _Way(NamedTuple):
+    """One way to do a leg: where its object is put, from which demonstrations, how it is grasped."""
+
+    pose: FloatArray
+    uses: tuple[BlockUse, ...]
+    grasp: GraspWay
+
+
+def _ways(goal: LegGoal, standing: FloatArray, bench: Bench) -> Iterator[_Way]:
+    """Return ways to do a leg, those first that are least far from what is wanted most."""
+    task = bench.task
+    # The hand comes from elsewhere than it was shown to: it is straight ahead early.
+    early = task.grasp.model_copy(update={"before_m": max(task.ways.before_m)})
+    grasps = list(dict.fromkeys([early, task.grasp, *task.ways.list(task.grasp)]))
+    if len(standing) > 1:
+        # Over the others, which may stand beside it.
+        up_m = task.box.size_m[2] + _OVER_M
+        over = [one.model_copy(update={"up_m": up_m}) for one in grasps]
+        grasps = [one for pair in zip(over, grasps, strict=True) for one in pair]
+    blocks = [
+        tuple(others[min(change, len(others) - 1)] for others in goal.blocks)
+        for change in range(max(map(len, goal.blocks)))
+    ]
+    ranked = [
+        [rank_sources(own, goal.thing, standing, pose, bench) for own in blocks]
+        for pose in goal.poses
+    ]
+    found = [
+        (sum(way), way)
+        for pose, orders in enumerate(ranked)
+        for change, sources in enumerate(orders)
+        for source in range(min(len(sources), _MOST_SOURCES))
+        for way in ((grasp, source, change, pose) for grasp in range(len(grasps)))
+    ]
+    for _, (grasp, source, change, pose) in sorted(found)[:_MOST_TRIES]:
+        way = task.grasp_way(bench.frame, grasps[grasp])
+        yield _Way(goal.poses[pose], ranked[pose][change][source], way)
+
+
+def rank_sources(
+    blocks: Sequence[LearntBlock], thing: int, standing: FloatArray, pose: FloatArray, bench: Bench
+) -> list[tuple[BlockUse, ...]]:
+    """Choose a demonstration of each block, then others: those that succeed, the nearest first."""
+    kind = next(block.thing for block in blocks if block.thing)
+
+    def distance(use: BlockUse) -> tuple[bool, float, int]:
+        shown = bench.plans[use.task]
+        if use.frame == "object":
+            standing_then, wanted = shown.object_poses, standing[thing]
+        else:
+            standing_then, wanted = shown.target_poses, pose
+        at = box_poses(standing_then, bench.frame)[shown.objects.index(kind)]
+        away = float(np.linalg.norm(at[:3] - wanted[:3]))
+        return (use.task not in bench.good, away, use.task)
+
+    orders = [sorted(block.uses, key=distance) for block in blocks]
+    most = max(len(order) for order in orders)
+    return [tuple(order[min(k, len(order) - 1)] for order in orders) for k in range(most)]
+
+
+def _n_reached(error: PlanError, way: _Way) -> int:
+    """Return how many blocks of a leg were within reach."""
+    labels = [use.label for use in way.uses]
+    if isinstance(error, ReachError) and error.label in labels:
+        return labels.index(error.label)
+    return len(labels)
+
+
+def _try_leg(
+    name: str,
+    goal: LegGoal,
+    way: _Way,
+    objects: tuple[str, ...],
+    standing: FloatArray,
+    tried: Sequence[TriedLeg],
+    bench: Bench,
+) -> TriedLeg:
+    """Aim a leg, and simulate it after those before it."""
+    after = np.array(standing)
+    after[goal.thing] = way.pose
+    # What a plan says of objects is where their markers are.
+    markers = np.linalg.inv(bench.frame.matrix)
+    poses = (_moved(standing, markers), _moved(after, markers))
+    start = tried[-1].plan.blocks[-1].goal if tried else None
+    leg = chain_leg(name, Leg(way.uses, goal.thing), bench.plans, objects, poses, start)
+    plan = aim_grasps(leg, bench.robot, way.grasp)
+    joined = join_legs(name, [*(one.plan for one in tried), plan])
+    (trial,) = bench.task.try_tasks([joined], bench.robot, bench.frame)
+    sources = tuple((use.label, bench.plans[use.task].name) for use in way.uses)
+    return TriedLeg(plan, sources, standing, after, trial, 1)
+
+
+def _moved(poses: FloatArray, by: FloatArray) -> FloatArray:
+    matrices = np.stack([frame_matrix(pose) @ by for pose in poses])
+    return np.hstack([matrices[:, :3, 3], rotation_to_quaternion(matrices[:, :3, :3])])
