@@ -14,9 +14,8 @@ from besman.robot.kinematics import forward_kinematics
 from besman.robot.model import Robot
 
 _ROUNDS, _TOLERANCE = 20, 1e-8
-# How long the filter of what the hand asks of the joints remembers, seconds; and by how much the
-# arm is sent ahead of it, which makes up for a part of its own delay.
-_MEMORY_S, _AHEAD_S = 0.02, 0.04
+# How long the filter of what the hand asks of the joints remembers, seconds.
+_MEMORY_S = 0.02
 # Where the hand asks the arm to touch itself, its pedestal or the floor, it stays so far off.
 _CLEARANCE_M = 0.02
 # Of a joint's greatest speed: no faster is the way to what the hand asks for.
@@ -115,7 +114,7 @@ class Twin:
         self.target = self._placement.apply(hand2back)
         self._seek(step_s)
         positions, velocities = self._filter.update(self._solution, step_s)
-        return self._setpoints.aim(positions + _AHEAD_S * velocities, velocities)
+        return self._setpoints.aim(positions, velocities)
 
     def advance(self, n: int) -> SetPoints:
         """Give the set-points of the next n milliseconds."""

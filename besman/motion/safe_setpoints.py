@@ -2,7 +2,7 @@
 
 Every plan ends at rest, and is checked in all its samples, the way to rest too, before it is put in
 force. Where no plan can be, the one before is carried on, which ends at rest as well: so there is
-never a sample that was not checked (a failsafe trajectory [1]_). How to get to a moving target in
+never a sample that was not checked (a failsafe trajectory [1]_). How to get there in
 the least time within limits of speed, acceleration and jerk is the library ruckig's [2]_.
 
 References
@@ -116,6 +116,9 @@ class SafeSetPoints:
         """
         limits = self._robot.limits
         goal = np.clip(positions, limits.position_min, limits.position_max)
+        # While the plan goes on the target stays within the range too.
+        room = (limits.position_min - goal, limits.position_max - goal)
+        velocities = np.clip(velocities, *(one / self._held[-1] for one in room))
         for pace in _PACES:
             plan = self._make_plan(goal, velocities, pace)
             if plan is not None and check_limits(self._robot, *plan).kept:
@@ -138,14 +141,19 @@ class SafeSetPoints:
         """Return a plan from now on, which begins with the sample that was given last."""
         limits = self._robot.limits
         speed, pull = pace * _SHARE * limits.velocity, pace * _SHARE * limits.acceleration
-        begin = self.now
+        moving = np.clip(moving, -0.95 * speed, 0.95 * speed)
+        # As seen from the target, which moves evenly: so that it is met, and not where it was.
+        begin, still = self.now, np.zeros(self._robot.n)
         there = self._ruckig.InputParameter(self._robot.n)
-        there.target_position = goal
-        there.target_velocity = np.clip(moving, -0.95 * speed, 0.95 * speed)
-        way = self._solve(there, begin, speed, pull)
+        there.min_velocity = -speed - moving
+        there.target_position, there.target_velocity = still, still
+        seen = SetPoints(begin.positions - goal, begin.velocities - moving, begin.accelerations)
+        way = self._solve(there, seen, speed - moving, pull)
         if way is None:
             return None
         going = SetPoints(*np.moveaxis([way.at_time(at) for at in self._held.tolist()], 1, 0))
+        passed = goal + np.outer(self._held, moving)
+        going = SetPoints(going.positions + passed, going.velocities + moving, going.accelerations)
         stop = self._ruckig.InputParameter(self._robot.n)
         stop.control_interface = self._ruckig.ControlInterface.Velocity
         last = SetPoints(*(part[-1:] for part in going))

@@ -1,4 +1,4 @@
-"""The configuration nearest to one that is wanted, in which an arm touches nothing."""
+"""A configuration near one that is wanted, in which an arm touches nothing."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _BEYOND_M = 1e-3
 
 
 def move_clear(robot: Robot, positions: FloatArray, clearance_m: float) -> FloatArray:
-    """Move an arm away from itself, its pedestal and the floor, as little as serves it.
+    """Move an arm a little away from itself, its pedestal and the floor.
 
     Newton steps along the gradient of the least distance, by differences; a step is the shortest
     that brings the distance to what is wanted, were it linear.
