@@ -1,4 +1,4 @@
-"""Commands about live streams: follow --live, and play, which serves a recording as one."""
+"""Commands about live streams: follow --live, mirror, and play, which serves a recording as one."""
 
 from __future__ import annotations
 
@@ -14,8 +14,10 @@ from besman.cli.terminal import complain, say
 from besman.exceptions import ConfigError, FileError, StoppedError, one_of
 
 if TYPE_CHECKING:
+    from besman.following.live import LiveFollower
+    from besman.following.mirror import Mirror
     from besman.following.plans import FollowPlan
-    from besman.live.capture import CaptureFile, WholeLines
+    from besman.live.capture import WholeLines
 
 _SYSTEMS = ("qtm", "lsl")
 
@@ -68,10 +70,63 @@ def follow_live(
     from besman.following.live import LiveFollower
     from besman.io.atomic_files import write_json
     from besman.live.addresses import find_source
-    from besman.live.capture import CaptureFile, WholeLines
 
     follower = LiveFollower(find_source(address), plan, horizon_blocks, steady_s)
     teller = _Teller(keeps=json_file is not None)
+    _tell_all(follower, teller, record)
+    if json_file is not None:
+        write_json(json_file, teller.told)
+    teller.close()
+
+
+def mirror(
+    live: Annotated[
+        str,
+        typer.Option(metavar="SOURCE", help="file://PATH?pace=1, lsl:NAME or qtm://HOST[:PORT]."),
+    ],
+    run: Annotated[
+        Path | None, typer.Option(help="A finished run: its robot, and where it placed the hand.")
+    ] = None,
+    robot: Annotated[
+        str | None, typer.Option(help="In place of --run; the first seconds tell the hand's place.")
+    ] = None,
+    tool: Annotated[str | None, typer.Option(help="Of --robot; default the robot's own.")] = None,
+    markers: Annotated[
+        str | None, typer.Option(help="Marker set; default the run's, or right_arm.")
+    ] = None,
+    learn: Annotated[
+        float, typer.Option(help="Seconds of the hand that its place is learnt from, 1 to 600.")
+    ] = 10.0,
+    record: Annotated[
+        Path | None,
+        typer.Option(help="Record the stream, NAME.tsv; what is printed as NAME.jsonl."),
+    ] = None,
+) -> None:
+    """Have a simulated arm move as the hand of a person does, within its limits; lines of JSON."""
+    from besman.following.hand_placement import MirrorPlan, mirror_as_in_run
+    from besman.following.mirror import Mirror
+    from besman.live.addresses import find_source
+    from besman.live.file_source import FileSource
+    from besman.robot.model import load_robot
+
+    if (run is None) == (robot is None):
+        raise ConfigError("besman mirror: expected either --run RUN or --robot NAME")
+    if run is not None and tool is not None:
+        raise ConfigError("--tool: is of --robot; with --run the tool is the run's")
+    source = find_source(live)
+    if run is not None:
+        plan = mirror_as_in_run(run, markers)
+    else:
+        plan = MirrorPlan(load_robot(str(robot), tool), markers or "right_arm")
+    by_frames = isinstance(source, FileSource) and not source.is_paced
+    teller = _Teller(keeps=False)
+    _tell_all(Mirror(source, plan, learn, by_frames), teller, record)
+    teller.close()
+
+
+def _tell_all(follower: LiveFollower | Mirror, teller: _Teller, record: Path | None) -> None:
+    """Tell what becomes known of a source until it ends, or Ctrl-C ends it in order."""
+    from besman.live.capture import CaptureFile, WholeLines
 
     def capture(names: Sequence[str | None], rate_hz: float) -> CaptureFile:
         assert record is not None
@@ -90,9 +145,6 @@ def follow_live(
         for one in follower.end_now():
             teller.tell(one)
         complain("", str(error))
-    if json_file is not None:
-        write_json(json_file, teller.told)
-    teller.close()
 
 
 class _Teller:

@@ -20,7 +20,7 @@ from besman.cli import recordings, run, run_folders, templates, transfer
 from besman.cli.annotate import annotate
 from besman.cli.evaluate import evaluate_app
 from besman.cli.export import export
-from besman.cli.live import play
+from besman.cli.live import mirror, play
 from besman.cli.look import look, markers_app
 from besman.cli.plan import plan
 from besman.cli.robots import robots
@@ -55,6 +55,7 @@ for command in (
     recordings.train,
     recordings.segment,
     recordings.follow,
+    mirror,
     play,
     view,
     annotate,

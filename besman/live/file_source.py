@@ -18,6 +18,11 @@ class FileSource:
     path : Path
     pace : float
         Seconds of the recording in a second; 0: as fast as it is read.
+
+    Attributes
+    ----------
+    is_paced : bool
+        Whether frames come as time passes.
     """
 
     def __init__(self, path: Path, pace: float) -> None:
@@ -25,6 +30,7 @@ class FileSource:
         self._recording: Recording | None = None
         self._row = 0
         self._begun_s = 0.0
+        self.is_paced = pace > 0
         self.ended = False
 
     def open(self) -> StreamFormat:

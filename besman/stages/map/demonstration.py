@@ -109,14 +109,26 @@ def tool_poses(demonstration: HandTrajectory, robot: Robot) -> FloatArray:
     hand2back = np.tile(np.eye(4), (len(demonstration.time), 1, 1))
     hand2back[:, :3, :3] = quaternion_to_rotation(demonstration.poses[:, 3:])
     hand2back[:, :3, 3] = demonstration.poses[:, :3]
-    poses: FloatArray = hand2back @ _tcp2hand(demonstration, robot)
+    poses: FloatArray = hand2back @ tcp_in_hand(demonstration.grasp, robot)
     return poses
 
 
-def _tcp2hand(demonstration: HandTrajectory, robot: Robot) -> FloatArray:
-    """Return where the tool centre point is in the hand: as was demonstrated, or as the tool is."""
+def tcp_in_hand(grasp: FloatArray, robot: Robot) -> FloatArray:
+    """Return where the tool centre point is in the hand: as was demonstrated, or as the tool is.
+
+    Parameters
+    ----------
+    grasp : array, shape (7,)
+        See `besman.records.HandTrajectory`; NaN where nothing was said.
+    robot : Robot
+
+    Returns
+    -------
+    array, shape (4, 4)
+        tcp2hand, metres.
+    """
     tcp2hand = np.array(robot.tool.tcp2hand)
-    position, turn = demonstration.grasp[:3], demonstration.grasp[3:]
+    position, turn = grasp[:3], grasp[3:]
     if np.isfinite(position).all():
         tcp2hand[:3, 3] = position
     if np.isfinite(turn).all():

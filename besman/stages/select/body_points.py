@@ -107,7 +107,7 @@ def find_body_points(
     start, stop = bounds
     margin = int(margin_s * recording.rate_hz)
     low, high = max(start - margin, 0), min(stop + margin, len(recording.time))
-    source = _Source(recording, _point_names(recording, side, name), side, name)
+    source = _Source(recording, point_names(recording, side, name), side, name)
     positions = source.read(low, high)
     if not np.isfinite(positions).all():
         positions = source.read_filled(low, high, gaps)
@@ -167,8 +167,27 @@ class _Source:
         )
 
 
-def _point_names(recording: LabelledRecording, side: Side, name: str) -> tuple[str, ...]:
-    """Return what each of the six points is taken from; a hand without a cluster three times."""
+def point_names(recording: LabelledRecording, side: Side, name: str) -> tuple[str, ...]:
+    """Return what each of the six points is taken from; a hand without a cluster three times.
+
+    Parameters
+    ----------
+    recording : LabelledRecording
+        Its positions are not looked at.
+    side : "right" or "left"
+    name : str
+        For messages.
+
+    Returns
+    -------
+    tuple of six str
+        Middle, left and right of the back; top, left and right of the hand.
+
+    Raises
+    ------
+    MappingError
+        If one of them is not there.
+    """
     markers = recording.markers
     if _BACK[0] in markers:
         prefix = "left_" if side == "left" else ""

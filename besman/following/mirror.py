@@ -1,0 +1,296 @@
+"""A robot's twin that moves while a person does."""
+
+from __future__ import annotations
+
+import gc
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from besman.exceptions import ConfigError, RecordingError
+from besman.following.frame_stream import FrameStream, MakeCapture, NamedFrame
+from besman.following.hand_placement import HandPlacement, MirrorPlan, learn_placement
+from besman.following.hand_stream import HandStream
+from besman.following.twin import Twin
+from besman.live.stream import Source, StreamFormat
+from besman.motion.safe_setpoints import SetPoints
+from besman.records import FloatArray
+from besman.robot.inverse_kinematics import IkWeights
+from besman.robot.kinematics import forward_kinematics
+from besman.robot.limits import RATE_HZ
+from besman.simulation.arm_in_mujoco import ArmInMujoco
+
+_IDLE_S = 0.01
+_KEPT = 60_000
+# What moved less than this in the first seconds says little of where it will move.
+_LITTLE_M = 0.15
+
+Take = Callable[[SetPoints], None]
+
+
+class Mirror:
+    """Reads a source; an arm follows the hand in it, and a simulated one follows the set-points.
+
+    Set-points are given for every millisecond of this machine's clock: a packet changes those to
+    come. A hand that is hidden or jumps, and a source that says nothing, bring the arm to rest.
+
+    Parameters
+    ----------
+    source : Source
+    plan : MirrorPlan
+    learn_s : float
+        Without a placement it is learnt from so many seconds in which the hand is seen.
+    by_frames : bool
+        Time is what the frames say, not this machine's clock: of a file that is read as fast as
+        can be.
+    take : callable, optional
+        Is given all set-points, in their order.
+
+    Attributes
+    ----------
+    times : array, shape (3, n)
+        Seconds of each of the last frames, of no more than 60 000: from its arrival until the
+        set-points to come were changed; from the time in its packet; and what this thread computed.
+    """
+
+    def __init__(
+        self,
+        source: Source,
+        plan: MirrorPlan,
+        learn_s: float = 10.0,
+        by_frames: bool = False,
+        take: Take = lambda points: None,
+    ) -> None:
+        if not 1.0 <= learn_s <= 600.0:
+            raise ConfigError(f"--learn: got {learn_s:g} s; expected 1 to 600")
+        self._stream = FrameStream(source, plan.markers, idle_s=_IDLE_S)
+        self._plan, self._learn_s, self._by_frames, self._give = plan, learn_s, by_frames, take
+        self._placement = plan.placement
+        self._learning: Future[HandPlacement] | None = None
+        self._threads = ThreadPoolExecutor(1)
+        self._poses: list[tuple[int, FloatArray]] = []
+        self._twin: Twin | None = None
+        self._last_row = self._n_given = self._n_hidden = self._n_refused = 0
+        self._begun_s = 0.0
+        self._was = ""
+        self._times, self._n_taken = np.empty((3, _KEPT)), 0
+
+    def open(self, make_capture: MakeCapture | None = None) -> StreamFormat:
+        """Connect to the source; see `besman.following.frame_stream.FrameStream.open`."""
+        self._warm_up()
+        found = self._stream.open(make_capture)
+        self._hand = HandStream(self._stream.blank, self._plan.side)
+        self._stream.begin_recording()
+        return found
+
+    def run(self) -> Iterator[dict[str, Any]]:
+        """Mirror until the source ends; yield what the arm does.
+
+        Raises
+        ------
+        BesmanError
+            If the stream cannot be read any more or be recorded, or the arm cannot begin.
+        """
+        gc.collect()
+        gc.freeze()
+        self._stream.start()
+        try:
+            while not self._stream.ended:
+                yield from self._take_all(self._stream.read())
+                self._advance()
+                yield from self._tell_change("rests" if self._rests else self._was)
+        except BaseException:
+            self._close()
+            raise
+        finally:
+            gc.unfreeze()
+        yield from self.end_now()
+
+    def end_now(self) -> Iterator[dict[str, Any]]:
+        """Bring the arm to rest, and make the recording whole.
+
+        Raises
+        ------
+        BesmanError
+            As `run`.
+        """
+        try:
+            yield from self._take_all(self._stream.flush())
+            if self._twin is None:
+                raise RecordingError(
+                    f"{self._stream.format.source}: ended before the arm could begin: "
+                    + self._what_lacks()
+                )
+            while not self._twin.rests:
+                self._pass_on(1)
+        finally:
+            self._close()
+        yield {"kind": "end", **self.summary()}
+        self._stream.raise_failure()
+
+    @property
+    def times(self) -> FloatArray:
+        """How long the last frames took; see the class."""
+        return self._times[:, : min(self._n_taken, _KEPT)]
+
+    def summary(self) -> dict[str, Any]:
+        """Return what became of packets and set-points, and how long each frame took."""
+        since_arrival = self.times[0] if self._n_taken else np.array([np.nan])
+        median, high = 1e3 * np.percentile(since_arrival, (50, 99.9))
+        return {
+            "frames": self._stream.n_frames,
+            **asdict(self._stream.delivery),
+            "hidden": self._n_hidden,
+            "withheld": self._n_refused,
+            "set_points": self._n_given,
+            "latency_ms": {"median": float(median), "p99_9": float(high)},
+        }
+
+    @property
+    def _rests(self) -> bool:
+        return self._twin is not None and self._twin.rests
+
+    def _take_all(self, news: Iterator[NamedFrame | str]) -> Iterator[dict[str, Any]]:
+        begun_s = time.thread_time()
+        for one in news:
+            if isinstance(one, str):
+                yield {"kind": "notice", "text": one}
+                continue
+            told = self._take(one)
+            busy_s, now = time.thread_time() - begun_s, time.perf_counter()
+            if self._twin is not None:
+                row = now - one.arrived_s, now - one.sent_s, busy_s
+                self._times[:, self._n_taken % _KEPT] = row
+                self._n_taken += 1
+            yield from told
+            begun_s = time.thread_time()
+
+    def _take(self, frame: NamedFrame) -> list[dict[str, Any]]:
+        """Take one frame; return what is to be told."""
+        pose = self._hand.take(frame.markers)
+        if self._twin is None:
+            return [] if pose is None else self._prepare(pose)
+        row = self._stream.n_frames
+        self._advance()
+        follows = False
+        if pose is not None:
+            step_s = (row - self._last_row) / self._stream.format.rate_hz
+            follows, self._last_row = self._twin.follow(pose, step_s), row
+            self._n_refused += not follows
+        self._n_hidden += pose is None
+        state = "follows" if follows else "hidden" if pose is None else "withheld"
+        if not follows and self._was == "rests":
+            state = "rests"
+        return [*self._tell_change(state), self._tell_joints()]
+
+    def _prepare(self, pose: FloatArray) -> list[dict[str, Any]]:
+        """Begin, once it is known where the hand goes; until then keep its poses."""
+        row = self._stream.n_frames
+        if self._placement is None and self._learning is None:
+            self._poses.append((row, pose))
+            if len(self._poses) < self._learn_s * self._stream.format.rate_hz:
+                return []
+            rows, poses = zip(*self._poses, strict=True)
+            seconds = np.array(rows) / self._stream.format.rate_hz
+            self._learning = self._threads.submit(
+                learn_placement, self._plan.robot, seconds, np.array(poses)
+            )
+            self._poses = []
+            return self._tell_learning(np.array(poses)[:, :3, 3])
+        if self._learning is not None:
+            # A file that is read as fast as can be has no time of its own to pass.
+            if not (self._by_frames or self._learning.done()):
+                return []
+            self._placement, self._learning = self._learning.result(), None
+        assert self._placement is not None
+        self._twin = Twin(self._plan.robot, self._placement, pose)
+        self._simulated = ArmInMujoco(self._plan.robot, self._twin.positions)
+        self._last_row, self._first_row = row, row
+        self._begun_s = time.perf_counter()
+        return [self._tell_begin(), self._tell_joints()]
+
+    def _advance(self) -> None:
+        """Give the set-points up to the present."""
+        if self._twin is None:
+            return
+        if self._by_frames:
+            passed_s = (self._stream.n_frames - self._first_row) / self._stream.format.rate_hz
+        else:
+            passed_s = time.perf_counter() - self._begun_s
+        n = int(passed_s * RATE_HZ + 1e-6) - self._n_given
+        if n > 0:
+            self._pass_on(n)
+
+    def _pass_on(self, n: int) -> None:
+        assert self._twin is not None
+        points = self._twin.advance(n)
+        self._n_given += n
+        self._give(points)
+        self._reached = self._simulated.follow(*points)[-1]
+
+    def _tell_learning(self, places: FloatArray) -> list[dict[str, Any]]:
+        extent = float(np.linalg.norm(np.ptp(places, axis=0)))
+        little = ""
+        if extent < _LITTLE_M:
+            little = f"; it moved by {extent:.2f} m only, which tells little of where it will move"
+        text = f"the hand was seen for {self._learn_s:g} s: the arm's place is looked for{little}"
+        return [{"kind": "notice", "text": text}]
+
+    def _tell_begin(self) -> dict[str, Any]:
+        assert self._placement is not None
+        return {
+            "kind": "begin",
+            "time_s": self._stream.n_frames / self._stream.format.rate_hz,
+            "robot": self._plan.robot.name,
+            "tool": self._plan.robot.tool.name,
+            "joints": list(self._plan.robot.joint_names),
+            "back2world": self._placement.back2world.tolist(),
+            "shift_m": self._placement.shift.tolist(),
+            "scale": self._placement.scale,
+        }
+
+    def _tell_joints(self) -> dict[str, Any]:
+        """Return the set-point of the moment, and how far the arm is from what was asked."""
+        assert self._twin is not None
+        simulated = self._reached if self._n_given else self._twin.positions
+        return {
+            "kind": "joints",
+            "time_s": self._stream.n_frames / self._stream.format.rate_hz,
+            "positions_rad": np.round(self._twin.positions, 6).tolist(),
+            "simulated_rad": np.round(simulated, 6).tolist(),
+            "away_m": round(self._twin.away_m, 4),
+        }
+
+    def _tell_change(self, state: str) -> Iterator[dict[str, Any]]:
+        """Say once that the arm follows, comes to rest, and why, or rests."""
+        if state == self._was:
+            return
+        self._was = state
+        at_s = self._stream.n_frames / self._stream.format.rate_hz
+        yield {"kind": "arm", "time_s": at_s, "state": state}
+
+    def _what_lacks(self) -> str:
+        if not self._hand.knows_back:
+            return "back and hand were not seen together for half a second"
+        if self._learning is not None:
+            return "its place was still looked for"
+        seen = len(self._poses) / self._stream.format.rate_hz
+        return f"the hand was seen for {seen:.1f} s; expected {self._learn_s:g} (--learn)"
+
+    def _warm_up(self) -> None:
+        """Have kernels, libraries and the model loaded before the first packet."""
+        robot = self._plan.robot
+        start = robot.home[None]
+        still = HandPlacement(np.eye(3), np.zeros(3), 1.0, np.eye(4), start, IkWeights(), False)
+        pose = forward_kinematics(robot.chain, robot.home[None])[0]
+        twin = Twin(robot, still, pose)
+        twin.follow(pose, 0.01)
+        ArmInMujoco(robot, robot.home).follow(*twin.advance(2))
+
+    def _close(self) -> None:
+        self._stream.close()
+        self._threads.shutdown(wait=False, cancel_futures=True)
