@@ -121,5 +121,5 @@ class RearrangeConfig(RearrangeFields):
         after = box_poses(plan.target_poses, frame)
         way = self.way(plan)
         model, run = simulate_task(robot, self, way, before, after)
-        trial = judge(run, self, plan, way, after, robot.n)
+        trial = judge(run, self, plan, way, after, robot)
         return trial, Playback(model, run.qpos[0, : run.steps[0]])
