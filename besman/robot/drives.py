@@ -84,8 +84,11 @@ def delay_and_smooth(
     if lag_s > 0:
         from scipy.signal import lfilter
 
+        # Exact for set-points that are straight between the steps, so that lags below a step count.
         kept = np.exp(-time_step_s / lag_s)
-        late, _ = lfilter([1.0 - kept], [1.0, -kept], late, zi=[kept * late[0]])
+        share = lag_s / time_step_s * (1.0 - kept)
+        new, old = 1.0 - share, share - kept
+        late, _ = lfilter([new, old], [1.0, -kept], late, zi=[(1.0 - new) * late[0]])
     return np.asarray(late)
 
 
