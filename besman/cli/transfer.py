@@ -28,8 +28,8 @@ def suggest(
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of the search; of a motion's first try.")] = 0,
     surrogate: Annotated[
-        str, typer.Option(help="gaussian_process or inverse_distance.")
-    ] = "gaussian_process",
+        str, typer.Option(help="jacobian, gaussian_process or inverse_distance.")
+    ] = "jacobian",
     jobs: Annotated[
         int, typer.Option(min=1, help="Threads; never changes a result.")
     ] = os.cpu_count() or 1,
@@ -39,7 +39,7 @@ def suggest(
     from besman.transfer.approach import TransferConfig
     from besman.transfer.tries import suggest_try
 
-    kinds = ("gaussian_process", "inverse_distance")
+    kinds = ("jacobian", "gaussian_process", "inverse_distance")
     if surrogate not in kinds:
         raise TransferError(f"--surrogate: got {surrogate!r}; {nearest(surrogate, kinds)}")
     config = TransferConfig.model_validate({"seed": seed, "surrogate": surrogate})

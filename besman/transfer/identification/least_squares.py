@@ -24,8 +24,8 @@ Residuals = Callable[[FloatArray], Sequence[FloatArray]]
 # Step of the differences, in units.
 _STEP = 0.25
 # A solution whose cost falls by less than this share, or moves less than this many units, is one.
-_FLAT, _STILL = 1e-4, 1e-2
-_EVALUATIONS = 20
+_FLAT, _STILL = 1e-6, 1e-4
+_EVALUATIONS = 30
 # How often what is not told is left out and the rest is sought again.
 _ROUNDS = 3
 # Errors of one series that are correlated less than this are independent.

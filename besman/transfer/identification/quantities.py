@@ -79,13 +79,9 @@ def quantities_of(robot: Robot, has_delays: bool) -> tuple[Quantity, ...]:
 
 def values_of(drives: Drives, quantities: Sequence[Quantity]) -> FloatArray:
     """Return the values (D,) that an arm has now."""
+    arrays = {key: getattr(drives, name) for key, name in _OF_JOINTS.items()}
     return np.array(
-        [
-            drives.payload
-            if one.key == PAYLOAD
-            else getattr(drives, _OF_JOINTS[one.key])[one.joint]
-            for one in quantities
-        ]
+        [drives.payload if one.joint < 0 else arrays[one.key][one.joint] for one in quantities]
     )
 
 
