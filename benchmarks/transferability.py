@@ -2,10 +2,12 @@
 
     python benchmarks/transferability.py                    # UR5 stick throw, embedded recordings
     python benchmarks/transferability.py --run RUN          # any finished run of a throw
+    python benchmarks/transferability.py --engine drake     # such an arm in Drake, some 10 s a try
 
 The second simulation has other friction, masses, servo gains, delays, smoothing, backlash, zeros
 and noise than the one that motions are searched in (`besman.transfer.second_simulation`); 10 seeds.
-Beside the transferability approach, with either surrogate, stand trying one simulated success after
+In Drake it has these as well, without other masses, backlash and zeros, and other contacts too.
+Beside Newton steps and the transferability approach, with either surrogate, stand trying one simulated success after
 another, and aiming beside the target by what the last try was off.
 """
 
@@ -24,15 +26,48 @@ from besman.config.resources import find_resource
 from besman.pipeline.config import load_pipeline
 from besman.pipeline.finished_run import read_run
 from besman.pipeline.pipeline import run_pipeline
+from besman.simulation.perturbation import draw_perturbation
+from besman.simulation.perturbed_trials import lenient_task
+from besman.simulation.second_engine.engines import try_in_second_engine
 from besman.stages.refine.plan_space import plan_space
 from besman.stages.refine.stage import CmaEsConfig
-from besman.transfer.approach import RealTry, TransferConfig, suggest
+from besman.transfer.approach import RealTry, TransferConfig
 from besman.transfer.archive import Simulator, no_plans
-from besman.transfer.second_simulation import SecondSimulation
+from besman.transfer.newton import suggest_next as suggest
+from besman.transfer.second_simulation import REAL_SPREADS, SecondSimulation
 from besman.transfer.tries import PARTS
 
 RADIUS_M = 0.10
+NEWTON = "Newton steps with the simulation's Jacobian (default)"
+GAUSS = "transferability approach, Gaussian process"
 _EPISODES = 200
+
+
+class DrakeArm:
+    """An arm in Drake that differs from what is known of it as `SecondSimulation` does."""
+
+    def __init__(self, robot, task, seed):
+        world = draw_perturbation(REAL_SPREADS, robot, (seed,))
+        drives = replace(
+            robot.drives, gains=world.servo_gains, delays=world.delays, lags=world.lags,
+            friction=world.joint_friction, damping=world.joint_damping,
+        )  # fmt: skip
+        self._robot = replace(robot, drives=drives)
+        self._task = lenient_task(task)
+        if task.kind == "stick_throw":
+            self._task = with_friction(self._task, world.friction * task.holder.friction)
+
+    def execute(self, plan):
+        trial = try_in_second_engine(self._robot, self._task, plan)
+        return np.where(trial.failure == "", trial.outcome[:2], np.nan)
+
+
+def with_friction(task, friction):
+    holder = task.holder.model_copy(update={"friction": friction})
+    return task.model_copy(update={"holder": holder})
+
+
+ARMS = {"mujoco": SecondSimulation, "drake": DrakeArm}
 
 
 def approach(surrogate, motion, finished):
@@ -122,6 +157,7 @@ def main() -> None:
     parser.add_argument("--motion", type=int, default=0)
     parser.add_argument("--most", type=int, default=20, help="greatest number of real tries")
     parser.add_argument("--only", nargs="+", default=[""], help="parts of names of methods")
+    parser.add_argument("--engine", choices=ARMS, default="mujoco")
     parser.add_argument("--arms", action="store_true", help="the miss of every try, metres")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
@@ -132,27 +168,28 @@ def main() -> None:
             given.run = run_pipeline(config, Path(folder) / "run", jobs=os.cpu_count() or 1)
         finished = read_run(given.run)
         motion = finished.motions[given.motion]
-        start = time.perf_counter()
-        gaussian, first, space = approach("gaussian_process", motion, finished)
-        print(f"first search, the same for all arms: {time.perf_counter() - start:.1f} s")
         methods = {
-            "transferability approach, Gaussian process": gaussian,
-            "transferability approach, inverse distance [1]": approach(
+            NEWTON: lambda: approach("jacobian", motion, finished)[0],
+            GAUSS: lambda: approach("gaussian_process", motion, finished)[0],
+            "transferability approach, inverse distance [1]": lambda: approach(
                 "inverse_distance", motion, finished
             )[0],
-            "simulated successes one by one": simulated_one_by_one(motion, first, space),
-            "aim beside the target by the last miss": local_correction(motion, finished),
+            "simulated successes one by one": lambda: simulated_one_by_one(
+                motion, *approach("gaussian_process", motion, finished)[1:]
+            ),
+            "aim beside the target by the last miss": lambda: local_correction(motion, finished),
         }
         print(f"{finished.labels[0]} {finished.labels[2]}, {motion.plan.name}, {given.seeds} arms")
         print("| method | first try | tries to 10 cm | ever | within 10 tries | time an arm |")
         print("|---|---|---|---|---|---|")
         chosen = {k: v for k, v in methods.items() if any(part in k for part in given.only)}
-        for name, plans in chosen.items():
+        for name, prepare in chosen.items():
+            plans = prepare()
             start = time.perf_counter()
             runs = [
                 count_tries(
                     plans,
-                    SecondSimulation(finished.robot, finished.task, seed),
+                    ARMS[given.engine](finished.robot, finished.task, seed),
                     motion.plan.target[:2],
                     given.most,
                 )

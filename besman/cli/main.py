@@ -51,6 +51,7 @@ for command in (
     run.report,
     run.robustness,
     run.verify,
+    transfer.identify,
     run.retarget,
     recordings.train,
     recordings.segment,

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from besman.cli.options import ALL_CORES, Jobs, target_folder
+
 if TYPE_CHECKING:
     from besman.transfer.state import TransferState
     from besman.transfer.tries import FloatArray
@@ -26,8 +28,8 @@ def suggest(
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of the search; of a motion's first try.")] = 0,
     surrogate: Annotated[
-        str, typer.Option(help="gaussian_process or inverse_distance.")
-    ] = "gaussian_process",
+        str, typer.Option(help="jacobian, gaussian_process or inverse_distance.")
+    ] = "jacobian",
     jobs: Annotated[
         int, typer.Option(min=1, help="Threads; never changes a result.")
     ] = os.cpu_count() or 1,
@@ -37,7 +39,7 @@ def suggest(
     from besman.transfer.approach import TransferConfig
     from besman.transfer.tries import suggest_try
 
-    kinds = ("gaussian_process", "inverse_distance")
+    kinds = ("jacobian", "gaussian_process", "inverse_distance")
     if surrogate not in kinds:
         raise TransferError(f"--surrogate: got {surrogate!r}; {nearest(surrogate, kinds)}")
     config = TransferConfig.model_validate({"seed": seed, "surrogate": surrogate})
@@ -51,6 +53,46 @@ def suggest(
         _print(f"wrote {path}")
     _print(f"then fill in x_m, y_m and success in {found.table}")
     _print(f"and: besman transfer record {run} {found.table}")
+
+
+def identify(
+    run: Annotated[Path, typer.Argument(help="A finished run, whose motions were executed.")],
+    executions: Annotated[
+        list[Path],
+        typer.Argument(
+            help="Logs of joint angles, or folders of them: CSV, or bags with joint states."
+        ),
+    ],
+    motion: Annotated[
+        str | None, typer.Option(help="The motion that all logs are of; default by their names.")
+    ] = None,
+    fit_start: Annotated[
+        bool,
+        typer.Option("--fit-start", help="Times do not count from where a motion was sent off."),
+    ] = False,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder to write to; default beside the robot.yaml, RUN/identified of robots that "
+            "come along.",
+            callback=target_folder,
+        ),
+    ] = None,
+    jobs: Jobs = ALL_CORES,
+) -> None:
+    """Fit a run's arm to what it did: delays, gains, frictions, payload; write a robot.yaml."""
+    from besman.cli.progress_bars import stage_display
+    from besman.transfer.identification.identify import identification_lines, identify_arm
+    from besman.work.work import Work
+
+    with stage_display() as display:
+        progress, end = display("identify")
+        found = identify_arm(run, executions, motion, fit_start, out, Work(jobs, progress))
+        end(True)
+    for line in identification_lines(found.results):
+        _print(line)
+    _print(f"wrote {found.path} and {found.path.with_suffix('.json').name}")
+    _print(f"from here on: --set robot={found.path}")
 
 
 @app.command("record")

@@ -59,9 +59,17 @@ class JointConfig(Config):
         Angle of the home configuration, degrees.
     jerk_rad_s3 : float, optional
         Greatest absolute jerk, rad/s^3; null where the maker states none: then it is not limited.
+    servo_gain : float
+        How much stiffer the servo is than the usual one: factor of both of its gains.
+    delay_s, lag_s : float
+        How late the servo gets its set-points, and the time constant with which these are smoothed.
+    friction_nm, damping_nms_rad : float
+        Dry friction, and viscous friction, Nm s/rad.
     origin : dict of str
         Where the numbers come from, by the names above, in words; what is not among them is in
         ``SOURCES.md``.
+
+    What a servo and its joint do, `servo_gain` to `damping_nms_rad`, ``besman identify`` measures.
     """
 
     name: PartName
@@ -71,6 +79,11 @@ class JointConfig(Config):
     torque_nm: float
     home_deg: float
     jerk_rad_s3: Positive | None = None
+    servo_gain: Annotated[float, Field(ge=0.05, le=20)] = 1.0
+    delay_s: Annotated[float, Field(ge=0, le=0.5)] = 0.0
+    lag_s: Annotated[float, Field(ge=0, le=1)] = 0.0
+    friction_nm: NotNegative = 0.0
+    damping_nms_rad: NotNegative = 0.0
     origin: dict[str, str] = Field(default_factory=dict)
 
 
@@ -210,6 +223,8 @@ class RobotConfig(Config):
         Factor by which tools are made shorter for a small arm, as far as each may be.
     default_tool : str
         Used where none is named.
+    payload_kg : float
+        What the arm carries in the middle of its tool and its controller does not know of.
     assumed : tuple of str
         What no source states, in words; ``besman robots check`` lists it.
     """
@@ -229,4 +244,5 @@ class RobotConfig(Config):
     tools: dict[PartName, ToolConfig] = Field(default_factory=dict)
     tool_scale: Share = 1.0
     default_tool: str = "none"
+    payload_kg: NotNegative = 0.0
     assumed: tuple[str, ...] = ()

@@ -43,6 +43,25 @@ def body_inertias(robot: Robot) -> BodyInertias:
     )
 
 
+def true_inertias(robot: Robot) -> BodyInertias:
+    """Return the inertias with what the arm carries and its controller does not know of."""
+    bodies, drives = body_inertias(robot), robot.drives
+    if drives.payload == 0:
+        return bodies
+    flange2joint = robot.chain.tip @ np.linalg.inv(robot.tool.tcp2flange)
+    place = flange2joint[:3, :3] @ drives.payload_centre + flange2joint[:3, 3]
+    masses, centres, tensors = (
+        part.copy() for part in (bodies.masses, bodies.centres, bodies.tensors)
+    )
+    masses[-1] += drives.payload
+    centres[-1] += drives.payload / masses[-1] * (place - bodies.centres[-1])
+    # Steiner: a mass at a point, about the common centre.
+    apart = place - bodies.centres[-1]
+    reduced = drives.payload * bodies.masses[-1] / masses[-1]
+    tensors[-1] += reduced * (apart @ apart * np.eye(3) - np.outer(apart, apart))
+    return BodyInertias(masses, centres, tensors)
+
+
 def inverse_dynamics(
     robot: Robot,
     positions: npt.ArrayLike,

@@ -20,6 +20,7 @@ from besman.foreign.paths import is_file
 from besman.geometry.frames import quaternion_to_rotation
 from besman.records.files import digest
 from besman.robot.config import JointConfig, RobotConfig
+from besman.robot.drives import Drives, drives_of
 from besman.robot.parts import Chain, FloatArray, JointLimits, Tool, read_only
 from besman.robot.tool_shelf import tools_of
 from besman.robot.urdf_file import read_urdf
@@ -48,6 +49,8 @@ class Robot:
     tool : Tool
     base_height : float
         Height of the base above the floor, metres.
+    drives : Drives
+        What its servos and joints do that ideal ones would not.
     content : dict
         Everything that the robot is made from, as plain JSON values, for the cache's key.
     source : str
@@ -65,6 +68,7 @@ class Robot:
     chain: Chain
     tool: Tool
     base_height: float
+    drives: Drives
     content: dict[str, Any]
     source: str
 
@@ -175,7 +179,7 @@ def _load_again(source: str, tool: str, expected: str) -> Robot:
 
 def _digest(robot: Robot) -> str:
     """Return the digest of what the robot is made from and of what may be changed after that."""
-    return digest((robot.content, robot.limits, robot.home, robot.base_height))
+    return digest((robot.content, robot.limits, robot.home, robot.base_height, robot.drives))
 
 
 def _check_name(name: str, path: Path) -> None:
@@ -343,6 +347,7 @@ def build_robot(
         chain=chain,
         tool=tool,
         base_height=config.mounting.height_m,
+        drives=drives_of(config, tool),
         content=content,
         source=source,
     )

@@ -66,14 +66,19 @@ def arm_spec(robot: Robot, time_step_s: float) -> tuple[mujoco.MjSpec, Any]:
     """
     import mujoco
 
-    from besman.robot.dynamics import body_inertias
+    from besman.robot.dynamics import true_inertias
 
     spec = mujoco.MjSpec()
     spec.compiler.degree = False
     spec.option.timestep = time_step_s
     spec.option.gravity = [0.0, 0.0, -GRAVITY]
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    chain, inertias, gains = robot.chain, body_inertias(robot), servo_gains(robot)
+    chain, inertias, gains, drives = (
+        robot.chain,
+        true_inertias(robot),
+        servo_gains(robot),
+        robot.drives,
+    )
     body = spec.worldbody
     bodies = [body]
     for index, name in enumerate(robot.joint_names):
@@ -87,8 +92,12 @@ def arm_spec(robot: Robot, time_step_s: float) -> tuple[mujoco.MjSpec, Any]:
             fullinertia=inertias.tensors[index][[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]],
             explicitinertial=True,
         )
-        body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=chain.axes[index])
-        _add_servo(spec, name, gains.kp[index], gains.kv[index], robot.limits.torque[index])
+        joint = body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=chain.axes[index])
+        joint.frictionloss = drives.friction[index]
+        # Of a polynomial in the speed.
+        joint.damping = [drives.damping[index], 0.0, 0.0]
+        kp, kv = drives.gains[index] * np.array([gains.kp[index], gains.kv[index]])
+        _add_servo(spec, name, kp, kv, robot.limits.torque[index])
         bodies.append(body)
     for index, radius in enumerate(chain.capsule_radii):
         if chain.capsule_links[index] != "tool":
@@ -126,7 +135,9 @@ def servo_controls(
     velocities: npt.ArrayLike,
     accelerations: npt.ArrayLike,
 ) -> FloatArray:
-    """Compute set-points with feed-forward, so that the servos need no deviation to act.
+    """Compute set-points with feed-forward, so that ideal servos need no deviation to act.
+
+    See `besman.simulation.setpoints.servo_setpoints` for what the servos get of them.
 
     Parameters
     ----------

@@ -17,6 +17,7 @@ import numpy.typing as npt
 from pydantic import Field
 
 from besman.config.stage import Config, NotNegative
+from besman.robot.drives import delay_and_smooth
 from besman.robot.model import Robot
 
 if TYPE_CHECKING:
@@ -285,11 +286,8 @@ def perturb_controls(
     noise = _noise(time, perturbation, n)
     changed = controls.copy()
     for joint in range(n):
-        late = controls[:, joint]
-        if perturbation.delays[joint] > 0:
-            late = np.interp(time - perturbation.delays[joint], time, late)
-        if perturbation.lags[joint] > 0:
-            late = _smooth(late, perturbation.lags[joint], time_step_s)
+        delay, lag = perturbation.delays[joint], perturbation.lags[joint]
+        late = delay_and_smooth(controls[:, joint], delay, lag, time_step_s)
         late = late + perturbation.offsets[joint] * ramp
         if noise is not None:
             late = late + noise[:, joint]
@@ -297,15 +295,6 @@ def perturb_controls(
             late = follow_with_play(late, perturbation.backlash[joint])
         changed[:, joint] = late
     return changed
-
-
-def _smooth(values: FloatArray, lag_s: float, time_step_s: float) -> FloatArray:
-    """Follow values (T,) with a first-order lag, from rest."""
-    from scipy.signal import lfilter
-
-    kept = np.exp(-time_step_s / lag_s)
-    smooth, _ = lfilter([1.0 - kept], [1.0, -kept], values, zi=[kept * values[0]])
-    return np.asarray(smooth)
 
 
 def _noise(time: FloatArray, perturbation: Perturbation, n: int) -> FloatArray | None:

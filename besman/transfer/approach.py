@@ -29,8 +29,8 @@ FloatArray = npt.NDArray[np.float64]
 # success ends it.
 _STEPPED, _STEP = 8, 0.3
 _ENOUGH = 0.3
-# A throw that lands this far from where the simulation says has failed.
-_FAILED_M = 1.2
+FAILED_M = 1.2
+"""A throw that lands this far from where the simulation says has failed, metres."""
 # What is open of the landing of a motion that does not throw.
 _UNKNOWN_M = 10.0
 
@@ -40,9 +40,11 @@ class TransferConfig(Config):
 
     Attributes
     ----------
-    surrogate : "gaussian_process" or "inverse_distance"
-        Expects where the real arm's throws land and how sure that is; or, as in [1], how much
-        they differ from the simulated ones.
+    surrogate : "jacobian", "gaussian_process" or "inverse_distance"
+        What is made of tries: Newton steps with the simulation's slopes, see
+        `besman.transfer.newton`; else the transferability approach with what expects where the
+        real arm's throws land and how sure that is, or, as in [1], how much they differ from the
+        simulated ones.
     population, generations : int
         Of NSGA-II before each try; the first time twice as many generations.
     steps : int
@@ -56,7 +58,7 @@ class TransferConfig(Config):
         Of the search.
     """
 
-    surrogate: Literal["gaussian_process", "inverse_distance"] = "gaussian_process"
+    surrogate: Literal["jacobian", "gaussian_process", "inverse_distance"] = "jacobian"
     population: Annotated[int, Field(ge=4)] = 24
     generations: Annotated[int, Field(ge=0)] = 4
     steps: Annotated[int, Field(ge=0)] = 15
@@ -182,18 +184,18 @@ class _Search:
         jobs: int,
     ) -> None:
         self._simulator, self.archive, self._target, self._jobs = simulator, archive, target, jobs
-        self._rows = {point.tobytes(): row for row, point in enumerate(archive.points)}
         rows = np.array([one.row for one in tries], dtype=np.int64)
         real = np.array([one.outcome for one in tries], dtype=np.float64).reshape(-1, 2)
         self._tried = archive.behaviours[rows]
-        self._directed = config.surrogate == "gaussian_process"
+        self._directed = config.surrogate != "inverse_distance"
         shifts = real - archive.outcomes[rows]
         # What goes that far wrong fell out of the tool, or hit something.
-        self._failed = ~(np.linalg.norm(shifts, axis=1) <= _FAILED_M)
+        self._failed = ~(np.linalg.norm(shifts, axis=1) <= FAILED_M)
         good = ~self._failed
         kinds: dict[str, type[GaussianShift] | type[InverseDistance]] = {
             "gaussian_process": GaussianShift,
             "inverse_distance": InverseDistance,
+            "jacobian": GaussianShift,
         }
         self._surrogate: Surrogate = kinds[config.surrogate](self._tried[good], shifts[good])
 
@@ -280,9 +282,5 @@ class _Search:
 
     def _simulate(self, points: FloatArray) -> npt.NDArray[np.int64]:
         """Return the rows of points in the archive, after simulating those that are new."""
-        new = {point.tobytes(): point for point in points if point.tobytes() not in self._rows}
-        if new:
-            found = self._simulator.simulate(np.array(list(new.values())), self._jobs)
-            self._rows |= {key: len(self._rows) + place for place, key in enumerate(new)}
-            self.archive = self.archive.joined(found)
-        return np.array([self._rows[point.tobytes()] for point in points], dtype=np.int64)
+        self.archive, rows = self._simulator.add(self.archive, points, self._jobs)
+        return rows

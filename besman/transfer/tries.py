@@ -23,8 +23,9 @@ from besman.simulation.tasks.stick_throw.throw_and_flight import ThrowConfig
 from besman.simulation.trial import try_plans
 from besman.stages.export.motion_exports import write_exports
 from besman.stages.refine.plan_space import Space, plan_space
-from besman.transfer.approach import TransferConfig, suggest
+from besman.transfer.approach import TransferConfig
 from besman.transfer.archive import Simulator
+from besman.transfer.newton import suggest_next
 from besman.transfer.results_table import add_row, read_results
 from besman.transfer.state import Suggested, TransferState, load_state, new_state, save_state
 
@@ -213,7 +214,7 @@ def _next(
         report = check_limits(robot, *movement)
         return report.violations == 0 and report.self_collisions == 0
 
-    found = suggest(
+    found = suggest_next(
         simulator, state.archive, state.real_tries, target, state.config, is_within_limits, jobs
     )
     expected = (float(found.landing[0]), float(found.landing[1]))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -14,7 +12,6 @@ import numpy as np
 from besman.config.resources import find_resource
 from besman.exceptions import ConfigError, RecordingError, nearest
 from besman.foreign.names import fault_of_name
-from besman.foreign.numbers import has_odd_digits
 from besman.foreign.paths import is_file
 from besman.geometry.frames import rotation_to_quaternion
 from besman.io.atomic_files import written_aside
@@ -23,20 +20,21 @@ from besman.io.recordings.exoskeleton_kinematics import (
     link_poses,
     load_exoskeleton_model,
 )
-from besman.io.recordings.sense import check_rate
+from besman.io.recordings.joint_table import (
+    ANGLE_UNITS,
+    TIME_COLUMN,
+    is_last_row_cut,
+    rate_of_times,
+    table_head,
+    table_lines,
+    table_values,
+)
 from besman.records import FloatArray, Recording
-from besman.records.recordings import GREATEST_FRAME
 
-_TIME = "time_s"
-_UNITS = {"_rad": 1.0, "_deg": np.pi / 180.0}
 _BODY = re.compile(r"(?:(?:left|right)_)?(?:shoulder|elbow|wrist)")
 _EXAMPLE = "'# frames: shoulder=LINK elbow=LINK wrist=LINK'"
-# A step may deviate this much from the usual one; beyond it samples were lost.
-_STEP_TOLERANCE = 0.5
 # No joint turns farther, in rad, or slides, in m.
 _GREATEST_ANGLE = 1000.0
-# Rows above the last one that it is compared with.
-_ROWS_ABOVE = 100
 _ROTATION_TOLERANCE = 1e-6
 
 
@@ -67,11 +65,11 @@ def read_joint_log(path: Path, partial: bool = False) -> Recording:
         If the file is missing or cut, its times do not rise evenly, a joint or link is not in the
         URDF or not in the log, or a joint's value is none.
     """
-    lines, is_ended = _read_lines(path)
-    comments, columns, data_line = _read_head(lines, path)
+    lines, is_ended = table_lines(path)
+    comments, columns, data_line = table_head(lines, path)
     bodies = _read_bodies(comments, path)
     model = load_exoskeleton_model(_find_urdf(comments, path), path)
-    if not is_ended and _is_cut(lines[data_line:], columns):
+    if not is_ended and is_last_row_cut(lines[data_line:], columns):
         is_short = lines[-1].count(",") < len(columns) - 1
         if partial:
             lines.pop()
@@ -80,8 +78,8 @@ def read_joint_log(path: Path, partial: bool = False) -> Recording:
                 f"{path}:{len(lines)}: the line ends before those above it do; is the file cut? "
                 "--partial takes what is there"
             )
-    values = _read_table(lines[data_line:], columns, data_line, path)
-    rate_hz = _read_rate(values[:, 0], data_line, path)
+    values = table_values(lines[data_line:], columns, data_line, path)
+    rate_hz = rate_of_times(values[:, 0], data_line, path)
     angles = _assign_joints(columns[1:], values[:, 1:], model, bodies, (path, data_line))
     rotations, origins = link_poses(model, angles, tuple(bodies.values()))
     _check_rotations(rotations, tuple(bodies), (path, data_line))
@@ -103,7 +101,7 @@ def find_log_files(path: Path) -> tuple[Path, ...]:
     RecordingError
         If the log cannot be read, or names no URDF that is there.
     """
-    return (_find_urdf(_read_head(_read_lines(path)[0], path)[0], path),)
+    return (_find_urdf(table_head(table_lines(path)[0], path)[0], path),)
 
 
 def write_joint_log(
@@ -138,48 +136,8 @@ def write_joint_log(
         temporary.open("w", encoding="utf-8", newline="\n") as file,
     ):
         file.write(f"# urdf: {urdf}\n# frames: {frames}\n")
-        file.write(",".join([_TIME, *joint_names]) + "\n")
+        file.write(",".join([TIME_COLUMN, *joint_names]) + "\n")
         np.savetxt(file, table, fmt="%.6f", delimiter=",")
-
-
-def _read_lines(path: Path) -> tuple[list[str], bool]:
-    """Return the lines of a text file, and whether the last one ended."""
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise RecordingError(f"{path}: no such file") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise RecordingError(f"{path}: cannot be read as text: {error}") from None
-    return text.rstrip().split("\n") if text.strip() else [], text.endswith("\n")
-
-
-def _is_cut(rows: list[str], columns: list[str]) -> bool:
-    """Tell whether the last row has fewer cells or digits than all rows before it."""
-    if len(rows) < 3:
-        return False
-    before, last = (
-        [len(row.rpartition(",")[2].partition(".")[2]) for row in part]
-        for part in (rows[-_ROWS_ABOVE:-1], rows[-1:])
-    )
-    return rows[-1].count(",") < len(columns) - 1 or last[0] < min(before)
-
-
-def _read_head(lines: list[str], path: Path) -> tuple[dict[str, str], list[str], int]:
-    """Return the comments by key, the columns, and the index of the first row of numbers."""
-    comments: dict[str, str] = {}
-    for number, line in enumerate(lines):
-        if not line.startswith("#"):
-            columns = [cell.strip() for cell in next(csv.reader(io.StringIO(line)), [])]
-            twice = sorted({name for name in columns if columns.count(name) > 1})
-            if columns[:1] != [_TIME] or len(columns) < 2 or twice:
-                raise RecordingError(
-                    f"{path}:{number + 1}: columns {', '.join(columns)!r:.80}; expected {_TIME} "
-                    "and one column a joint, each once"
-                )
-            return comments, columns, number + 1
-        key, _, value = line[1:].partition(":")
-        comments[key.strip().lower()] = value.strip()
-    raise RecordingError(f"{path}:{len(lines)}: no line of columns; is the file cut?")
 
 
 def _read_bodies(comments: dict[str, str], path: Path) -> dict[str, str]:
@@ -220,51 +178,6 @@ def _find_urdf(comments: dict[str, str], path: Path) -> Path:
     return urdf
 
 
-def _read_table(rows: list[str], columns: list[str], data_line: int, path: Path) -> FloatArray:
-    """Parse the numbers, shape (T, columns)."""
-    if not rows:
-        raise RecordingError(f"{path}:{data_line}: no rows after the columns; is the file cut?")
-    table = np.empty((len(rows), len(columns)))
-    for row, line in enumerate(rows):
-        cells = line.split(",")
-        try:
-            table[row] = np.array(cells, dtype=np.float64)
-            usable = len(cells) == len(columns) and not has_odd_digits(line)
-            usable = usable and bool(np.isfinite(table[row]).all())
-        except ValueError:
-            usable = False
-        if not usable:
-            raise RecordingError(
-                f"{path}:{data_line + row + 1}: got {line.strip()!r:.80}; expected "
-                f"{len(columns)} numbers; is the file cut?"
-            )
-    return table
-
-
-def _read_rate(time: FloatArray, data_line: int, path: Path) -> float:
-    """Return samples per second of times that rise evenly."""
-    if len(time) < 2:
-        raise RecordingError(f"{path}: one row; expected at least two, to tell the rate from")
-    steps = np.diff(time)
-    usual = float(np.median(steps))
-    wrong = np.flatnonzero(steps <= 0)
-    if wrong.size == 0:
-        wrong = np.flatnonzero(np.abs(steps - usual) > _STEP_TOLERANCE * usual)
-    if wrong.size:
-        row = int(wrong[0]) + 1
-        raise RecordingError(
-            f"{path}:{data_line + row + 1}: time is {time[row]:g} s after {time[row - 1]:g} s; "
-            "expected times that rise evenly"
-        )
-    if np.abs(time).max() > GREATEST_FRAME:
-        raise RecordingError(
-            f"{path}: times up to {time[-1]:g} s; expected up to {GREATEST_FRAME:.0e}"
-        )
-    rate_hz = float(np.round(1.0 / np.mean(steps), 3))
-    check_rate(rate_hz, f"{path}: {_TIME}")
-    return rate_hz
-
-
 def _assign_joints(
     columns: list[str],
     values: FloatArray,
@@ -279,8 +192,8 @@ def _assign_joints(
     for column, series in zip(columns, values.T, strict=True):
         factor = 1.0
         name = column
-        if column not in joints and column[-4:] in _UNITS:
-            name, factor = column[:-4], _UNITS[column[-4:]]
+        if column not in joints and column[-4:] in ANGLE_UNITS:
+            name, factor = column[:-4], ANGLE_UNITS[column[-4:]]
         if name not in joints:
             raise RecordingError(
                 f"{path}: column {column!r}: no such joint in the URDF; {nearest(name, joints)}"

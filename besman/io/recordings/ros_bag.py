@@ -76,6 +76,34 @@ def read_bag(path: Path) -> Recording:
     return _follow_bodies(gathered, bag.topics, chosen)
 
 
+def read_joint_states(path: Path) -> dict[str, Track]:
+    """Read the angles of joints as they were told, by their names; no URDF is needed.
+
+    Parameters
+    ----------
+    path : Path
+        The bag. Topics are chosen by `besman.io.recordings.format.reading`.
+
+    Returns
+    -------
+    dict of Track
+        In the order of the messages.
+
+    Raises
+    ------
+    RecordingError
+        If the bag cannot be read, or has no joint states, or several topics of them.
+    """
+    gathered = _Gathered(path)
+    with open_bag(path) as bag:
+        joints = [one for one in bag.topics if one.kind == _JOINTS and one.n_messages]
+        if not joints:
+            raise RecordingError(f"{path}: no topic of joint states; got {_list(bag.topics)}")
+        asked = READING.get().topics
+        gathered.take(bag, _choose(joints, asked, True, path))
+    return gathered.tracks
+
+
 def find_bag_files(path: Path) -> tuple[Path, ...]:
     """Return the files that a bag may be read with: a URDF beside it."""
     found = _urdf_beside(path)

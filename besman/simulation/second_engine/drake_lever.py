@@ -10,7 +10,6 @@ import numpy.typing as npt
 from besman.geometry.frames import rotation_to_quaternion
 from besman.records import AnyPlan
 from besman.robot.model import Robot
-from besman.robot.mujoco_model import servo_controls
 from besman.simulation.episodes import Episodes, Movements
 from besman.simulation.physics import SimulatedStates
 from besman.simulation.second_engine.drake_run import run_drake
@@ -20,6 +19,7 @@ from besman.simulation.second_engine.drake_scene import (
     as_transform,
     load_drake,
 )
+from besman.simulation.setpoints import expected_movements, servo_setpoints
 from besman.simulation.tasks.pull_lever.hinge import Hinge
 from besman.simulation.tasks.pull_lever.lever_scene import hook_rods, lever_rods
 from besman.simulation.tasks.pull_lever.pull_lever import (
@@ -55,9 +55,8 @@ def pull_lever(
     lever, joint = add_lever(scene, task, task.hinge(plan))
     scene.finish()
     last = last_pull_steps(task, movements)
-    controls = servo_controls(
-        robot, movements.positions, movements.velocities, movements.accelerations
-    )
+    step = task.simulation.time_step_s
+    controls = servo_setpoints(robot, movements, step)
     plant, handle = scene.plant, np.array([task.lever.length_m, 0.0, 0.0])
 
     def finished(_: SimulatedStates, span: slice) -> npt.NDArray[np.bool_]:
@@ -75,7 +74,7 @@ def pull_lever(
         )
 
     run = run_drake(scene, movements.positions[0, 0], controls[0], finished, look)
-    return judge_pulls(run, task, movements)
+    return judge_pulls(run, task, expected_movements(robot, movements, step))
 
 
 def _add_hook(scene: DrakeScene, task: PullLeverConfig) -> None:

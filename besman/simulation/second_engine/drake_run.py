@@ -61,19 +61,18 @@ def run_drake(
         body, pose = thing
         scene.plant.SetFloatingBaseBodyPoseInWorldFrame(context, body, as_transform(pose))
     asked = scene.plant.get_desired_state_input_port(scene.arm)
-    rest = np.zeros(len(start))
     widths = (len(part) for part in look(context))
     qpos, qvel, sensors = (np.full((1, len(controls), width), np.nan) for width in widths)
     run = SimulatedStates(qpos, qvel, sensors, np.zeros(1, dtype=np.int64))
     try:
         for brake in scene.brakes:
             scene.plant.get_desired_state_input_port(brake).FixValue(context, np.zeros(2))
-        asked.FixValue(context, np.concatenate([controls[0], rest]))
+        asked.FixValue(context, scene.asked_state(controls[0]))
         simulator.Initialize()
         for begin in range(0, len(controls), _CHUNK_STEPS):
             span = slice(begin, min(begin + _CHUNK_STEPS, len(controls)))
             for step in range(span.start, span.stop):
-                asked.FixValue(context, np.concatenate([controls[step], rest]))
+                asked.FixValue(context, scene.asked_state(controls[step]))
                 simulator.AdvanceTo((step + 1) * scene.time_step_s)
                 run.qpos[0, step], run.qvel[0, step], run.sensors[0, step] = look(context)
             run.steps[0] = span.stop

@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.exceptions import VerificationError, in_one_line, why_not_there
-from besman.robot.dynamics import body_inertias
+from besman.robot.dynamics import true_inertias
 from besman.robot.model import Robot
 from besman.robot.mujoco_model import servo_gains
 from besman.robot.parts import GRAVITY
@@ -96,6 +96,7 @@ class DrakeScene:
     tcp: Any = field(init=False)
     brakes: list[Any] = field(init=False, default_factory=list)
     _builder: Any = field(init=False)
+    _n_arm_brakes: int = field(init=False, default=0)
     _arm_shapes: list[Any] = field(init=False, default_factory=list)
     _last_link_shapes: list[Any] = field(init=False, default_factory=list)
     _thing_shapes: list[Any] = field(init=False, default_factory=list)
@@ -124,8 +125,9 @@ class DrakeScene:
         """Add links, hinges and servos."""
         modules, plant, robot = load_drake(), self.plant, self.robot
         self.arm = plant.AddModelInstance("arm")
-        chain, inertias, gains = robot.chain, body_inertias(robot), servo_gains(robot)
-        self.links = [plant.world_body()]
+        chain, inertias, gains = robot.chain, true_inertias(robot), servo_gains(robot)
+        drives = robot.drives
+        self.links, hinges = [plant.world_body()], []
         for index, name in enumerate(robot.joint_names):
             tensor = inertias.tensors[index]
             try:
@@ -147,13 +149,23 @@ class DrakeScene:
                     self._mount(f"{name}_mount", self.links[-1], chain.placements[index]),
                     link.body_frame(),
                     chain.axes[index],
+                    drives.damping[index],
                 )
             )
             servo = plant.AddJointActuator(name, joint, robot.limits.torque[index])
+            stiffer = drives.gains[index]
             servo.set_controller_gains(
-                modules.tree.PdControllerGains(p=gains.kp[index], d=gains.kv[index])
+                modules.tree.PdControllerGains(
+                    p=stiffer * gains.kp[index], d=stiffer * gains.kv[index]
+                )
             )
             self.links.append(link)
+            hinges.append(joint)
+        # After the servos: what these are asked for comes first.
+        for joint, torque in zip(hinges, drives.friction, strict=True):
+            if torque > 0:
+                self._add_dry_friction(joint, torque)
+                self._n_arm_brakes += 1
         for index, radius in enumerate(chain.capsule_radii):
             if chain.capsule_links[index] != "tool":
                 self._add_link_shape(chain.capsule_joints[index] + 1, index, radius)
@@ -237,12 +249,21 @@ class DrakeScene:
         return body
 
     def add_brake(self, joint: Any, torque: float) -> None:
-        """Let a hinge have a dry friction: a damper whose torque (Nm) is limited."""
+        """Let a hinge that has no servo have a dry friction (Nm)."""
+        self._add_dry_friction(joint, torque)
+        self.brakes.append(joint.model_instance())
+
+    def asked_state(self, setpoints: FloatArray) -> FloatArray:
+        """Return what is asked of the arm's servos and brakes for set-points (n,), rad."""
+        rest = np.zeros(len(setpoints) + 2 * self._n_arm_brakes)
+        return np.concatenate([setpoints, rest])
+
+    def _add_dry_friction(self, joint: Any, torque: float) -> None:
+        """Add a damper whose torque (Nm) is limited."""
         brake = self.plant.AddJointActuator(f"{joint.name()}_friction", joint, torque)
         brake.set_controller_gains(
             load_drake().tree.PdControllerGains(p=_NO_STIFFNESS, d=torque / _STICTION_RAD_S)
         )
-        self.brakes.append(joint.model_instance())
 
     def finish(self, last_link_is_apart: bool = False) -> None:
         """End the building.

@@ -12,11 +12,11 @@ import numpy.typing as npt
 from besman.geometry.frames import rotation_to_quaternion
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.model import Robot
-from besman.robot.mujoco_model import servo_controls
 from besman.simulation.episodes import Episodes, Movements
 from besman.simulation.physics import SimulatedStates
 from besman.simulation.second_engine.drake_run import run_drake
 from besman.simulation.second_engine.drake_scene import ContactModel, DrakeScene
+from besman.simulation.setpoints import expected_movements, servo_setpoints
 from besman.simulation.tasks.ball_throw.ball_throw import (
     BallThrowConfig,
     scoop_plates,
@@ -123,9 +123,8 @@ def _throw(
     """Throw a body that lies `ahead` of the tool centre point; its place `tracked` is judged."""
     robot = scene.robot
     last = last_steps(task, movements)
-    controls = servo_controls(
-        robot, movements.positions, movements.velocities, movements.accelerations
-    )
+    step = task.simulation.time_step_s
+    controls = servo_setpoints(robot, movements, step)
 
     def finished(run: SimulatedStates, span: slice) -> npt.NDArray[np.bool_]:
         clear = thing.is_clear(run.sensors[:, span, THING])
@@ -136,7 +135,7 @@ def _throw(
     pose[:3, 3] += pose[:3, :3] @ ahead
     look = _look_at(scene, body, tracked)
     run = run_drake(scene, start, controls[0], finished, look, (body, pose))
-    return judge_throws(run, task, thing, movements)
+    return judge_throws(run, task, thing, expected_movements(robot, movements, step))
 
 
 def _look_at(

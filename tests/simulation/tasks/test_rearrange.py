@@ -103,7 +103,7 @@ def test_beside_its_place_is_a_miss_and_no_failure(shift_m, turn_deg, stands):
     wanted[0, 1] += shift_m
     half = np.arctan2(after[0, 6], after[0, 3]) + np.radians(turn_deg) / 2
     wanted[0, 3:] = [np.cos(half), 0, 0, np.sin(half)]
-    trial = judge(run, TASK, aimed, way, wanted, robot.n)
+    trial = judge(run, TASK, aimed, way, wanted, robot)
     assert (trial.success, trial.failure) == (stands, "")
     assert trial.miss == pytest.approx(shift_m, abs=0.003)
     assert np.degrees(trial.angle) == pytest.approx(turn_deg, abs=1.5)

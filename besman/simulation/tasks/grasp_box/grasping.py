@@ -10,9 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.robot.model import Robot
-from besman.robot.mujoco_model import servo_controls
 from besman.simulation.episodes import Episodes, Movements, Playback, arm_failure, tracking_errors
 from besman.simulation.physics import SimulatedStates, run_physics
+from besman.simulation.setpoints import expected_movements, servo_setpoints
 from besman.simulation.tasks.grasp_box.gripper import FINGERS, finger_controls
 from besman.simulation.tasks.grasp_box.lift import move_along, plan_lift
 from besman.simulation.tasks.grasp_box.sections import GraspBoxFields
@@ -94,7 +94,7 @@ def simulate_grasps(
         B times K; outcomes are the box's places at the end.
     """
     step, lift = task.simulation.time_step_s, task.lift
-    arm = servo_controls(robot, movements.positions, movements.velocities, movements.accelerations)
+    arm = servo_setpoints(robot, movements, step)
     time = step * np.arange(arm.shape[1])
     closing = movements.durations + lift.pause_s
     fingers = finger_controls(task.gripper, time - closing[:, None])
@@ -125,7 +125,8 @@ def simulate_grasps(
 
     run = run_physics(model, initial, controls, finished, movements.perturbations)
     ended = np.minimum(last, run.steps - 1)
-    episodes = _judge(run, task, movements, (before, gripped, ended), n, paths)
+    expected = expected_movements(robot, movements, step)
+    episodes = _judge(run, task, expected, (before, gripped, ended), n, paths)
     if not paths:
         return episodes
     played = tuple(Playback(model, run.qpos[i, : ended[i] + 1]) for i in range(batch))

@@ -15,7 +15,6 @@ import numpy.typing as npt
 
 from besman.records import AnyPlan
 from besman.robot.model import Robot
-from besman.robot.mujoco_model import servo_controls
 from besman.simulation.episodes import (
     Episodes,
     Movements,
@@ -25,6 +24,7 @@ from besman.simulation.episodes import (
     tracking_errors,
 )
 from besman.simulation.physics import SimulatedStates, run_physics
+from besman.simulation.setpoints import expected_movements, servo_setpoints
 from besman.simulation.task import PlacedBy
 from besman.simulation.tasks.pull_lever.hinge import Hinge, find_hinge
 from besman.simulation.tasks.pull_lever.sections import (
@@ -119,9 +119,8 @@ def simulate_pulling(
     Episodes
         Outcomes are the handle's places at the end.
     """
-    controls = servo_controls(
-        robot, movements.positions, movements.velocities, movements.accelerations
-    )
+    step = task.simulation.time_step_s
+    controls = servo_setpoints(robot, movements, step)
     initial = np.pad(movements.positions[:, 0], ((0, 0), (0, 1)))
     last = last_pull_steps(task, movements)
 
@@ -129,7 +128,7 @@ def simulate_pulling(
         return np.asarray(last < span.stop)
 
     run = run_physics(model, initial, controls, finished, movements.perturbations)
-    episodes = judge_pulls(run, task, movements, paths)
+    episodes = judge_pulls(run, task, expected_movements(robot, movements, step), paths)
     if not paths:
         return episodes
     played = (Playback(model, run.qpos[i, : at + 1]) for i, at in enumerate(last))

@@ -13,10 +13,11 @@ from besman.config.stage import NotNegative, Positive
 from besman.geometry.quaternions import conjugate, multiply, rotation_vector
 from besman.records import AnyPlan
 from besman.robot.model import Robot
-from besman.robot.mujoco_model import arm_spec, servo_controls
+from besman.robot.mujoco_model import arm_spec
 from besman.simulation.episodes import Episodes, Movements, Playback, arm_failure, tracking_errors
 from besman.simulation.physics import SimulatedStates, run_physics
 from besman.simulation.scenes import add_tool_sensors
+from besman.simulation.setpoints import expected_movements, servo_setpoints
 from besman.simulation.task import PlacedBy, RewardConfig, SimulationConfig, SuccessConfig, Task
 
 if TYPE_CHECKING:
@@ -151,9 +152,8 @@ def simulate_reaching(
     Episodes
         Outcomes are the end positions of the tool centre point.
     """
-    controls = servo_controls(
-        robot, movements.positions, movements.velocities, movements.accelerations
-    )
+    step = task.simulation.time_step_s
+    controls = servo_setpoints(robot, movements, step)
     ends = movements.durations + task.simulation.settling_s
     last = np.ceil(ends / task.simulation.time_step_s).astype(np.int64) - 1
 
@@ -163,7 +163,7 @@ def simulate_reaching(
     starts, worlds = movements.positions[:, 0], movements.perturbations
     model = reach_model(robot, task)
     run = run_physics(model, starts, controls, finished, worlds)
-    tracking = tracking_errors(run.qpos, movements, last)
+    tracking = tracking_errors(run.qpos, expected_movements(robot, movements, step), last)
     poses = run.sensors[np.arange(len(last)), last]
     greatest = task.failure.greatest_tracking_error_rad
     failures = tuple(arm_failure(error, greatest) for error in tracking)

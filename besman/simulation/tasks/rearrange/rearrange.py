@@ -122,5 +122,5 @@ class RearrangeConfig(RearrangeFields):
         way = self.way(plan)
         between = box_poses(plan.between_poses, frame)
         model, run = simulate_task(robot, self, way, before, after, between)
-        trial = judge(run, self, plan, way, after, robot.n)
+        trial = judge(run, self, plan, way, after, robot)
         return trial, Playback(model, run.qpos[0, : run.steps[0]])

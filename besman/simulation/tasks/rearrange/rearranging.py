@@ -10,9 +10,9 @@ from besman.geometry.frames import quaternion_to_rotation
 from besman.records import TaskPlan
 from besman.records.task_trial import TaskTrial
 from besman.robot.model import Robot
-from besman.robot.mujoco_model import servo_controls
 from besman.simulation.episodes import arm_failure, tracking_errors
 from besman.simulation.physics import SimulatedStates, run_physics
+from besman.simulation.setpoints import expected_movements, servo_setpoints
 from besman.simulation.tasks.grasp_box.gripper import FINGERS
 from besman.simulation.tasks.rearrange.arm_way import ArmWay
 from besman.simulation.tasks.rearrange.rearrange_scene import rearrange_model
@@ -46,8 +46,9 @@ def simulate_task(
     """
     model = rearrange_model(robot, task, before, after, between)
     moved = way.movements
-    arm = servo_controls(robot, moved.positions, moved.velocities, moved.accelerations)
-    time = task.simulation.time_step_s * np.arange(arm.shape[1], dtype=np.float64)
+    step = task.simulation.time_step_s
+    arm = servo_setpoints(robot, moved, step)
+    time = step * np.arange(arm.shape[1], dtype=np.float64)
     fingers = way.finger_controls(task.gripper, time)[None]
     controls = np.concatenate([arm, fingers], axis=2)
     initial = np.concatenate([moved.positions[0, 0], np.zeros(len(FINGERS)), before.ravel()])
@@ -64,7 +65,7 @@ def judge(
     plan: TaskPlan,
     way: ArmWay,
     wanted: FloatArray,
-    n: int,
+    robot: Robot,
 ) -> TaskTrial:
     """Find out what came of a task.
 
@@ -77,17 +78,18 @@ def judge(
     way : ArmWay
     wanted : array, shape (O, 7)
         Where the boxes were to be put.
-    n : int
-        Joints of the arm.
+    robot : Robot
     """
     assert way.movements.ends is not None
+    expected = expected_movements(robot, way.movements, task.simulation.time_step_s)
+    n = robot.n
     first = n + len(FINGERS)
     boxes = run.qpos[0, :, first:].reshape(run.qpos.shape[1], -1, 7)
     outcomes = boxes[-1]
     angles = _angles(outcomes, wanted)
     misses = np.linalg.norm(outcomes[:, :3] - wanted[:, :3], axis=1)
     last = np.array([run.qpos.shape[1] - 1])
-    tracking = float(tracking_errors(run.qpos[:, :, :n], way.movements, last)[0])
+    tracking = float(tracking_errors(run.qpos[:, :, :n], expected, last)[0])
     failure = _failure(run, task, way, boxes, tracking, plan.objects)
     success = task.success
     stands = bool(

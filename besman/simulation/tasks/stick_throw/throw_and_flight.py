@@ -12,10 +12,10 @@ import numpy.typing as npt
 from besman.config.stage import NotNegative, Positive
 from besman.records import AnyPlan
 from besman.robot.model import Robot
-from besman.robot.mujoco_model import servo_controls
 from besman.robot.parts import GRAVITY
 from besman.simulation.episodes import Episodes, Movements, Playback, arm_failure, tracking_errors
 from besman.simulation.physics import SimulatedStates, run_physics
+from besman.simulation.setpoints import expected_movements, servo_setpoints
 from besman.simulation.task import (
     ContactSimulationConfig,
     SuccessConfig,
@@ -146,9 +146,8 @@ def simulate_throw(
     Episodes
         Outcomes are where the thing's centre of mass meets the floor z = 0.
     """
-    controls = servo_controls(
-        robot, movements.positions, movements.velocities, movements.accelerations
-    )
+    step = task.simulation.time_step_s
+    controls = servo_setpoints(robot, movements, step)
     last = last_steps(task, movements)
 
     def finished(run: SimulatedStates, span: slice) -> BoolArray:
@@ -156,14 +155,15 @@ def simulate_throw(
         return np.asarray(clear.any(axis=1) | (last < span.stop))
 
     run = run_physics(model, initial, controls, finished, movements.perturbations)
-    episodes = judge_throws(run, task, thing, movements, paths)
+    expected = expected_movements(robot, movements, step)
+    episodes = judge_throws(run, task, thing, expected, paths)
     if not paths:
         return episodes
     clear = thing.is_clear(run.sensors[:, :, THING]) & (
         np.arange(controls.shape[1]) <= last[:, None]
     )
     played = tuple(
-        Playback(model, _states(run, movements, row, int(at), task.simulation.time_step_s))
+        Playback(model, _states(run, expected, row, int(at), step))
         for row, at in enumerate(np.where(clear.any(axis=1), clear.argmax(axis=1), -1))
     )
     return replace(episodes, playbacks=played)

@@ -1,0 +1,1 @@
+"""What an arm's own executions say of its servos and joints."""
