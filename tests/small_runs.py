@@ -16,12 +16,13 @@ START = Segments([[0, 9]], 0.0, 1.0, "x")
 
 
 def keep_demonstrations(monkeypatch, n):
-    """Have only the first n demonstrations go on to the robot; return a list of all, once found."""
+    """Have only the first n demonstrations, or a slice, go on; return a list of all, once found."""
+    kept = n if isinstance(n, slice) else slice(n)
     select, found = SelectConfig.run, []
 
     def select_some(*arguments, **options):
         found[:] = select(*arguments, **options)
-        return tuple(found[:n])
+        return tuple(found[kept])
 
     monkeypatch.setattr(SelectConfig, "run", select_some)
     return found

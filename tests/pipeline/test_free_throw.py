@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from free_throws import write_throws
 from places import TOP
+from small_runs import keep_demonstrations
 
 from besman.exceptions import ConfigError, RecordingWarning, RefinementError, RunError
 from besman.following.plans import make_plan
@@ -99,7 +100,9 @@ def test_what_needs_examples_is_refused(folder, setting, message):
         load_pipeline(RECIPE, settings(folder, setting))
 
 
-def test_from_files_to_throws_that_hit(folder, tmp_path, undrawn):
+def test_from_files_to_throws_that_hit(folder, tmp_path, undrawn, monkeypatch):
+    # Both are found and have a target; one is refined, which takes most of the time.
+    found = keep_demonstrations(monkeypatch, slice(1, 2))
     config = load_pipeline(
         RECIPE, settings(folder, "map.evaluations=30", "map.yaw=false", "refine.robustness=null")
     )
@@ -107,11 +110,12 @@ def test_from_files_to_throws_that_hit(folder, tmp_path, undrawn):
     results = json.loads((run / "results.json").read_text())
     assert results["recognize"]["counts"]["throw"] == 2
     assert set(results["select"]["target"].values()) <= {"object", "flight"}
-    assert results["refine"]["n_success"] == 2
-    for motion in read_run(run).motions:
-        # A quarter of a free throw's six metres, and on the floor.
-        assert motion.plan.target[2] == 0.0
-        assert 0.5 < np.linalg.norm(motion.plan.target[:2]) < 4.0
+    assert results["refine"]["n_success"] == 1
+    assert len(found) == 2
+    (motion,) = read_run(run).motions
+    # A quarter of a free throw's six metres, and on the floor.
+    assert motion.plan.target[2] == 0.0
+    assert 0.5 < np.linalg.norm(motion.plan.target[:2]) < 4.0
     with pytest.raises(RunError, match="one_throw looks at whole recordings"):
         make_plan(run, ())
 

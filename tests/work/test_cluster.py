@@ -4,14 +4,14 @@ import json
 import os
 import signal
 import socket
-import subprocess
 import sys
 import time
 from functools import partial
 
 import psutil
 import pytest
-from places import TESTS, TOP
+from dask_parts import start_part, stop_source
+from places import TESTS
 
 from besman.exceptions import RunError
 from besman.records import Failure
@@ -37,12 +37,7 @@ QUICK = MapConfig(free_axis_spin=True, evaluations=10, yaw=False)
 
 
 def start(part, folder, *options):
-    command = [sys.executable, "-m", f"distributed.cli.dask_{part}", *LOCAL, *options]
-    path = os.pathsep.join([str(TESTS), str(TOP)])
-    with (folder / f"{part}.log").open("a") as log:
-        return subprocess.Popen(
-            command, stdout=log, stderr=log, env={**os.environ, "PYTHONPATH": path}
-        )
+    return start_part(part, (*LOCAL, *options), folder / f"{part}.log")
 
 
 def wait_for(condition):
@@ -64,9 +59,9 @@ class Cluster:
 
         Three is what Dask's own settings say.
         """
-        if self.scheduler is None or self.scheduler.poll() is not None:
+        if self.scheduler is None or not self.scheduler.is_alive():
             self._start_scheduler()
-        self.workers = [one for one in self.workers if one.poll() is None]
+        self.workers = [one for one in self.workers if one.is_alive()]
         while len(self.workers) > n:
             self._stop(self.workers.pop())
         options = ("--no-nanny", "--nthreads", "1", "--memory-limit", "0", "--local-directory")
@@ -94,12 +89,13 @@ class Cluster:
 
     def _stop(self, process):
         process.kill()
-        process.wait()
+        process.join()
 
     def stop(self):
         for process in (*self.workers, self.scheduler):
             if process is not None:
                 self._stop(process)
+        stop_source()
 
 
 def _allow(n, dask_scheduler):
@@ -188,7 +184,8 @@ def test_a_killed_worker_of_a_cluster_changes_nothing(cluster, mapped):
     with Workers(1, cluster.address) as workers:
         progress, shares = killer(lambda: processes[0], 0.75)
         mapping = QUICK.run(demonstrations(N), ROBOT, Work(1, progress, notes, workers))
-        assert processes[0].wait(timeout=10) == -signal.SIGKILL
+        processes[0].join(10)
+        assert processes[0].exitcode == -signal.SIGKILL
         pids = {f"{socket.gethostname()}:{process.pid}" for process in processes}
         assert set(notes.workers) <= pids
         assert f"{socket.gethostname()}:{processes[1].pid}" in notes.workers
