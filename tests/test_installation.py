@@ -210,7 +210,7 @@ def test_what_pip_says_is_in_a_log(venv):
     done = run_make("lint", VENV=folder)
     assert done.returncode == 0
     assert done.stdout.splitlines()[0] == (
-        f"installing 95 packages (0.5 GB) into {folder}: about a minute; log: {folder}/install.log"
+        f"installing 95 packages (1.6 GB) into {folder}: about a minute; log: {folder}/install.log"
     )
     assert "WARNING" not in done.stdout + done.stderr
     assert (folder / "install.log").read_text() == "WARNING\ntold\n"
