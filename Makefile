@@ -70,24 +70,24 @@ $(VENV)/.installed $(VENV)/.test $(VENV)/.lstm $(VENV)/.lint $(VENV)/.docs $(VEN
 	pyproject.toml constraints.txt | $(VENV)/bin/python
 
 $(VENV)/.installed:
-	$(call install,,85 packages (0.5 GB),about a minute)
+	$(call install,,90 packages (1.5 GB),about a minute)
 
 $(VENV)/.test:
 	$(NO_ORACLE)
 	$(call install,test$(ORACLE),170 packages (2.4 GB on disk),one or two minutes)
 
 $(VENV)/.lstm:
-	$(call install,test$(comma)lstm,torch and 160 packages (1.5 GB),three minutes)
+	$(call install,test$(comma)lstm,torch and 170 packages (3.1 GB),three minutes)
 
 $(VENV)/.lint:
-	$(call install,lint,95 packages (0.5 GB),about a minute)
+	$(call install,lint,95 packages (1.6 GB),about a minute)
 
 $(VENV)/.docs:
-	$(call install,docs,110 packages (0.5 GB),about a minute)
+	$(call install,docs,110 packages (1.5 GB),about a minute)
 
 $(VENV)/.bench:
 	$(NO_ORACLE)
-	$(call install,bench$(ORACLE),130 packages (0.6 GB),one or two minutes)
+	$(call install,bench$(ORACLE),130 packages (1.8 GB),one or two minutes)
 
 $(VENV)/.kernels: pyproject.toml constraints.txt
 	@echo "compiling kernels, once: about a quarter of a minute on two cores"

@@ -3,7 +3,6 @@
 import pytest
 
 from besman.cli import main as cli
-from besman.synthetic.datasets import write_synthetic
 
 
 def besman(monkeypatch, *arguments):
@@ -29,6 +28,9 @@ SMALL_RUN = (
 
 def run_small(folder):
     """Write a capture of three throws (synthetic), and run the default pipeline on it."""
+    # Not for the process that only hands out the tests: it takes a second to load.
+    from besman.synthetic.datasets import write_synthetic
+
     write_synthetic("stick_throw", folder / "capture", n_subjects=1, n_repetitions=3, seed=8)
     arguments = ["run", "ur5_stick_throw", "--out", folder / "run"]
     for setting in (f"recordings={folder / 'capture'}", *SMALL_RUN):

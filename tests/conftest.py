@@ -8,6 +8,7 @@ import shutil
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
+import keep_bytecode  # noqa: F401
 import numpy as np
 import pytest
 from command_line import run_small

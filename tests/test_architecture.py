@@ -5,6 +5,7 @@ from itertools import chain
 
 import pytest
 from places import TOP
+from sources import nodes
 
 # Top down: a room imports from rooms below it, never from one beside or above it.
 LAYERS = (
@@ -40,7 +41,7 @@ def read_imports(path, name, modules):
     """Return the modules that one imports, wherever in it that is written."""
     package = name if path.stem == "__init__" else name.rpartition(".")[0]
     found = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in nodes(path):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):

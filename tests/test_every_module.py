@@ -3,6 +3,7 @@
 import ast
 
 from places import TESTS, TOP
+from sources import tree
 from test_architecture import find_modules
 
 # Commands are run by what a user types: the tests of what they start, and tests/command_line.py.
@@ -51,10 +52,9 @@ def read_imports(path):
 
 def handed_on(name, path):
     """Return where the names come from that a package hands on, by their names in it."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
     return {
         f"{name}.{alias.name}": node.module
-        for node in tree.body
+        for node in tree(path).body
         if isinstance(node, ast.ImportFrom) and node.module
         for alias in node.names
     }

@@ -4,6 +4,7 @@ import ast
 from collections import defaultdict
 
 from places import TOP
+from sources import tree
 
 # A command bears the name of what it runs: `besman transfer suggest` is `suggest` in both.
 _COMMANDS = "besman.cli."
@@ -14,7 +15,7 @@ def find_public_names(package):
     found = defaultdict(set)
     for path in sorted(package.rglob("*.py")):
         module = ".".join(path.relative_to(package.parent).with_suffix("").parts)
-        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        for node in tree(path).body:
             if isinstance(node, ast.ClassDef | ast.FunctionDef) and node.name[0] != "_":
                 found[node.name].add(module)
     return found

@@ -6,6 +6,7 @@ A function that is longer or more branched says "In one piece" in its docstring,
 import ast
 
 from places import TOP
+from sources import nodes
 
 MOST_LINES = 400
 MOST_FUNCTION_LINES = 60
@@ -43,7 +44,7 @@ def too_much(package):
         name = path.relative_to(package).as_posix()
         if text.count("\n") > MOST_LINES:
             found.append(f"{name}: {text.count(chr(10))} lines")
-        for node in ast.walk(ast.parse(text)):
+        for node in nodes(path):
             if not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
                 continue
             if REASON in (ast.get_docstring(node) or ""):

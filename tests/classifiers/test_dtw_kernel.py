@@ -1,3 +1,4 @@
+import numba
 import numpy as np
 import pytest
 
@@ -8,10 +9,17 @@ def walks(n, seed):
     return np.random.default_rng(seed).normal(size=(n, 8, 2)).cumsum(axis=1)
 
 
+@pytest.fixture(scope="module")
+def metrics():
+    """Return tslearn's metrics as plain Python: compiling them takes five seconds."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(numba.config, "DISABLE_JIT", True)
+        return pytest.importorskip("tslearn.metrics")
+
+
 @pytest.mark.parametrize("band", [0, 1, 3, 40])
-def test_the_nearest_example_is_that_of_tslearn(band):
+def test_the_nearest_example_is_that_of_tslearn(metrics, band):
     """Also where it gives up examples early, and where the band is wider than the sequences."""
-    metrics = pytest.importorskip("tslearn.metrics")
     sequences, examples = walks(9, 0), walks(12, 1)
     apart = metrics.cdist_dtw(
         sequences, examples, global_constraint="sakoe_chiba", sakoe_chiba_radius=band

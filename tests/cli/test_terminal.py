@@ -9,6 +9,7 @@ import pytest
 from command_line import besman
 from places import SAMPLE, TOP
 from rich.table import Table
+from sources import nodes
 
 from besman.cli import main as cli
 from besman.cli.terminal import complain, open_terminal, say
@@ -67,7 +68,7 @@ def test_labels_that_look_like_markup_are_learnt_and_shown(tmp_path, monkeypatch
 def test_only_one_module_opens_a_console():
     users = []
     for path in (TOP / "besman").rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in nodes(path):
             names = [one.name for one in getattr(node, "names", []) if isinstance(one, ast.alias)]
             if isinstance(node, ast.ImportFrom) and node.module == "rich.console":
                 users += [path.name] if "Console" in names else []

@@ -11,6 +11,7 @@ import sys
 import numpy as np
 import pytest
 from places import TOP
+from sources import nodes
 
 from besman.exceptions import FileError, RecordingError
 from besman.io.atomic_files import (
@@ -175,18 +176,18 @@ ALLOWED = {
 
 def writes(path):
     """Return lines of a module that open a file to write outside of `written_aside`."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
     aside = set()
-    for node in ast.walk(tree):
+    for node in nodes(path):
         if isinstance(node, ast.With) and "written_aside" in ast.dump(node.items[0]):
             aside |= {id(inner) for inner in ast.walk(node)}
     found = []
-    for node in ast.walk(tree):
+    for node in nodes(path):
         if not isinstance(node, ast.Call) or id(node) in aside:
             continue
         name = node.func.attr if isinstance(node.func, ast.Attribute) else ""
-        mode = ast.dump(ast.Tuple([*node.args, *(one.value for one in node.keywords)]))
-        opens = name == "open" and any(f"value='{letter}" in mode for letter in "wax")
+        given = [*node.args, *(one.value for one in node.keywords)] if name == "open" else []
+        mode = ast.dump(ast.Tuple(given))
+        opens = any(f"value='{letter}" in mode for letter in "wax")
         text_buffer = name == "savefig" and isinstance(node.args[0], ast.Name)
         if (
             opens

@@ -144,8 +144,8 @@ def test_throws_land_on_their_targets_and_what_is_exported_is_the_plans_own_roll
         robot, THROW, [CmaEsConfig().set_up(plans[kind], robot, THROW).propose()[0]]
     )
     assert not trial.failure
-    plan = replace(plans[kind], target=trial.outcome + np.array([-0.12, 0.08, 0]), name="x:1")
-    (motion,) = CmaEsConfig(episodes=400).run((plan,), robot, THROW)
+    plan = replace(plans[kind], target=trial.outcome + np.array([-0.09, 0.06, 0]), name="x:1")
+    (motion,) = CmaEsConfig(episodes=200).run((plan,), robot, THROW)
     assert motion.success
     assert motion.plan.kind == kind
     assert motion.miss < motion.miss_before
