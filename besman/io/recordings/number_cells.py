@@ -15,9 +15,9 @@ FloatArray = npt.NDArray[np.float64]
 _NOT_THERE = re.compile(rb"\bNA\b")
 _PLAIN = b"0123456789.+-eE\t\nnaulNAUL"
 
-# Bytes of text from which on half a second and 120 MB are well spent on loading what was compiled (up
-# to there it saves 0.3 s at most), and from which on the rest of it is where something else has loaded
-# Numba.
+# Bytes of text from which on half a second and 120 MB are well spent on loading what was compiled,
+# up to there it saves 0.3 s at most; and from which on the rest of it is where something else has
+# loaded Numba.
 _WORTH_NUMBA = 2**27
 _WORTH_KERNEL = 2**24
 _KERNEL = "besman.io.recordings.number_kernel"
