@@ -32,7 +32,7 @@ FloatArray = npt.NDArray[np.float64]
 
 # People need about as long to turn from one movement into the next.
 _WINDOW_S = 0.4
-_POWER = 3
+_POWER = 4
 
 
 def speed_ahead(path: FloatArray, speed: FloatArray, rate_hz: float) -> FloatArray:
