@@ -28,7 +28,7 @@ are borders.
 
    Speeds that noise alone would have are rest as well (`besman.stages.segment.stillness`).
 
-4. No movement leads past a valley deeper than 0.15 of the lower peak beside it: the evidence alone
+4. No movement leads past a valley deeper than 0.3 of the lower peak beside it: the evidence alone
    takes many short, alike movements for one (simulated step patterns: F1 0.69 and 1.00).
 5. The most probable segmentation maximises the sum over its movements and rests, found by dynamic
    programming over valleys, B_k = R_k + max_j (B_j + M_jk). Forward and backward sums of the same

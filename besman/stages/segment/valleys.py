@@ -49,10 +49,10 @@ class ValleyShape(NamedTuple):
 
     smoothing_s: float = 0.05
     hill: float = 0.2
-    depth: float = 0.25
+    depth: float = 0.4
     rest: float = 0.08
     least_rest_s: float = 0.45
-    sure: float = 0.15
+    sure: float = 0.3
     least: float = 0.0
 
 
