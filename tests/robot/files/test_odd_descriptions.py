@@ -1,5 +1,7 @@
 """Descriptions that real packages ship: they come in, or one line says what is wrong."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 import yaml
@@ -24,7 +26,7 @@ def write(folder, shapes, below="", name="odd"):
     links = {"base": "", "a": "", "b": shapes, "c": shape("<sphere radius='0.03'/>")}
     text = "".join(f"<link name='{key}'>{MASS}{one}</link>" for key, one in links.items())
     ends = ["base", "a", "b", "c"]
-    for index, (parent, child) in enumerate(zip(ends[:-1], ends[1:], strict=True)):
+    for index, (parent, child) in enumerate(pairwise(ends)):
         text += (f"<joint name='j{index}' type='revolute'><parent link='{parent}'/>"
                  f"<child link='{child}'/><origin xyz='0 0 0.3'/><axis xyz='{index} 1 0'/>{LIMIT}"
                  "</joint>")  # fmt: skip
@@ -142,10 +144,8 @@ def test_a_link_with_half_an_inertial_keeps_its_shapes_and_its_mass(
 ):
     ball = "<visual/><visual><geometry/></visual>" + shape("<sphere radius='0.05'/>")
     urdf = write(tmp_path, ball)
-    urdf.write_text(
-        urdf.read_text().replace(f"<link name='b'>{MASS}", f"<link name='b'><inertial>{inertial}"
-                                 "</inertial>")  # fmt: skip
-    )
+    half = f"<link name='b'><inertial>{inertial}</inertial>"
+    urdf.write_text(urdf.read_text().replace(f"<link name='b'>{MASS}", half))
     robot = load_robot(add_robot(urdf))
     assert "b" in robot.chain.capsule_links
     if mass is not None:
