@@ -159,3 +159,15 @@ def test_what_a_library_loses_of_a_link_is_refused(tmp_path):
         add_robot(urdf)
     assert "\n" not in str(caught.value)
     assert [one.name for one in tmp_path.iterdir()] == ["odd.urdf"]
+
+
+def test_a_shoulder_on_the_base_does_not_touch_what_the_arm_stands_on(tmp_path):
+    urdf = write(tmp_path, shape("<cylinder radius='0.05' length='0.2'/>"))
+    low = urdf.read_text().replace("<origin xyz='0 0 0.3'/><axis xyz='0", "<axis xyz='0")
+    urdf.write_text(low.replace("<origin xyz='0 0 0.3'/><axis xyz='1", "<axis xyz='1"))
+    path = add_robot(urdf)
+    content = yaml.safe_load(path.read_text())
+    assert content["mounting"]["pedestal_radius_m"] > 0
+    assert ["b", "pedestal"] in content["ignored_pairs"]
+    assert "ignored pair b, pedestal: they overlap in every pose" in content["assumed"]
+    assert "home: found by a search" in content["assumed"]
