@@ -59,7 +59,8 @@ BOTH = ("ur_description/urdf/ur5_robot.urdf", "panda_description/urdf/panda.urdf
 # Meshes that are this far apart should be called clear.
 APART_M = 0.01
 _NO_ARM = re.compile(
-    r"more than one chain|longest chain has|no hinge|no joint moves|expected <robot>|not valid XML|only macros"
+    r"more than one chain|longest chain has|no hinge|no joint moves|expected <robot>|not valid XML"
+    r"|only macros"
     r"|only hinges and sliding|hinge moves more|Undefined parameters"
 )
 
