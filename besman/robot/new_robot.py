@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -303,8 +303,6 @@ def _complete(
         find_home,
         flange_rotation,
     )
-    from besman.robot.files.touching_links import find_ignored_pairs, mesh_contacts
-    from besman.robot.link_shapes import collision_shapes, link_surfaces
     from besman.robot.pinocchio_model import build_model
 
     def model_now() -> Any:
@@ -332,8 +330,31 @@ def _complete(
     if flange:
         content["flange_wxyz"] = [round(float(part), 9) for part in quaternion]
     progress, end = show("poses")
-    config = _as_config(content)
-    robot = build_robot(config, "none", tree, urdf, path, str(path))
+    ignored = _leave_room(content, tree, urdf, path, loader, progress)
+    progress(0.75)
+    robot = build_robot(_as_config(content), "none", tree, urdf, path, str(path))
+    found = _write_home(content["joints"], *find_home(robot, reach))
+    end(True)
+    notes += [*said, *weights, *([flange] if flange else []), *ignored, found]
+    content["tool_scale"], shorter = assume_tool_scale(reach)
+    content["assumed"] = [*notes, *shorter, _mounting_note(content, reach)]
+    return {key: value for key, value in content.items() if value or key == "mounting"}
+
+
+def _leave_room(
+    content: dict[str, Any],
+    tree: ElementTree.Element,
+    urdf: Path,
+    path: Path,
+    loader: Any,
+    progress: Callable[[float], None],
+) -> list[str]:
+    """Split capsules that cost room, leave out pairs that say nothing; return why."""
+    from besman.robot.files import fitted_shapes
+    from besman.robot.files.touching_links import find_ignored_pairs, mesh_contacts
+    from besman.robot.link_shapes import collision_shapes, link_surfaces
+
+    robot = build_robot(_as_config(content), "none", tree, urdf, path, str(path))
     shapes = collision_shapes(robot.model, tree, urdf, loader)
     contacts = mesh_contacts(robot.model, [one[:4] for one in shapes])
     content["capsules"] = fitted_shapes.carve(
@@ -343,14 +364,7 @@ def _complete(
     robot = build_robot(_as_config(content), "none", tree, urdf, path, str(path))
     pairs, ignored = find_ignored_pairs(robot, contacts)
     content["ignored_pairs"] = [list(pair) for pair in pairs]
-    progress(0.75)
-    robot = build_robot(_as_config(content), "none", tree, urdf, path, str(path))
-    found = _write_home(content["joints"], *find_home(robot, reach))
-    end(True)
-    notes += [*said, *weights, *([flange] if flange else []), *ignored, found]
-    content["tool_scale"], shorter = assume_tool_scale(reach)
-    content["assumed"] = [*notes, *shorter, _mounting_note(content, reach)]
-    return {key: value for key, value in content.items() if value or key == "mounting"}
+    return ignored
 
 
 def _write_home(joints: list[dict[str, Any]], home: FloatArray, is_clear: bool) -> str:

@@ -126,11 +126,11 @@ def _ball_at_end(shape: ElementTree.Element, radius: str, along: float) -> Eleme
     import pinocchio
 
     origin = shape.find("origin")
+    words = {key: "" if origin is None else origin.get(key, "") for key in ("xyz", "rpy")}
     xyz, rpy = (
-        np.array([parse_number(word) for word in ("" if origin is None else origin.get(key, "")).split()]
-                 or [0.0] * 3)
-        for key in ("xyz", "rpy")
-    )  # fmt: skip
+        np.array([parse_number(word) for word in text.split()] or [0.0] * 3)
+        for text in words.values()
+    )
     place = xyz + pinocchio.rpy.rpyToMatrix(*rpy)[:, 2] * along
     ball = ElementTree.Element(shape.tag)
     ElementTree.SubElement(ball, "origin", xyz=" ".join(repr(float(one)) for one in place))

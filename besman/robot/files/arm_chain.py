@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 
 from besman.exceptions import RobotError, nearest
 from besman.foreign.urdf_text import joint_ends, link_names
-from besman.robot.files.arm_base import HINGES, joints_above, mobile_base_joints, split_at_base
+from besman.robot.files.arm_base import HINGES, mobile_base_joints, split_at_base
 
 # What is called so takes things: it is moved by no arm's trajectory. The first are moved against
 # each other, the second carry them, and an arm's last hinge may turn these as a whole.

@@ -117,6 +117,10 @@ def find_ignored_pairs(
     notes = []
     for names, columns in sorted(by_pair.items()):
         share = float(overlaps[:, columns].any(axis=1).mean())
+        if "pedestal" in names and share >= _ALWAYS:
+            # An arm whose shoulder lies on its base: what it stands on is below that.
+            pairs.append(names)
+            notes.append(f"ignored pair {names[0]}, {names[1]}: they overlap in every pose")
         if share < _OFTEN or {"pedestal", "tool"} & set(names):
             continue
         joints = chain.capsule_joints[chain.capsule_pairs[columns[0]]]

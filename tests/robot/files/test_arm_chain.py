@@ -1,5 +1,6 @@
 """Which hinges are the arm's: descriptions of every kind, small."""
 
+from itertools import pairwise
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -27,7 +28,7 @@ def tree_of(*joints, bare=()):
 def row(count, name="l", base="base", joint="j"):
     """Hinges in a row from a base: links l1, l2, ..."""
     links = [base, *(f"{name}{index + 1}" for index in range(count))]
-    return [(f"{joint}{name}{i}", *ends) for i, ends in enumerate(zip(links, links[1:]))]
+    return [(f"{joint}{name}{i}", *ends) for i, ends in enumerate(pairwise(links))]
 
 
 def found(*joints, base=None, bare=()):
@@ -123,8 +124,11 @@ def test_a_base_that_is_given():
         find_tip(tree, FILE, "bas")
     with pytest.raises(RobotError, match=r"base: no link 'bas'; did you mean 'base'"):
         find_chain(tree, "left6", FILE, "bas")
-    with pytest.raises(RobotError, match=r"base: link 'right3' is not between the root and the "
-                                         r"tip 'left6'; expected one of floor, torso, base, left1"):  # fmt: skip
+    message = (
+        r"base: link 'right3' is not between the root and the tip 'left6'; expected one of floor, "
+        r"torso, base, left1"
+    )
+    with pytest.raises(RobotError, match=message):
         find_chain(tree, "left6", FILE, "right3")
     with pytest.raises(RobotError, match="tip: no joint moves the link 'floor'"):
         find_chain(tree, "floor", FILE)

@@ -1,5 +1,7 @@
 """Descriptions that real packages ship: they come in, or one line says what is wrong."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 import yaml
@@ -24,7 +26,7 @@ def write(folder, shapes, below="", name="odd"):
     links = {"base": "", "a": "", "b": shapes, "c": shape("<sphere radius='0.03'/>")}
     text = "".join(f"<link name='{key}'>{MASS}{one}</link>" for key, one in links.items())
     ends = ["base", "a", "b", "c"]
-    for index, (parent, child) in enumerate(zip(ends[:-1], ends[1:], strict=True)):
+    for index, (parent, child) in enumerate(pairwise(ends)):
         text += (f"<joint name='j{index}' type='revolute'><parent link='{parent}'/>"
                  f"<child link='{child}'/><origin xyz='0 0 0.3'/><axis xyz='{index} 1 0'/>{LIMIT}"
                  "</joint>")  # fmt: skip
@@ -142,10 +144,8 @@ def test_a_link_with_half_an_inertial_keeps_its_shapes_and_its_mass(
 ):
     ball = "<visual/><visual><geometry/></visual>" + shape("<sphere radius='0.05'/>")
     urdf = write(tmp_path, ball)
-    urdf.write_text(
-        urdf.read_text().replace(f"<link name='b'>{MASS}", f"<link name='b'><inertial>{inertial}"
-                                 "</inertial>")  # fmt: skip
-    )
+    half = f"<link name='b'><inertial>{inertial}</inertial>"
+    urdf.write_text(urdf.read_text().replace(f"<link name='b'>{MASS}", half))
     robot = load_robot(add_robot(urdf))
     assert "b" in robot.chain.capsule_links
     if mass is not None:
@@ -159,3 +159,15 @@ def test_what_a_library_loses_of_a_link_is_refused(tmp_path):
         add_robot(urdf)
     assert "\n" not in str(caught.value)
     assert [one.name for one in tmp_path.iterdir()] == ["odd.urdf"]
+
+
+def test_a_shoulder_on_the_base_does_not_touch_what_the_arm_stands_on(tmp_path):
+    urdf = write(tmp_path, shape("<cylinder radius='0.05' length='0.2'/>"))
+    low = urdf.read_text().replace("<origin xyz='0 0 0.3'/><axis xyz='0", "<axis xyz='0")
+    urdf.write_text(low.replace("<origin xyz='0 0 0.3'/><axis xyz='1", "<axis xyz='1"))
+    path = add_robot(urdf)
+    content = yaml.safe_load(path.read_text())
+    assert content["mounting"]["pedestal_radius_m"] > 0
+    assert ["b", "pedestal"] in content["ignored_pairs"]
+    assert "ignored pair b, pedestal: they overlap in every pose" in content["assumed"]
+    assert "home: found by a search" in content["assumed"]
