@@ -13,13 +13,13 @@ from besman.records import AnyPlan, RefinedMotion
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.limits import check_limits
 from besman.robot.model import Robot
-from besman.search.gauss_newton import rms
 from besman.search.protocol import ResidualSearch, Search
 from besman.simulation.perturbed_trials import finer_task, lenient_task
 from besman.simulation.task import Task
 from besman.simulation.trial import Trial, try_plans
 from besman.stages.refine.checkpoint import Generation
 from besman.stages.refine.class_model import ClassModel
+from besman.stages.refine.outcomes import cost_of, count_failures, residual_of, succeeds
 from besman.stages.refine.plan_space import Space
 from besman.stages.refine.racing import race
 
@@ -382,37 +382,3 @@ class MotionSearch:
         best = [at for at in range(len(ranks)) if not at or ranks[at] > max(ranks[:at])]
         rows = np.rint(np.linspace(0, len(best) - 1, min(len(best), _MILESTONES))).astype(int)
         return [best[row] for row in rows]
-
-
-def residual_of(trial: Trial) -> FloatArray:
-    """Return the residual of a trial, shape (R,); NaN where it failed."""
-    return np.full(len(trial.residual), np.nan) if trial.failure else trial.residual
-
-
-def cost_of(trials: Sequence[Trial]) -> float:
-    """Return how far off the outcomes in several worlds are, in radii of success."""
-    return rms(np.stack([residual_of(one) for one in trials]))
-
-
-def count_failures(trials: Sequence[Trial]) -> int:
-    """Count the trials that did not succeed."""
-    return sum(not trial.success for trial in trials)
-
-
-def succeeds(trial: Trial, task: Task, share: float) -> bool:
-    """Tell whether a trial meets the task's criterion with room to spare.
-
-    Parameters
-    ----------
-    trial : Trial
-        What came of a plan.
-    task : Task
-        With the criterion.
-    share : float
-        Share of the greatest permitted errors that may be used up.
-
-    Returns
-    -------
-    bool
-    """
-    return trial.success and task.succeeds(trial.miss, trial.measures, share)

@@ -15,7 +15,8 @@ from besman.simulation.perturbed_trials import try_perturbed
 from besman.simulation.task import Task
 from besman.simulation.trial import Trial, try_plans
 from besman.stages.refine.checkpoint import Checkpoint
-from besman.stages.refine.motion_search import MotionSearch, residual_of
+from besman.stages.refine.motion_search import MotionSearch
+from besman.stages.refine.outcomes import residual_of
 from besman.work.work import Work
 
 FloatArray = npt.NDArray[np.float64]

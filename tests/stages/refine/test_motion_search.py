@@ -8,7 +8,8 @@ import pytest
 from besman.simulation.tasks.kinds import load_task
 from besman.simulation.trial import try_plans
 from besman.stages.refine import motion_search
-from besman.stages.refine.motion_search import MotionSearch, succeeds
+from besman.stages.refine.motion_search import MotionSearch
+from besman.stages.refine.outcomes import succeeds
 
 THROW = load_task("stick_throw")
 
