@@ -27,7 +27,7 @@ from besman.pipeline.pipeline import run_pipeline
 from besman.pipeline.retarget import retarget_pipeline
 from besman.planning.goals import parse_goals, parse_start
 from besman.planning.learnt import read_learnt
-from besman.planning.planned_run import make_plan, plan_run
+from besman.planning.planned_run import plan_goals, plan_run
 from besman.robot.inverse_kinematics import solve_path
 
 N_GOALS, SEED = 20, 0
@@ -111,7 +111,7 @@ def try_goals(learnt):
             began = time.process_time()
             try:
                 standing = parse_start(start) if start else ()
-                made = make_plan("plan", parse_goals(goal), standing, learnt, refine)
+                made = plan_goals("plan", parse_goals(goal), standing, learnt, refine)
             except PlanError as error:
                 said.append(f"none: {error}")
                 continue
