@@ -1,8 +1,9 @@
 """New goals for blocks that were learnt: places and orders that nobody has shown.
 
-Run with ``python benchmarks/plans.py [FOLDER [ROBOT]]``, the folder with the public pick-and-place
-recordings, or a finished run of whole tasks; without one on the embedded recordings (synthetic).
-Both actions are learnt, and 20 goals planned: as they are, and with other ways where that fails.
+Run with ``python benchmarks/plans.py [FOLDER [ROBOT [GOALS]]]``, the folder with the public
+pick-and-place recordings, or a finished run of whole tasks; without one on the embedded recordings
+(synthetic). Both actions are learnt, and 20 goals (or as many) planned: as they are, and with other
+ways where that fails.
 
 Five kinds of goals take turns, each with its own draw of places: to another place, there and back,
 there and on to a second place of the same kind, to another place where it stands (an order of
@@ -27,7 +28,7 @@ from besman.pipeline.pipeline import run_pipeline
 from besman.pipeline.retarget import retarget_pipeline
 from besman.planning.goals import parse_goals, parse_start
 from besman.planning.learnt import read_learnt
-from besman.planning.planned_run import make_plan, plan_run
+from besman.planning.planned_run import plan_goals, plan_run
 from besman.robot.inverse_kinematics import solve_path
 
 N_GOALS, SEED = 20, 0
@@ -100,10 +101,10 @@ def draw_goal(number, learnt, rng):
     return start, f"box1 on {at(there, two)}; box2 on {at(here, three)}"
 
 
-def try_goals(learnt):
+def try_goals(learnt, n_goals):
     """Plan all goals, without and with other ways; print what comes of each."""
     rng = np.random.default_rng(SEED)
-    drawn = [draw_goal(number, learnt, rng) for number in range(N_GOALS)]
+    drawn = [draw_goal(number, learnt, rng) for number in range(n_goals)]
     counts, seconds, misses = [0, 0], [], []
     for number, (start, goal) in enumerate(drawn, 1):
         said = []
@@ -111,7 +112,7 @@ def try_goals(learnt):
             began = time.process_time()
             try:
                 standing = parse_start(start) if start else ()
-                made = make_plan("plan", parse_goals(goal), standing, learnt, refine)
+                made = plan_goals("plan", parse_goals(goal), standing, learnt, refine)
             except PlanError as error:
                 said.append(f"none: {error}")
                 continue
@@ -131,7 +132,7 @@ def try_goals(learnt):
                 break
         print(f"{number:2} {start + ' | ' if start else ''}{goal}: {', '.join(said)}", flush=True)
     print(
-        f"{learnt.bench.robot.name}: {counts[0]} of {N_GOALS} succeed as they are, {counts[1]} "
+        f"{learnt.bench.robot.name}: {counts[0]} of {n_goals} succeed as they are, {counts[1]} "
         f"with other ways; {np.median(misses):.1f} mm off in the median, {max(misses):.1f} at "
         f"most; CPU {np.median(seconds):.1f} s a goal in the median, {max(seconds):.1f} at most"
     )
@@ -155,7 +156,7 @@ def time_one(run, recording, into):
     )
 
 
-def main(folder=None, robot="iiwa7"):
+def main(folder=None, robot="iiwa7", n_goals=N_GOALS):
     with tempfile.TemporaryDirectory() as made:
         if folder is not None and (Path(folder) / "run.json").exists():
             run = Path(folder)
@@ -165,7 +166,7 @@ def main(folder=None, robot="iiwa7"):
         _, learnt = read_learnt(run)
         for block in learnt.blocks:
             print(f"learnt: {block.label}, {block.frame}, from {len(block.uses)} demonstrations")
-        try_goals(learnt)
+        try_goals(learnt, int(n_goals))
         recording = Path(load_pipeline(run / "pipeline.yaml", ()).recordings[0])
         if recording.is_dir():
             recording = sorted(recording.glob("*.tsv"))[0]

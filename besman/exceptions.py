@@ -61,7 +61,7 @@ class PlanError(BesmanError):
     """A motion plan that cannot be made, or not for a start, goal or duration."""
 
 
-class ReachError(PlanError):
+class OutOfReachError(PlanError):
     """A block's goal that is out of reach.
 
     Attributes

@@ -12,7 +12,7 @@ LAYERS = (
     {"cli"},
     {"annotate"},
     {"view", "evaluation", "standalone"},
-    {"report", "transfer", "templates", "following"},
+    {"report", "transfer", "templates", "following", "planning"},
     {"pipeline"},
     {"stages"},
     {"simulation"},

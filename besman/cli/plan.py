@@ -80,22 +80,21 @@ def _table(content: dict[str, Any]) -> Table:
     from rich.table import Table
 
     table = Table(box=SIMPLE, pad_edge=False)
-    table.add_column("block")
-    table.add_column("object")
-    table.add_column("where")
+    table.add_column("block", no_wrap=True)
+    table.add_column("where, metres")
     for name in ("seconds", "miss", "ways"):
         table.add_column(name, justify="right")
     table.add_column("success")
     for one in content["blocks"]:
-        where = one["place"] or "rest"
+        where = "rest"
         if "x_m" in one:
-            where += f" x={one['x_m']:.2f}, y={one['y_m']:.2f}, {one['yaw_deg']:.0f} deg"
+            where = f"{one['object']}: {one['place']} {one['x_m']:.2f}, {one['y_m']:.2f}"
         outcome = ("", "", "")
         if "miss_m" in one:
             said = "yes" if one["success"] else one["failure"] or "beside its place"
             outcome = (_millimetres(one["miss_m"]), str(one["tries"]), said)
         seconds = f"{one['duration_s']:.1f}"
-        table.add_row(one["label"], one["object"], where, seconds, *outcome)
+        table.add_row(one["label"], where, seconds, *outcome)
     return table
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from besman.exceptions import PlanError, ReachError, nearest
+from besman.exceptions import OutOfReachError, PlanError, nearest
 from besman.geometry.frames import quaternion_to_rotation, rotation_to_quaternion
 from besman.motion.forcing import N_NODES
 from besman.motion.task_rollout import sample_task, stretch_task
@@ -131,7 +131,7 @@ def follow_goal(name: str, robot: Robot, block: BlockPlan, poses: FloatArray) ->
 
     Raises
     ------
-    ReachError
+    OutOfReachError
         If that is out of reach.
     """
     chain = robot.chain
@@ -153,7 +153,7 @@ def follow_goal(name: str, robot: Robot, block: BlockPlan, poses: FloatArray) ->
     )
     miss_m, miss_rad = errors[0, 0, -1]
     if miss_m > MISS_M or miss_rad > MISS_RAD:
-        raise ReachError(
+        raise OutOfReachError(
             f"{name}: {block.label}: its goal at the {block.frame} {block.thing!r} is out of "
             f"reach of {robot.name} by {1e3 * miss_m:.0f} mm and {np.degrees(miss_rad):.0f} "
             "degrees",

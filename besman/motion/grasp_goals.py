@@ -11,7 +11,7 @@ import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, Slerp
 
-from besman.exceptions import ReachError
+from besman.exceptions import OutOfReachError
 from besman.geometry.frames import rotation_to_quaternion
 from besman.motion.adapt_task import (
     MISS_M,
@@ -170,7 +170,7 @@ def _aim(
     poses = _steps(robot, block.goal, frame @ wanted)
     try:
         goal = follow_goal(name, robot, block, poses)
-    except ReachError:
+    except OutOfReachError:
         found = solve_path(robot, _between(frame @ wanted, frame @ ends[1]))
         if max(found.position_error) > MISS_M or max(found.orientation_error) > MISS_RAD:
             raise

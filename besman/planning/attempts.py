@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from besman.exceptions import PlanError, ReachError
+from besman.exceptions import OutOfReachError, PlanError
 from besman.geometry.frames import rotation_to_quaternion
 from besman.motion.adapt_task import frame_matrix
 from besman.motion.grasp_goals import GraspWay, aim_grasps
@@ -128,8 +128,8 @@ def try_legs(
     plan : TaskPlan
         All legs as one.
     tried : tuple of TriedLeg
-        The last one's trial is that of the whole task. After one that does not succeed others
-        follow as if it had.
+        The last one's trial is that of the whole task. Those after one that does not succeed are
+        not tried in other ways.
 
     Raises
     ------
@@ -140,9 +140,9 @@ def try_legs(
     for number, goal in enumerate(goals):
         best: TriedLeg | None = None
         faults: list[tuple[int, PlanError]] = []
-        tries = 0
+        tries, lost = 0, any(not one.trial.success for one in tried)
         for way in _ways(goal, standing, bench):
-            if best is not None and (best.trial.success or not refine):
+            if best is not None and (best.trial.success or not refine or lost):
                 break
             tries += 1
             try:
@@ -163,7 +163,7 @@ def try_legs(
 
 
 class _Way(NamedTuple):
-    """One way to do a leg: where its object is put, from which demonstrations, how it is grasped."""
+    """One way to do a leg: where its object is put, shown by whom, and how it is grasped."""
 
     pose: FloatArray
     uses: tuple[BlockUse, ...]
@@ -225,7 +225,7 @@ def rank_sources(
 def _n_reached(error: PlanError, way: _Way) -> int:
     """Return how many blocks of a leg were within reach."""
     labels = [use.label for use in way.uses]
-    if isinstance(error, ReachError) and error.label in labels:
+    if isinstance(error, OutOfReachError) and error.label in labels:
         return labels.index(error.label)
     return len(labels)
 
@@ -243,7 +243,7 @@ def _try_leg(
     after = np.array(standing)
     after[goal.thing] = way.pose
     # What a plan says of objects is where their markers are.
-    markers = np.linalg.inv(bench.frame.matrix)
+    markers: FloatArray = np.asarray(np.linalg.inv(bench.frame.matrix), dtype=np.float64)
     poses = (_moved(standing, markers), _moved(after, markers))
     start = tried[-1].plan.blocks[-1].goal if tried else None
     leg = chain_leg(name, Leg(way.uses, goal.thing), bench.plans, objects, poses, start)
@@ -255,5 +255,6 @@ def _try_leg(
 
 
 def _moved(poses: FloatArray, by: FloatArray) -> FloatArray:
+    """Return poses, shape (O, 7), of what is fixed to those that are given."""
     matrices = np.stack([frame_matrix(pose) @ by for pose in poses])
     return np.hstack([matrices[:, :3, 3], rotation_to_quaternion(matrices[:, :3, :3])])

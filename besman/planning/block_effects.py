@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -182,5 +183,5 @@ def shown_ends(uses: Sequence[BlockUse]) -> frozenset[HandState]:
 
 def shown_successions(uses: Sequence[BlockUse]) -> frozenset[tuple[str, str]]:
     """Return which block was shown to follow which."""
-    pairs = zip(uses, uses[1:], strict=False)
+    pairs = itertools.pairwise(uses)
     return frozenset((one.label, other.label) for one, other in pairs if one.task == other.task)

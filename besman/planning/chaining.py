@@ -68,8 +68,9 @@ def chain_leg(
         else:
             begins = block.start if start is None else start
             speed = np.zeros_like(begins)
-        changed = {"start": begins, "start_velocity": speed}
-        blocks.append(replace(block, **changed, thing=thing, path_error=None))
+        blocks.append(
+            replace(block, start=begins, start_velocity=speed, thing=thing, path_error=None)
+        )
     still = np.zeros_like(blocks[-1].goal)
     blocks[-1] = replace(blocks[-1], goal_velocity=still)
     sources = [plans[use.task] for use in leg.uses]

@@ -15,7 +15,7 @@ HELD = -1
 """The spot of an object that is held."""
 
 
-class Step(NamedTuple):
+class OrderStep(NamedTuple):
     """One block of an order.
 
     Attributes
@@ -38,7 +38,7 @@ Condition = tuple[int, frozenset[int]]
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class OrderProblem:
     """What is to be solved.
 
     Attributes
@@ -85,17 +85,17 @@ class Order(NamedTuple):
 
     Attributes
     ----------
-    steps : tuple of Step, or None
+    steps : tuple of OrderStep, or None
         The order; None if there is none.
     n_done : int
         How many goals can be fulfilled, the first ones.
     """
 
-    steps: tuple[Step, ...] | None
+    steps: tuple[OrderStep, ...] | None
     n_done: int
 
 
-def find_order(problem: Problem) -> Order:
+def find_order(problem: OrderProblem) -> Order:
     """Search breadth first over where objects stand and what the hand does.
 
     Of the shortest orders the one in which the fewest
@@ -103,10 +103,10 @@ def find_order(problem: Problem) -> Order:
 
     Parameters
     ----------
-    problem : Problem
+    problem : OrderProblem
     """
     first = _count_goals(problem, State(problem.start, "away", -1, 0, ""))
-    reached: dict[State, tuple[int, tuple[Step, ...]]] = {first: (0, ())}
+    reached: dict[State, tuple[int, tuple[OrderStep, ...]]] = {first: (0, ())}
     seen: set[State] = set()
     most = first.n_done
     while reached:
@@ -118,7 +118,7 @@ def find_order(problem: Problem) -> Order:
         if done:
             return Order(min(done)[1], len(problem.goals))
         seen |= reached.keys()
-        following: dict[State, tuple[int, tuple[Step, ...]]] = {}
+        following: dict[State, tuple[int, tuple[OrderStep, ...]]] = {}
         for state, (unseen, steps) in reached.items():
             for step, after in successors(problem, state):
                 if after in seen:
@@ -132,12 +132,12 @@ def find_order(problem: Problem) -> Order:
     return Order(None, most)
 
 
-def successors(problem: Problem, state: State) -> Iterator[tuple[Step, State]]:
+def successors(problem: OrderProblem, state: State) -> Iterator[tuple[OrderStep, State]]:
     """Return what can be done next, and what is then.
 
     Parameters
     ----------
-    problem : Problem
+    problem : OrderProblem
     state : State
     """
     for number, block in enumerate(problem.blocks):
@@ -150,10 +150,10 @@ def successors(problem: Problem, state: State) -> Iterator[tuple[Step, State]]:
             hand = block.after(state.hand)
             at = -1 if hand == "away" else thing
             after = State(tuple(spots), hand, at, state.n_done, block.label)
-            yield Step(number, thing, spot), _count_goals(problem, after)
+            yield OrderStep(number, thing, spot), _count_goals(problem, after)
 
 
-def _choices(problem: Problem, state: State, block: LearntBlock) -> Iterator[tuple[int, int]]:
+def _choices(problem: OrderProblem, state: State, block: LearntBlock) -> Iterator[tuple[int, int]]:
     """Return which objects a block may be about, and at which spot."""
     if block.frame == "world":
         yield state.thing, -1
@@ -169,7 +169,7 @@ def _choices(problem: Problem, state: State, block: LearntBlock) -> Iterator[tup
                 yield state.thing, spot
 
 
-def _count_goals(problem: Problem, state: State) -> State:
+def _count_goals(problem: OrderProblem, state: State) -> State:
     """Return a state with as many goals fulfilled as follow from it."""
     n_done = state.n_done
     while n_done < len(problem.goals) and fulfils(problem.goals[n_done], state.spots):

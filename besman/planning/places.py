@@ -62,7 +62,7 @@ def find_places(
 
     found = np.full(len(positions), -1, dtype=np.int64)
     known = np.flatnonzero(np.isfinite(positions).all(axis=1))
-    does = np.array([f"{uses[row].frame} {uses[row].label}" for row in known], dtype=object)
+    does = np.array([f"{uses[row].frame} {uses[row].label}" for row in known.tolist()], dtype=str)
     apart = np.abs(positions[known, np.newaxis] - positions[known])
     near = np.linalg.norm(apart, axis=2) < max(size_m)
     alike = (does[:, np.newaxis] == does) & (apart[..., 2] < size_m[2] / 2)

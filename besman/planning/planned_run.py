@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,8 +21,8 @@ from besman.planning.attempts import LegGoal, TriedLeg, try_legs
 from besman.planning.block_effects import same_effect
 from besman.planning.goals import Goal, Standing
 from besman.planning.learnt import Learnt, read_learnt
-from besman.planning.order_search import Step, find_order
-from besman.planning.problem import Posed, holds_already, pose_problem, why_not
+from besman.planning.order_search import OrderStep, find_order
+from besman.planning.problem import Posed, explain_no_order, holds_already, pose_problem
 from besman.records import TaskPlan
 from besman.records.task_trial import TaskTrial
 from besman.stages.export.motion_exports import is_export
@@ -91,7 +92,7 @@ class Planned:
         return all(leg.trial.success for leg in self.legs)
 
 
-def make_plan(
+def plan_goals(
     name: str,
     goals: tuple[Goal, ...],
     start: tuple[Standing, ...],
@@ -123,7 +124,7 @@ def make_plan(
         raise PlanError(f"{'; '.join(map(_told, goals))}: holds already, there is nothing to do")
     order = find_order(posed.problem)
     if order.steps is None:
-        raise PlanError(why_not(posed, order, learnt))
+        raise PlanError(explain_no_order(posed, order, learnt))
     standing = np.stack([posed.spots[spot].poses[0] for spot in posed.problem.start])
     groups = split_legs(order.steps, learnt)
     legs = [_leg_goal(group, posed, learnt) for group in groups]
@@ -132,14 +133,14 @@ def make_plan(
     return Planned(plan, goals, dict(zip(posed.things, standing, strict=True)), blocks, tried)
 
 
-def split_legs(steps: Sequence[Step], learnt: Learnt) -> tuple[tuple[Step, ...], ...]:
+def split_legs(steps: Sequence[OrderStep], learnt: Learnt) -> tuple[tuple[OrderStep, ...], ...]:
     """Split an order before each block that leads to an object, but the first."""
     cuts = [k for k, step in enumerate(steps) if learnt.blocks[step.block].frame == "object"]
     ends = [0, *cuts[1:], len(steps)]
-    return tuple(tuple(steps[a:b]) for a, b in zip(ends, ends[1:], strict=False))
+    return tuple(tuple(steps[a:b]) for a, b in itertools.pairwise(ends))
 
 
-def _leg_goal(steps: Sequence[Step], posed: Posed, learnt: Learnt) -> LegGoal:
+def _leg_goal(steps: Sequence[OrderStep], posed: Posed, learnt: Learnt) -> LegGoal:
     """Return what a leg is to do."""
     blocks = tuple(learnt.blocks[step.block] for step in steps)
     put = [step for step, b in zip(steps, blocks, strict=True) if b.frame == "target"]
@@ -152,7 +153,7 @@ def _told(goal: Goal) -> str:
 
 
 def _describe(
-    groups: Sequence[Sequence[Step]], tried: Sequence[TriedLeg], posed: Posed, learnt: Learnt
+    groups: Sequence[Sequence[OrderStep]], tried: Sequence[TriedLeg], posed: Posed, learnt: Learnt
 ) -> list[PlannedBlock]:
     """Say of each block where it leads, and when."""
     found = []
@@ -189,7 +190,7 @@ def plan_run(
     folder : Path
         The run.
     goals, start, refine
-        As of `make_plan`.
+        As of `plan_goals`.
     name : str, optional
         Of the folder; the next free number if not given.
     work : Work
@@ -208,14 +209,14 @@ def plan_run(
     RunError, ConfigError
         If the folder is no finished run of whole tasks.
     PlanError
-        As of `make_plan`.
+        As of `plan_goals`.
     FileError
         If the name is taken, or nothing can be written.
     """
     if name is not None:
         _check_name(folder, name)
     run, learnt = read_learnt(folder)
-    planned = make_plan("plan", goals, start, learnt, refine, work.progress)
+    planned = plan_goals("plan", goals, start, learnt, refine, work.progress)
     with take_lock(folder):
         make_folder(folder / FOLDER)
         if name is None:

@@ -11,12 +11,16 @@ import numpy.typing as npt
 from besman.exceptions import PlanError, nearest
 from besman.planning.goals import Goal, Standing
 from besman.planning.learnt import Learnt
-from besman.planning.order_search import Condition, Order, Problem, fulfils
+from besman.planning.order_search import Condition, Order, OrderProblem, fulfils
 
 FloatArray = npt.NDArray[np.float64]
 
 # Of those that were shown at a place so many are tried where a goal leaves it open.
 _MOST_POSES = 3
+
+
+Wanted = dict[int, tuple[Standing, frozenset[int]]]
+"""What an object, by its index, was last asked to do, and the spots at which it does."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,13 +45,13 @@ class Posed:
 
     Attributes
     ----------
-    problem : Problem
+    problem : OrderProblem
     things : tuple of str, length O
     spots : tuple of Spot
     goals : tuple of Goal
     """
 
-    problem: Problem
+    problem: OrderProblem
     things: tuple[str, ...]
     spots: tuple[Spot, ...]
     goals: tuple[Goal, ...]
@@ -73,16 +77,11 @@ def pose_problem(goals: tuple[Goal, ...], start: tuple[Standing, ...], learnt: L
     kind, place = learnt.first
     start = start or (Standing(f"{kind}1", learnt.places[place].name),)
     things = tuple(one.thing for one in start)
-    for one in start:
-        _kind(one.thing, learnt)
+    kinds = tuple(_kind(thing, learnt) for thing in things)
     for one in (one for goal in goals for one in goal):
         _check_thing(one.thing, things, learnt)
     spots: list[Spot] = []
     stand = [_add(spots, _spot(one, things, learnt, one_way=True)) for one in start]
-    wanted: dict[int, tuple[Standing, frozenset[int]]] = {
-        thing: (one, frozenset({spot}))
-        for thing, (one, spot) in enumerate(zip(start, stand, strict=True))
-    }
     for at, known in enumerate(learnt.places):
         _add(spots, Spot(at, tuple(known.poses[:_MOST_POSES])))
     asked = {
@@ -92,7 +91,11 @@ def pose_problem(goals: tuple[Goal, ...], start: tuple[Standing, ...], learnt: L
         if one.at is not None
     }
     free = _find_free(spots, learnt.bench.task.box.size_m)
-    _refuse_overlap(wanted, free, spots, "the start: ")
+    wanted: Wanted = {
+        thing: (one, frozenset({spot}))
+        for thing, (one, spot) in enumerate(zip(start, stand, strict=True))
+    }
+    _refuse_overlap(wanted, free, "the start: ")
     conditions: list[tuple[Condition, ...]] = []
     for goal in goals:
         for one in goal:
@@ -100,11 +103,11 @@ def pose_problem(goals: tuple[Goal, ...], start: tuple[Standing, ...], learnt: L
             anywhere = frozenset(k for k, spot in enumerate(spots) if spot.place == place)
             named = frozenset({asked[one]}) if one in asked else anywhere
             wanted[things.index(one.thing)] = (one, named)
-        _refuse_overlap(wanted, free, spots, "")
+        _refuse_overlap(wanted, free, "")
         conditions.append(tuple((thing, spot) for thing, (_, spot) in sorted(wanted.items())))
-    problem = Problem(
+    problem = OrderProblem(
         blocks=learnt.blocks,
-        kinds=tuple(_kind(thing, learnt) for thing in things),
+        kinds=kinds,
         start=tuple(stand),
         spots=tuple(spot.place for spot in spots),
         free=free,
@@ -188,9 +191,8 @@ def _find_free(spots: Sequence[Spot], size_m: Sequence[float]) -> npt.NDArray[np
 
 
 def _refuse_overlap(
-    wanted: dict[int, tuple[Standing, frozenset[int]]],
+    wanted: Wanted,
     free: npt.NDArray[np.bool_],
-    spots: Sequence[Spot],
     where: str,
 ) -> None:
     """Refuse objects that would stand on or in one another."""
@@ -204,7 +206,7 @@ def _refuse_overlap(
                 )
 
 
-def why_not(posed: Posed, order: Order, learnt: Learnt) -> str:
+def explain_no_order(posed: Posed, order: Order, learnt: Learnt) -> str:
     """Say why there is no order of blocks for the first goal that is not reached.
 
     Parameters

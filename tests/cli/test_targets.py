@@ -16,6 +16,7 @@ JSON = {
     "follow": (RECORDING,),
     "robustness": ("run",),
     "verify": ("run",),
+    "plan": ("run", "--goal", "box1 on table"),
     "template apply": ("run", "--context", "x=1"),
     "evaluate segmentation": (),
     "evaluate labelling": (),

@@ -1,4 +1,4 @@
-"""What blocks do is learnt from where they were shown (synthetic), and where it was shown at all."""
+"""What blocks do is learnt from where they were shown (synthetic)."""
 
 from dataclasses import replace
 

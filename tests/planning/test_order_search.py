@@ -1,13 +1,13 @@
 """The order that a search finds is the best of all orders there are, by enumeration of them."""
 
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from besman.planning.block_effects import LearntBlock
-from besman.planning.order_search import HELD, Problem, find_order
+from besman.planning.order_search import HELD, OrderProblem, find_order
 
 LONGEST = 6
 
@@ -76,7 +76,7 @@ def enumerate_orders(problem, length):
             hand, n_done = perform(problem, sequence)
             if hand in problem.ends and n_done == len(problem.goals):
                 labels = [problem.blocks[step[0]].label for step in sequence]
-                pairs = zip(labels, labels[1:], strict=False)
+                pairs = pairwise(labels)
                 yield sum(pair not in problem.shown for pair in pairs), tuple(sequence)
             return
         for step in steps:
@@ -104,7 +104,7 @@ def problems(draw):
     labels = [one.label for one in chosen]
     pairs = st.tuples(st.sampled_from(labels), st.sampled_from(labels))
     shown = draw(st.frozensets(pairs, max_size=6))
-    return Problem(
+    return OrderProblem(
         tuple(chosen), ("box",) * n_things, start, spots, free, goals, shown=shown
     )  # fmt: skip
 
@@ -118,7 +118,7 @@ def test_it_is_the_shortest_and_most_familiar_of_all_orders(problem):
         found = enumerate_orders(problem, length)
         if order.steps is not None and length == len(order.steps):
             labels = [problem.blocks[step.block].label for step in order.steps]
-            pairs = list(zip(labels, labels[1:], strict=False))
+            pairs = list(pairwise(labels))
             unseen = sum(pair not in problem.shown for pair in pairs)
             assert (unseen, order.steps) == min(found)
             assert order.n_done == len(problem.goals)
@@ -130,25 +130,25 @@ def test_two_boxes_change_places_by_way_of_a_third_spot():
     goals = (((0, frozenset({1})), (1, frozenset({0}))),)
     apart = ~np.eye(3, dtype=bool)
     start = (0, 1)
-    swap = Problem(BLOCKS, ("box", "box"), start, (0, 1, 1), apart, goals)
+    swap = OrderProblem(BLOCKS, ("box", "box"), start, (0, 1, 1), apart, goals)
     steps = find_order(swap).steps
     assert sum(swap.blocks[step.block].frame == "target" for step in steps) == 3
     assert perform(swap, steps) == ("away", 1)
-    tight = Problem(BLOCKS, ("box", "box"), start, (0, 1), apart[:2, :2], goals)
+    tight = OrderProblem(BLOCKS, ("box", "box"), start, (0, 1), apart[:2, :2], goals)
     assert find_order(tight) == (None, 0)
 
 
 def test_what_is_of_another_kind_is_not_taken():
     goals = (((0, frozenset({1})),),)
     free = ~np.eye(2, dtype=bool)
-    assert find_order(Problem(BLOCKS, ("cup",), (0,), (0, 1), free, goals)).steps is None
-    assert len(find_order(Problem(BLOCKS, ("box",), (0,), (0, 1), free, goals)).steps) == 3
+    assert find_order(OrderProblem(BLOCKS, ("cup",), (0,), (0, 1), free, goals)).steps is None
+    assert len(find_order(OrderProblem(BLOCKS, ("box",), (0,), (0, 1), free, goals)).steps) == 3
 
 
 def test_the_hand_may_stay_where_tasks_ended_like_that():
     goals = (((0, frozenset({1})),),)
     free = ~np.eye(2, dtype=bool)
-    put = Problem(BLOCKS, ("box",), (0,), (0, 1), free, goals, frozenset({"away", "at"}))
+    put = OrderProblem(BLOCKS, ("box",), (0,), (0, 1), free, goals, frozenset({"away", "at"}))
     assert [put.blocks[s.block].label for s in find_order(put).steps] == [
         "approach_shelf", "put_table",
     ]  # fmt: skip

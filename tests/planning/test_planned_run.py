@@ -17,10 +17,11 @@ from besman.motion.adapt_task import task_goal_poses
 from besman.motion.task_rollout import sample_task
 from besman.pipeline.check_run import check_run
 from besman.pipeline.config import load_pipeline, pipeline_yaml
+from besman.pipeline.plan_folders import FOLDER, PLAN
 from besman.pipeline.run_folder import Run
 from besman.planning.goals import parse_goals, parse_start
 from besman.planning.learnt import read_learnt
-from besman.planning.planned_run import make_plan, plan_run
+from besman.planning.planned_run import plan_goals, plan_run
 from besman.records.files import load_record
 from besman.robot.limits import check_limits
 from besman.simulation.tasks.rearrange.rearrange import RearrangeConfig
@@ -44,7 +45,7 @@ def run(tmp_path_factory):
 
 @functools.cache
 def planned(goal, refine=False):
-    return make_plan("plan:1", parse_goals(goal), (), learn_both(), refine)
+    return plan_goals("plan:1", parse_goals(goal), (), learn_both(), refine)
 
 
 def test_the_box_stands_where_nobody_has_put_it():
@@ -56,7 +57,7 @@ def test_the_box_stands_where_nobody_has_put_it():
     np.testing.assert_allclose(made.trial.outcomes[0, :2], [0.1, -0.6], atol=0.02)
     assert made.plan.between_poses.shape == (0, 7)
     # The same again is the same to the last bit.
-    again = make_plan("plan:1", parse_goals(GOAL), (), learn_both(), False)
+    again = plan_goals("plan:1", parse_goals(GOAL), (), learn_both(), False)
     for one, other in zip(sample_task(made.plan), sample_task(again.plan), strict=True):
         np.testing.assert_array_equal(one, other)
     np.testing.assert_array_equal(made.trial.outcomes, again.trial.outcomes)
@@ -98,19 +99,19 @@ def test_other_ways_are_tried_until_one_succeeds(monkeypatch):
         return [dataclasses.replace(trial, success=miss_m == 0, misses=np.array([miss_m]))]
 
     monkeypatch.setattr(RearrangeConfig, "try_tasks", simulate)
-    (leg,) = make_plan("p", parse_goals(GOAL), (), learn_both()).legs
+    (leg,) = plan_goals("p", parse_goals(GOAL), (), learn_both()).legs
     assert (leg.trial.success, len(tried)) == (True, 4)
     assert leg.tries >= 4
     ways = {plan.blocks[0].goal.tobytes() + plan.blocks[4].goal.tobytes() for plan in tried}
     assert len(ways) > 1
     tried.clear()
-    (leg,) = make_plan("p", parse_goals(GOAL), (), learn_both(), refine=False).legs
+    (leg,) = plan_goals("p", parse_goals(GOAL), (), learn_both(), refine=False).legs
     assert (leg.trial.miss, len(tried)) == (0.5, 1)
 
 
 def test_a_second_box_stays_where_it_stands():
     start = parse_start("box1 on shelf; box2 on table at x=0.3,y=0.55")
-    made = make_plan(
+    made = plan_goals(
         "p", parse_goals("box1 on table at x=0.1,y=-0.6"), start, learn_both(), refine=False
     )
     assert made.plan.objects == ("box1", "box2")
@@ -129,8 +130,8 @@ def test_a_plan_is_written_whole_with_digests_and_nothing_is_written_over(
     assert code == 0
     assert "move_obj_table" in out
     assert "succeeds in simulation" in out
-    folder = run / "plans" / "1"
-    content = json.loads((folder / "plan.json").read_text())
+    folder = run / FOLDER / "1"
+    content = json.loads((folder / PLAN).read_text())
     assert content == json.loads(said.read_text())
     assert [one["label"] for one in content["blocks"]] == [
         one.label for one in planned(GOAL).blocks
@@ -151,11 +152,11 @@ def test_a_plan_is_written_whole_with_digests_and_nothing_is_written_over(
     assert not [fault for fault in faults if "plan" in fault]
     (folder / "plan_1.csv").write_text("cut")
     assert "plans/1/plan_1.csv is cut or changed" in check_run(run)[1]
-    (folder / "plan.json").write_text(json.dumps(content | {"of": "other"}))
+    (folder / PLAN).write_text(json.dumps(content | {"of": "other"}))
     assert "plans/1 is made of other tasks than the run holds" in check_run(run)[1]
-    (folder / "plan.json").write_text("{}")
+    (folder / PLAN).write_text("{}")
     assert any("plans/1/plan.json is not as besman writes it" in one for one in check_run(run)[1])
-    (folder / "plan.json").write_text("{")
+    (folder / PLAN).write_text("{")
     assert any("plan.json: cannot be read" in one for one in check_run(run)[1])
 
 
@@ -206,7 +207,7 @@ def test_only_finished_runs_of_whole_tasks_are_planned_with(small_run, tmp_path)
 
 def test_a_goal_without_a_way_names_the_block():
     with pytest.raises(PlanError, match="plan: approach_forward: its goal at the object 'box1' is"):
-        make_plan(
+        plan_goals(
             "plan", parse_goals("box1 on table"), parse_start("box1 on shelf at x=3,y=0"),
             learn_both(), refine=False,
         )  # fmt: skip

@@ -10,13 +10,13 @@ from besman.exceptions import PlanError
 from besman.planning.block_effects import learn_blocks
 from besman.planning.goals import parse_goals, parse_start
 from besman.planning.order_search import find_order
-from besman.planning.planned_run import make_plan, split_legs
-from besman.planning.problem import pose_problem, why_not
+from besman.planning.planned_run import plan_goals, split_legs
+from besman.planning.problem import explain_no_order, pose_problem
 
 
 def plan(goal, start="", learnt=None):
     learnt = learnt or learn_both()
-    return make_plan("p", parse_goals(goal), parse_start(start) if start else (), learnt)
+    return plan_goals("p", parse_goals(goal), parse_start(start) if start else (), learnt)
 
 
 def labels(goal, start=""):
@@ -153,7 +153,7 @@ def test_two_boxes_that_are_in_each_others_way_are_said():
     posed = pose_problem(goal, start, learnt)
     order = find_order(posed.problem)
     assert order.steps is None
-    said = why_not(posed, order, learnt)
+    said = explain_no_order(posed, order, learnt)
     assert said.startswith("box1 on table and box2 on shelf: no order of approach_forward, ")
     assert said.endswith("leads there")
 

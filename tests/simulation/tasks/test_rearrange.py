@@ -247,6 +247,17 @@ def test_every_box_has_its_boards_and_sensors():
 
 
 def test_ways_are_all_combinations_but_the_one_that_is_shown():
-    ways = WaysConfig(pitch_deg=(10.0, 0.0), after_m=(0.15,), higher_m=(0.0, 0.1))
-    found = [(one.pitch_deg, one.higher_m) for one in ways.list(GraspConfig())]
-    assert found == [(10.0, 0.1), (0.0, 0.0), (0.0, 0.1)]
+    ways = WaysConfig(pitch_deg=(10.0, 0.0), after_m=(0.15,), higher_m=(0.1,), before_m=(0.1, 0.2))
+    shown = GraspConfig(higher_m=0.1)
+    found = [(one.pitch_deg, one.before_m) for one in ways.list(shown)]
+    assert found == [(10.0, 0.2), (0.0, 0.1), (0.0, 0.2)]
+    assert all((one.higher_m, one.up_m) == (0.1, shown.up_m) for one in ways.list(shown))
+
+
+def test_a_board_stands_below_each_place_between():
+    robot = load_robot("ur5", "gripper3")
+    pose = np.array([[0.5, 0, 0.3, 1, 0, 0, 0]])
+    model = rearrange_model(robot, TASK, pose, pose, pose + np.eye(7)[1])
+    board = model.geom("board_between_0")
+    assert board.pos[1] == pytest.approx(1.0)
+    assert model.nsensordata == 7 + 3 + 2 + 1

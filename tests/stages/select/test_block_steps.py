@@ -181,3 +181,30 @@ def test_blocks_are_of_actions():
         SelectConfig(**{"action": "tidy", "as": "block"})
     assert SelectConfig(action="tidy").model_dump(mode="json")["as"] == "movement"
     assert "as" in PipelineConfig.model_json_schema()["$defs"]["SelectConfig"]["properties"]
+
+
+def test_several_actions_are_selected_as_if_each_were_alone(take):
+    recording, blocks = take
+    both = divide_actions(recording, blocks, make_select(("to_table", "to_shelf")))
+    alone = [divide_actions(recording, blocks, make_select(name))[0] for name in GRAMMAR]
+    assert [one.hand.label for one in both] == ["to_table", "to_shelf"]
+    for one, other in zip(both, alone, strict=True):
+        assert (one.name, one.labels) == (other.name, other.labels)
+        np.testing.assert_array_equal(one.bounds_s, other.bounds_s)
+        np.testing.assert_array_equal(one.hand.poses, other.hand.poses)
+    lone = {**GRAMMAR, "back": ("move_obj_shelf", "approach_forward")}
+    with pytest.raises(
+        MappingError, match=r"select\.actions\.back: move_obj_shelf, approach_forwa"
+    ):
+        divide_actions(recording, blocks, make_select(("to_table", "back"), lone))
+
+
+def test_several_actions_are_of_the_recipe_and_as_blocks():
+    with pytest.raises(
+        ValidationError, match=r"got 'to_tabel', one of several; did you mean 'to_t"
+    ):
+        make_select(("to_shelf", "to_tabel"))
+    with pytest.raises(ValidationError, match="several make no one movement; expected as: blocks"):
+        make_select(("to_shelf", "to_table"), **{"as": "movement"})
+    with pytest.raises(ValidationError, match="at least 1 item"):
+        make_select(())
