@@ -100,9 +100,7 @@ def test_what_needs_examples_is_refused(folder, setting, message):
 
 
 def test_from_files_to_throws_that_hit(folder, tmp_path, undrawn):
-    config = load_pipeline(
-        RECIPE, settings(folder, "map.evaluations=60", "refine.robustness=null")
-    )
+    config = load_pipeline(RECIPE, settings(folder, "map.evaluations=60", "refine.robustness=null"))
     run = run_pipeline(config, tmp_path / "run")
     results = json.loads((run / "results.json").read_text())
     assert results["recognize"]["counts"]["throw"] == 2

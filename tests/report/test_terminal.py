@@ -28,6 +28,8 @@ def test_motions_that_are_not_exported_are_named():
     withheld = {f"a_{n}": f"beyond the limit of velocity in {n} of 9 samples" for n in range(1, 6)}
     lines = outcome_lines({"exports": {"n_motions": 7, "withheld": withheld}})
     (line,) = [line for line in lines if line.startswith("warning")]
-    assert line.startswith("warning: 5 of 7 not exported: a_1 (beyond the limit of velocity in 1 of")
+    assert line.startswith(
+        "warning: 5 of 7 not exported: a_1 (beyond the limit of velocity in 1 of"
+    )
     assert line.endswith(" and 2 more")
     assert not outcome_lines({"exports": {"n_motions": 7, "withheld": {}}})
