@@ -7,8 +7,8 @@
 The second simulation has other friction, masses, servo gains, delays, smoothing, backlash, zeros
 and noise than the one that motions are searched in (`besman.transfer.second_simulation`); 10 seeds.
 In Drake it has these as well, without other masses, backlash and zeros, and other contacts too.
-Beside Newton steps and the transferability approach, with either surrogate, stand trying one simulated success after
-another, and aiming beside the target by what the last try was off.
+Beside Newton steps and the transferability approach, with either surrogate, stand trying one
+simulated success after another, and aiming beside the target by what the last try was off.
 """
 
 import argparse

@@ -30,6 +30,9 @@ def suggest(
     surrogate: Annotated[
         str, typer.Option(help="jacobian, gaussian_process or inverse_distance.")
     ] = "jacobian",
+    robot: Annotated[
+        str | None, typer.Option(help="The arm as besman identify has found it, a robot.yaml.")
+    ] = None,
     jobs: Annotated[
         int, typer.Option(min=1, help="Threads; never changes a result.")
     ] = os.cpu_count() or 1,
@@ -43,7 +46,7 @@ def suggest(
     if surrogate not in kinds:
         raise TransferError(f"--surrogate: got {surrogate!r}; {nearest(surrogate, kinds)}")
     config = TransferConfig.model_validate({"seed": seed, "surrogate": surrogate})
-    found = suggest_try(run, motion, out, config, jobs)
+    found = suggest_try(run, motion, out, config, jobs, robot)
     state, (x, y) = found.state, found.state.tries[-1].expected_m
     _print(
         f"try {len(state.tries)} of {state.motion}: target {found.target[0]:.2f} m ahead, "

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import numpy.typing as npt
 
@@ -9,7 +11,15 @@ from besman.robot.model import Robot
 from besman.robot.mujoco_model import arm_spec
 from besman.simulation.physics import SimulatedStates, run_physics
 
+if TYPE_CHECKING:
+    import mujoco
+
 FloatArray = npt.NDArray[np.float64]
+
+
+def arm_model(robot: Robot, time_step_s: float) -> mujoco.MjModel:
+    """Build the scene: the arm with its tool, which nothing touches."""
+    return arm_spec(robot, time_step_s)[0].compile()
 
 
 def follow_setpoints(
@@ -32,7 +42,7 @@ def follow_setpoints(
     array, shape (B, T, n)
         Joint angles at the time of every set-point, the first of all the start.
     """
-    model = arm_spec(robot, time_step_s)[0].compile()
+    model = arm_model(robot, time_step_s)
 
     def finished(run: SimulatedStates, span: slice) -> npt.NDArray[np.bool_]:
         return np.zeros(len(starts), dtype=bool)

@@ -19,7 +19,7 @@ from pydantic import Field
 
 from besman.config.stage import Config
 from besman.exceptions import TransferError
-from besman.transfer.archive import Archive, Simulator
+from besman.transfer.archive import Archive, Simulator, add_simulated
 from besman.transfer.front import nsga2
 from besman.transfer.surrogate import GaussianShift, InverseDistance, Surrogate
 
@@ -282,5 +282,5 @@ class _Search:
 
     def _simulate(self, points: FloatArray) -> npt.NDArray[np.int64]:
         """Return the rows of points in the archive, after simulating those that are new."""
-        self.archive, rows = self._simulator.add(self.archive, points, self._jobs)
+        self.archive, rows = add_simulated(self._simulator, self.archive, points, self._jobs)
         return rows

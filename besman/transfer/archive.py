@@ -98,17 +98,6 @@ class Simulator:
     robot: Robot
     task: Task
 
-    def add(
-        self, archive: Archive, points: FloatArray, jobs: int = 1
-    ) -> tuple[Archive, npt.NDArray[np.int64]]:
-        """Simulate those of points (P, D) that are new; return the archive with them, and rows."""
-        rows = {point.tobytes(): row for row, point in enumerate(archive.points)}
-        new = {point.tobytes(): point for point in points if point.tobytes() not in rows}
-        if new:
-            archive = archive.joined(self.simulate(np.array(list(new.values())), jobs))
-            rows |= {key: len(rows) + place for place, key in enumerate(new)}
-        return archive, np.array([rows[point.tobytes()] for point in points], dtype=np.int64)
-
     def simulate(self, points: FloatArray, jobs: int = 1) -> Archive:
         """Return what comes of points (P, D); threads change nothing."""
         plans = [self.space.plan_at(point) for point in points]
@@ -124,3 +113,32 @@ class Simulator:
                 ]
             ),
         )
+
+
+def add_simulated(
+    simulator: Simulator, archive: Archive, points: FloatArray, jobs: int = 1
+) -> tuple[Archive, npt.NDArray[np.int64]]:
+    """Simulate those of some points that nobody has simulated yet.
+
+    Parameters
+    ----------
+    simulator : Simulator
+    archive : Archive
+        What was simulated.
+    points : array, shape (P, D)
+    jobs : int
+        Threads; they change nothing.
+
+    Returns
+    -------
+    archive : Archive
+        With the new ones.
+    rows : int array, shape (P,)
+        Of the points.
+    """
+    rows = {point.tobytes(): row for row, point in enumerate(archive.points)}
+    new = {point.tobytes(): point for point in points if point.tobytes() not in rows}
+    if new:
+        archive = archive.joined(simulator.simulate(np.array(list(new.values())), jobs))
+        rows |= {key: len(rows) + place for place, key in enumerate(new)}
+    return archive, np.array([rows[point.tobytes()] for point in points], dtype=np.int64)

@@ -60,6 +60,8 @@ class TransferState:
     archive : Archive
         What was simulated.
     tries : tuple of Suggested
+    drives : str
+        Digest of what was known of the arm's drives when it was simulated; "" if nobody noted it.
     """
 
     motion: str
@@ -67,6 +69,7 @@ class TransferState:
     config: TransferConfig
     archive: Archive
     tries: tuple[Suggested, ...] = ()
+    drives: str = ""
 
     @property
     def real_tries(self) -> list[RealTry]:
@@ -103,6 +106,7 @@ def save_state(folder: Path, state: TransferState) -> None:
             "config": state.config.model_dump(mode="json"),
             "simulated": len(state.archive.points),
             "tries": [asdict(one) for one in state.tries],
+            "drives": state.drives,
         },
     )
 
@@ -125,6 +129,7 @@ def load_state(folder: Path) -> TransferState:
             config=TransferConfig(**content["config"]),
             archive=archive,
             tries=tuple(_suggested(one) for one in content["tries"]),
+            drives=str(content.get("drives", "")),
         )
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise TransferError(f"{path}: cannot be read: {' '.join(str(error).split())}") from None

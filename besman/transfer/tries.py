@@ -16,7 +16,7 @@ from besman.records import AnyPlan, RefinedMotion
 from besman.records.files import digest
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.limits import check_limits
-from besman.robot.model import Robot
+from besman.robot.model import Robot, load_robot
 from besman.search.protocol import Part
 from besman.simulation.tasks.kinds import KINDS
 from besman.simulation.tasks.stick_throw.throw_and_flight import ThrowConfig
@@ -62,6 +62,7 @@ def suggest_try(
     out: Path | None = None,
     config: TransferConfig | None = None,
     jobs: int = 1,
+    robot: str | None = None,
 ) -> Suggestion:
     """Suggest the next try of a motion, and write it in every format.
 
@@ -79,13 +80,20 @@ def suggest_try(
         How to search; what the first try of a motion was found with stays.
     jobs : int
         Threads; they change nothing.
+    robot : str, optional
+        The run's arm as it is known by now, see
+        `besman.transfer.identification.identify.identify_arm`; default as the run has it. What
+        was tried stays, and is simulated anew.
 
     Raises
     ------
     RunError, TransferError
-        If the folder is no finished run of a throw, there is no such motion, or none may be tried.
+        If the robot is another arm, the folder is no finished run of a throw, there is no such
+        motion, or none may be tried.
     """
     finished = _throws(run)
+    if robot is not None:
+        finished = replace(finished, robot=_same_arm(finished.robot, robot))
     refined = _choose(run, finished, motion)
     config = config or TransferConfig()
     space = _space(refined.plan, finished.robot, config)
@@ -95,8 +103,10 @@ def suggest_try(
         state = _same(folder, load_state(folder), refined)
         space = _space(refined.plan, finished.robot, state.config)
     target = refined.plan.target[:2]
+    simulator = Simulator(space, finished.robot, finished.task)
+    state = _simulated_by(state, simulator, jobs)
     if not state.tries or state.tries[-1].recorded:
-        state = _next(state, Simulator(space, finished.robot, finished.task), target, jobs)
+        state = _next(state, simulator, target, jobs)
         save_state(folder, state)
     number = len(state.tries)
     place = (out or run / "transfer") / file_name(refined.plan.name) / f"try_{number:02d}"
@@ -201,6 +211,34 @@ def _same(folder: Path, state: TransferState, motion: RefinedMotion) -> Transfer
             "move the folder away to begin again"
         )
     return state
+
+
+def _same_arm(robot: Robot, source: str) -> Robot:
+    """Load an arm that may differ from a run's in its drives alone."""
+    other = load_robot(source, robot.tool.name)
+    parts = ("placements", "axes", "tip")
+    same = other.joint_names == robot.joint_names and all(
+        np.array_equal(getattr(other.chain, part), getattr(robot.chain, part)) for part in parts
+    )
+    if not same:
+        raise TransferError(
+            f"--robot: {source} is another arm than the run's {robot.name}; expected what besman "
+            "identify wrote for it"
+        )
+    return other
+
+
+def _simulated_by(state: TransferState, simulator: Simulator, jobs: int) -> TransferState:
+    """Return a state whose tries were simulated with an arm as it is known now."""
+    known = digest(simulator.robot.drives)
+    if state.drives == known:
+        return state
+    if not len(state.archive.points):
+        return replace(state, drives=known)
+    rows = np.array([one.row for one in state.tries], dtype=np.int64)
+    archive = simulator.simulate(state.archive.points[rows], jobs)
+    tries = tuple(replace(one, row=row) for row, one in enumerate(state.tries))
+    return replace(state, archive=archive, tries=tries, drives=known)
 
 
 def _next(

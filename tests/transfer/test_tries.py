@@ -291,7 +291,10 @@ def test_commands_say_what_to_do_next(suggested, motions, monkeypatch, capsys):
     assert besman(monkeypatch, "transfer", "record", run, table) == 0
     assert "try 1: failed" in capsys.readouterr().out
     assert besman(monkeypatch, "transfer", "suggest", run, "--surrogate", "magic") == 2
-    assert "--surrogate: got 'magic'; allowed: gaussian_process" in capsys.readouterr().err
+    assert (
+        "--surrogate: got 'magic'; allowed: gaussian_process, inverse_distance, jacobian"
+        in capsys.readouterr().err
+    )
 
 
 def test_robustness_of_a_run_by_command(run, monkeypatch, capsys, tmp_path):

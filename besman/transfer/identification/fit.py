@@ -153,7 +153,7 @@ def fit_drives(
         drives_with(robot.drives, quantities, mine.values),
         apart_before,
         apart,
-        sum(one.size for one in comparison.logged),
+        comparison.n_samples,
     )
 
 
@@ -171,7 +171,7 @@ class _Comparison:
         used = sorted({log.movement for log in logs})
         self._rows = [used.index(log.movement) for log in logs]
         asked = [movements[at] for at in used]
-        self._sent = _setpoints(robot, asked)
+        self._sent = sent_setpoints(robot, asked)
         self._starts = np.stack([one.positions[0] for one in asked])
         self._clock = _STEP_S * np.arange(self._sent.shape[1])
         self._open = [at for at, log in enumerate(logs) if not log.is_aligned]
@@ -181,9 +181,9 @@ class _Comparison:
         self._logs = [_thin_out(*pair, start) for pair, start in zip(pairs, begun, strict=True)]
 
     @property
-    def logged(self) -> list[FloatArray]:
-        """What is compared, (T, n) of every log."""
-        return [log.positions for log in self._logs]
+    def n_samples(self) -> int:
+        """How many samples of joints are compared."""
+        return sum(log.positions.size for log in self._logs)
 
     def residuals(self, values: FloatArray) -> list[FloatArray]:
         """Return simulated minus logged angles (T, n) of every log, rad."""
@@ -201,10 +201,11 @@ class _Comparison:
         ]
 
 
-def _setpoints(robot: Robot, movements: Sequence[Movement]) -> FloatArray:
+def sent_setpoints(robot: Robot, movements: Sequence[Movement]) -> FloatArray:
     """Return what is sent to the servos (B, T, n) at the simulation's steps, and then at rest."""
     longest = max(one.time[-1] for one in movements) + _AFTER_S
-    clock = _STEP_S * np.arange(int(np.ceil(longest / _STEP_S)) + 1, dtype=np.float64)
+    n_steps = int(np.ceil(longest / _STEP_S)) + 1
+    clock = np.asarray(_STEP_S * np.arange(n_steps), dtype=np.float64)
     parts = [
         np.stack([_sample(clock, one.time, getattr(one, name)) for one in movements])
         for name in ("positions", "velocities", "accelerations")

@@ -23,9 +23,14 @@ Residuals = Callable[[FloatArray], Sequence[FloatArray]]
 
 # Step of the differences, in units.
 _STEP = 0.25
-# A solution whose cost falls by less than this share, or moves less than this many units, is one.
-_FLAT, _STILL = 1e-6, 1e-4
-_EVALUATIONS = 30
+# Steps: how many, how long at first, in units, to which share they are shortened and how often
+# where they lead up; what is too little to go on for.
+_STEPS, _REACH, _SHORTER, _SHORTENINGS = 12, 50.0, 0.25, 3
+_FLAT = 1e-5
+# Keeps what has no effect where it is, as a share of the greatest slope.
+_RIDGE = 1e-7
+# What is told worse than this, in units, is not told.
+_VAGUE = 1.25
 # How often what is not told is left out and the rest is sought again.
 _ROUNDS = 3
 # Errors of one series that are correlated less than this are independent.
@@ -117,29 +122,51 @@ class _Search:
         self._progress, self._done = progress, 0.0
 
     def solve(self, first: FloatArray, free: BoolArray) -> FloatArray:
-        """Return the quantities (D,) of least squares, those that are not free as at first."""
-        from scipy.optimize import least_squares
+        """Return the quantities (D,) of least squares, those that are not free as at first.
 
-        if not free.any():
-            return first.copy()
+        Gauss-Newton steps, each the solution of a linear problem within the bounds: many quantities
+        are at one in the end.
+        """
+        values, reach = first.copy(), _REACH
+        residual = _flat(self._residuals(values))
+        for _ in range(_STEPS if free.any() else 0):
+            slopes = self._slopes(values, free)
+            for _ in range(_SHORTENINGS):
+                moved = self._step(values, free, slopes, residual, reach)
+                there = _flat(self._residuals(moved))
+                gained = float(residual @ residual - there @ there)
+                if gained > 0:
+                    break
+                reach *= _SHORTER
+            else:
+                break
+            values, before, residual = moved, float(residual @ residual), there
+            if gained <= _FLAT * before:
+                break
+        return values
+
+    def _step(
+        self,
+        values: FloatArray,
+        free: BoolArray,
+        slopes: FloatArray,
+        residual: FloatArray,
+        reach: float,
+    ) -> FloatArray:
+        """Return where the residuals (N,) are least by their slopes (N, F), within some units."""
+        from scipy.optimize import lsq_linear
+
         unit = self._units[free]
-
-        def at(point: FloatArray) -> FloatArray:
-            values = first.copy()
-            values[free] = point * unit
-            return values
-
-        found = least_squares(
-            lambda point: _flat(self._residuals(at(point))),
-            first[free] / unit,
-            jac=lambda point: self._slopes(at(point), free),
-            bounds=(self._low[free] / unit, self._high[free] / unit),
-            ftol=_FLAT,
-            xtol=_STILL,
-            gtol=None,
-            max_nfev=_EVALUATIONS,
-        )
-        return at(found.x)
+        low = np.maximum((self._low - values)[free] / unit, -reach)
+        high = np.minimum((self._high - values)[free] / unit, reach)
+        triangle = np.linalg.qr(np.column_stack([slopes, residual]), mode="r")
+        # What has no effect stays.
+        ridge = _RIDGE * np.abs(triangle[:, :-1]).max() * np.eye(len(unit))
+        system = np.vstack([triangle[:, :-1], ridge])
+        wanted = np.concatenate([-triangle[:, -1], np.zeros(len(unit))])
+        moved = values.copy()
+        moved[free] += unit * lsq_linear(system, wanted, (low, high), method="bvls").x
+        return np.asarray(np.clip(moved, self._low, self._high))
 
     def linearise(self, values: FloatArray) -> tuple[Sequence[FloatArray], FloatArray]:
         """Return the residuals, and their slopes (N, D) a unit of every quantity."""
@@ -161,7 +188,7 @@ class _Search:
         columns = np.flatnonzero(free)
         with ThreadPoolExecutor(self._jobs) as pool:
             found = np.column_stack(list(pool.map(slope, columns)))
-        # Nobody knows how many steps it takes: half of what is open at each.
+        # Nobody knows how many steps it takes: a part of what is open at each.
         self._done += 0.2 * (1.0 - self._done)
         self._progress(self._done)
         return found
@@ -213,11 +240,11 @@ def _sift(slopes: FloatArray, variance: float, free: BoolArray) -> tuple[FloatAr
     kept : bool array, shape (D,)
     """
     normal = slopes.T @ slopes / variance
-    kept = free & (np.diag(normal) >= 1.0)
+    kept = free & (np.diag(normal) >= _VAGUE**-2)
     while kept.any():
         deviations = _deviations(normal, kept)
         worst = np.flatnonzero(kept)[np.argmax(deviations[kept])]
-        if deviations[worst] <= 1.0:
+        if deviations[worst] <= _VAGUE:
             break
         kept[worst] = False
     found = _deviations(normal, kept)

@@ -1,0 +1,185 @@
+"""The next try by a Newton step: the simulation's slopes, corrected by what real tries said.
+
+A real outcome is the simulated one and an error that changes slowly from motion to motion: what it
+is at the best try, and how it changes from there, tries tell. So the simulation need not be right,
+only wrong in nearly the same way for motions that are nearly the same [1]_.
+
+References
+----------
+.. [1] J. W. Bandler, R. M. Biernacki, S. H. Chen, R. H. Hemmers, K. Madsen: Electromagnetic
+   optimization exploiting aggressive space mapping, IEEE Transactions on Microwave Theory and
+   Techniques 43(12), 1995, DOI 10.1109/22.475649.
+.. [2] C. G. Broyden: A class of methods for solving nonlinear simultaneous equations, Mathematics
+   of Computation 19, 1965, equation 4.5, DOI 10.1090/S0025-5718-1965-0198670-6.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from besman.transfer.approach import FAILED_M, Choice, RealTry, TransferConfig, suggest
+from besman.transfer.archive import Archive, Simulator, add_simulated
+
+FloatArray = npt.NDArray[np.float64]
+Accept = Callable[[FloatArray], bool]
+
+# Half the length of differences, in units of the space; contacts make shorter ones rough.
+_STEP = 0.2
+# Longest step, in units, how it is damped, in squared metres a squared unit, and how many there
+# are; how far points may be from the refined motion; what is near enough, metres.
+_REACH, _DAMPING, _STEPS = 1.5, 1e-4, 6
+_BOUND = 3.0
+_ENOUGH_M = 0.01
+# How often a step is shortened for the arm's limits, and to what share.
+_SHORTENINGS, _SHORTER = 6, 0.7
+# After so many failures since the best try it is not the length of the step.
+_MOST_FAILURES = 2
+
+
+def suggest_next(
+    simulator: Simulator,
+    archive: Archive,
+    tries: Sequence[RealTry],
+    target: npt.ArrayLike,
+    config: TransferConfig,
+    accept: Accept = lambda point: True,
+    jobs: int = 1,
+) -> Choice:
+    """Choose the motion to try next, as the config says.
+
+    By the simulation's Jacobian, the first try is the refined motion itself, the next ones Newton
+    steps; after a failure half as long ones. Where that leads nowhere, because every try failed or
+    no such motion may be tried, the transferability approach goes on, with its Gaussian process.
+
+    Parameters
+    ----------
+    simulator, archive, tries, target, config, accept, jobs
+        As of `besman.transfer.approach.suggest`.
+
+    Raises
+    ------
+    TransferError
+        If no simulated motion may be tried.
+    """
+    target = np.asarray(target, dtype=np.float64)
+    if config.surrogate != "jacobian":
+        return suggest(simulator, archive, tries, target, config, accept, jobs)
+    steps = _Steps(simulator, archive, tries, target, jobs)
+    found = steps.choose(accept)
+    if found is not None:
+        return found
+    config = config.model_copy(update={"surrogate": "gaussian_process"})
+    return suggest(simulator, steps.archive, tries, target, config, accept, jobs)
+
+
+class _Steps:
+    """Newton steps from the best real try."""
+
+    def __init__(
+        self,
+        simulator: Simulator,
+        archive: Archive,
+        tries: Sequence[RealTry],
+        target: FloatArray,
+        jobs: int,
+    ) -> None:
+        self._simulator, self.archive, self._jobs = simulator, archive, jobs
+        self._tries, self._target = tries, target
+
+    def choose(self, accept: Accept) -> Choice | None:
+        """Return the next try; None if there is none of this kind."""
+        if not self._tries:
+            origin = np.zeros(self._simulator.space.dimension)
+            row = int(self._simulate(origin[None])[0])
+            outcome = self.archive.outcomes[row]
+            usable = np.isfinite(outcome).all() and accept(origin)
+            return Choice(self.archive, row, outcome) if usable else None
+        good = [one for one in self._tries if self._is_good(one)]
+        if not good:
+            return None
+        misses = [float(np.linalg.norm(one.outcome - self._target)) for one in good]
+        best = good[int(np.argmin(misses))]
+        since = self._tries[self._tries.index(best) + 1 :]
+        failures = sum(not self._is_good(one) for one in since)
+        if failures > _MOST_FAILURES:
+            return None
+        error, change = self._learn(good, best)
+        return self._step(best, error, change, 0.5**failures, accept)
+
+    def _is_good(self, one: RealTry) -> bool:
+        """Tell whether something was learnt of a try: it came down, about where it was to."""
+        shift = one.outcome - self.archive.outcomes[one.row]
+        return bool(np.linalg.norm(shift) <= FAILED_M)
+
+    def _learn(self, good: Sequence[RealTry], best: RealTry) -> tuple[FloatArray, FloatArray]:
+        """Return the simulation's error at the best try (2,), and how it changes (2, D) [2]_."""
+        points, outcomes = self.archive.points, self.archive.outcomes
+        errors = [one.outcome - outcomes[one.row] for one in good]
+        change = np.zeros((2, points.shape[1]))
+        for at in range(1, len(good)):
+            step = points[good[at].row] - points[good[at - 1].row]
+            length = float(step @ step)
+            if length > 0:
+                off = errors[at] - errors[at - 1] - change @ step
+                change += np.outer(off, step) / length
+        return best.outcome - outcomes[best.row], change
+
+    def _step(
+        self, best: RealTry, error: FloatArray, change: FloatArray, share: float, accept: Accept
+    ) -> Choice | None:
+        """Go from the best try to where the corrected simulation hits, or a share of the way."""
+        start = self.archive.points[best.row]
+
+        def expect(point: FloatArray) -> FloatArray:
+            row = self._simulate(point[None])[0]
+            return np.asarray(self.archive.outcomes[row] + error + change @ (point - start))
+
+        point, expected = start, expect(start)
+        reach = _REACH
+        for _ in range(_STEPS):
+            slopes = self._slopes(point)
+            if slopes is None:
+                break
+            slopes = slopes + change
+            normal = slopes @ slopes.T + _DAMPING * np.eye(2)
+            step = -slopes.T @ np.linalg.solve(normal, expected - self._target)
+            step *= min(1.0, reach / max(float(np.linalg.norm(step)), 1e-12))
+            moved = np.clip(point + step, -_BOUND, _BOUND)
+            there = expect(moved)
+            # What is no outcome is no nearer.
+            if self._miss(there) < self._miss(expected):
+                point, expected = moved, there
+            else:
+                reach *= 0.3
+            if self._miss(expected) <= _ENOUGH_M:
+                break
+        point = start + share * (point - start)
+        tried = {one.row for one in self._tries}
+        for _ in range(_SHORTENINGS):
+            landing, row = expect(point), int(self._simulate(point[None])[0])
+            if np.isfinite(landing).all() and row not in tried and accept(point):
+                return Choice(self.archive, row, landing)
+            point = start + _SHORTER * (point - start)
+        return None
+
+    def _miss(self, landing: FloatArray) -> float:
+        """Return how far a landing (2,) is from the target, metres; infinite without one."""
+        return float(np.nan_to_num(np.linalg.norm(landing - self._target), nan=np.inf))
+
+    def _slopes(self, point: FloatArray) -> FloatArray | None:
+        """Return how the simulated outcome changes a unit (2, D); None without any outcome."""
+        moves = _STEP * np.eye(len(point))
+        rows = self._simulate(np.concatenate([point + moves, point - moves]))
+        ahead, back = self.archive.outcomes[rows].reshape(2, len(point), 2)
+        slopes = ((ahead - back) / (2.0 * _STEP)).T
+        # A motion that no longer throws says nothing.
+        known = np.isfinite(slopes).all(axis=0)
+        return np.where(known, slopes, 0.0) if known.any() else None
+
+    def _simulate(self, points: FloatArray) -> npt.NDArray[np.int64]:
+        """Return the rows of points in the archive, after simulating those that are new."""
+        self.archive, rows = add_simulated(self._simulator, self.archive, points, self._jobs)
+        return rows
