@@ -151,7 +151,7 @@ class SafeSetPoints:
         way = self._solve(there, seen, speed - moving, pull)
         if way is None:
             return None
-        going = SetPoints(*np.moveaxis([way.at_time(at) for at in self._held.tolist()], 1, 0))
+        going = _sample(way, self._held)
         passed = goal + np.outer(self._held, moving)
         going = SetPoints(going.positions + passed, going.velocities + moving, going.accelerations)
         stop = self._ruckig.InputParameter(self._robot.n)
@@ -161,7 +161,7 @@ class SafeSetPoints:
         if way is None:
             return None
         times = np.arange(1, int(np.ceil(way.duration * RATE_HZ)) + 2) * _STEP_S
-        braking = np.moveaxis([way.at_time(at) for at in times.tolist()], 1, 0)
+        braking = _sample(way, times)
         parts = [np.concatenate(three) for three in zip(begin, going, braking, strict=True)]
         # At rest it rests: what rounding leaves would drift.
         parts[1][-1] = parts[2][-1] = 0.0
@@ -184,3 +184,9 @@ class SafeSetPoints:
             return None
         found = result in (self._ruckig.Result.Working, self._ruckig.Result.Finished)
         return way if found else None
+
+
+def _sample(way: Any, times: FloatArray) -> SetPoints:
+    """Return a trajectory of ruckig's at some times, shape (K,), seconds."""
+    positions, velocities, accelerations = zip(*map(way.at_time, times.tolist()), strict=True)
+    return SetPoints(np.array(positions), np.array(velocities), np.array(accelerations))
