@@ -31,7 +31,6 @@ _SHARE = 0.999
 # Of speed and acceleration, tried one after the other where a plan asks for too much torque or
 # comes too near to something.
 _PACES = (1.0, 0.6, 0.3)
-_STEP_S = 1.0 / RATE_HZ
 
 
 class SetPoints(NamedTuple):
@@ -76,7 +75,7 @@ class SafeSetPoints:
             reason = why_not_there(error, "ruckig", "besman[mirror]")
             raise RobotError(f"besman mirror: {reason}") from None
         self._ruckig, self._robot = ruckig, robot
-        self._held = np.arange(1, round(hold_s * RATE_HZ) + 1) * _STEP_S
+        self._held = _milliseconds(round(hold_s * RATE_HZ))
         limits = robot.limits
         self._jerk = np.minimum(_SHARE * limits.jerk, limits.acceleration / _RISE_S)
         still = np.zeros((1, robot.n))
@@ -151,7 +150,7 @@ class SafeSetPoints:
         way = self._solve(there, seen, speed - moving, pull)
         if way is None:
             return None
-        going = SetPoints(*np.moveaxis([way.at_time(at) for at in self._held.tolist()], 1, 0))
+        going = _sample(way, self._held)
         passed = goal + np.outer(self._held, moving)
         going = SetPoints(going.positions + passed, going.velocities + moving, going.accelerations)
         stop = self._ruckig.InputParameter(self._robot.n)
@@ -160,8 +159,7 @@ class SafeSetPoints:
         way = self._solve(stop, last, _SHARE * limits.velocity, _SHARE * limits.acceleration)
         if way is None:
             return None
-        times = np.arange(1, int(np.ceil(way.duration * RATE_HZ)) + 2) * _STEP_S
-        braking = np.moveaxis([way.at_time(at) for at in times.tolist()], 1, 0)
+        braking = _sample(way, _milliseconds(int(np.ceil(way.duration * RATE_HZ)) + 1))
         parts = [np.concatenate(three) for three in zip(begin, going, braking, strict=True)]
         # At rest it rests: what rounding leaves would drift.
         parts[1][-1] = parts[2][-1] = 0.0
@@ -184,3 +182,15 @@ class SafeSetPoints:
             return None
         found = result in (self._ruckig.Result.Working, self._ruckig.Result.Finished)
         return way if found else None
+
+
+def _milliseconds(n: int) -> FloatArray:
+    """Return the times of the next n samples, seconds."""
+    times: FloatArray = np.arange(1, n + 1) / RATE_HZ
+    return times
+
+
+def _sample(way: Any, times: FloatArray) -> SetPoints:
+    """Return a trajectory of ruckig's at some times, shape (K,), seconds."""
+    positions, velocities, accelerations = zip(*map(way.at_time, times.tolist()), strict=True)
+    return SetPoints(np.array(positions), np.array(velocities), np.array(accelerations))

@@ -88,7 +88,9 @@ def test_nobody_aims_and_the_arm_comes_to_rest(robot, setpoints):
     assert setpoints.rests
     assert np.all(samples.velocities[-1] == 0.0)
     assert check_limits(robot, *samples).kept
-    np.testing.assert_array_equal(setpoints.advance(5).positions, samples.positions[-1:].repeat(5, 0))
+    np.testing.assert_array_equal(
+        setpoints.advance(5).positions, samples.positions[-1:].repeat(5, 0)
+    )
 
 
 def test_a_goal_that_moves_evenly_is_met(robot, setpoints):
