@@ -348,6 +348,12 @@ class GaussNewton:
             # CMA-ES looks at the model as it is alone, which this serves already.
             self._ended = True
         else:
+            self.hand_over()
+
+    def hand_over(self) -> None:
+        """Have CMA-ES go on from the best point, if it does not yet."""
+        if self._strategy is None:
+            best = self._best
             known = best is not None and bool(np.isfinite(best.residuals).any())
             self._begin_cma(best.point if known and best is not None else self._start)
             self.handed_over = True

@@ -71,6 +71,10 @@ class ResidualSearch(Search, Protocol):
         """Whether the points asked for next are to be tried in all of them."""
         ...
 
+    def hand_over(self) -> None:
+        """Have another search go on, if that is not so yet: what this one ended with does not hold."""
+        ...
+
     @property
     def handed_over(self) -> bool:
         """Whether another search has had to go on."""

@@ -108,7 +108,7 @@ class MotionSearch:
         """
         verified = [self._verify(*pair) for pair in zip(self._plans, trials, strict=True)]
         pairs = zip(verified, worlds or [()] * len(verified), strict=True)
-        at = [row for row, pair in enumerate(pairs) if self._may_end(*pair)]
+        at = [row for row, pair in enumerate(pairs) if self._counts(*pair)]
         plans = [self._plans[row] for row in at]
         for row, fine in zip(at, self._try_finely(plans), strict=True):
             if not fine.success:
@@ -136,14 +136,26 @@ class MotionSearch:
     def settle(self) -> None:
         """Make sure that the best trial, if it has succeeded, does so at the finer step too.
 
-        To be called when the search is over.
+        To be called when the search is over. If none does, and there are episodes left, it is not:
+        steps have ended with what does not hold, and another search goes on.
         """
         settled = -1
         while self._trials and self._best != settled and self.best_trial.success:
             settled = self._best
-            if not self._may_end(self.best_trial, self._worlds[settled]):
+            if not self._counts(self.best_trial, self._worlds[settled]):
                 (fine,) = self._try_finely([self.best_plan]) or [self.best_trial]
                 self._trials[settled] = self.best_trial if fine.success else fine
+        over = self._trials and not self.best_trial.success and self._search.exhausted
+        if over and self._left > 0 and isinstance(self._search, ResidualSearch):
+            self._search.hand_over()
+
+    def _counts(self, trial: Trial, others: Sequence[Trial]) -> bool:
+        """Tell whether a trial is one at the finer step too as soon as it has succeeded.
+
+        Steps in the model as it is alone go on from what that finer step says.
+        """
+        alone = isinstance(self._search, ResidualSearch) and self._search.n_worlds == 1
+        return trial.success if alone else self._may_end(trial, others)
 
     def _may_end(self, trial: Trial, others: Sequence[Trial]) -> bool:
         """Tell whether the search might end with a trial: then it is one at the finer step too."""
@@ -175,6 +187,8 @@ class MotionSearch:
             False if this search would have asked for other points; it is then of no use.
         """
         for generation in generations:
+            if self._trials and not self.may_go_on:
+                self.settle()
             points = self._next_points()
             n = min(len(points), self._left)
             if not np.array_equal(points, generation.points) or n != len(generation.trials):

@@ -111,6 +111,20 @@ def search_side_by_side(
     RunningSearch
         The one with the best trial, the earliest of equals.
     """
+    over = False
+    while not over:
+        _go_on_until_one_wins(searches, episodes, work)
+        for one in searches:
+            one.search.settle()
+        over = any(one.search.won for one in searches) or all(one.search.done for one in searches)
+    work.progress(1.0)
+    return max(
+        searches, key=lambda one: (one.search.best_trial.success, one.search.best_trial.reward)
+    )
+
+
+def _go_on_until_one_wins(searches: Sequence[RunningSearch], episodes: int, work: Work) -> None:
+    """Let searches go on, generation by generation, until one has won or all are over."""
     while alive := [one for one in searches if not one.search.done]:
         behind = min(one.search.n_generations for one in alive)
         # Those that were ended in the middle of a generation finish it first.
@@ -120,12 +134,6 @@ def search_side_by_side(
         threads = Work(jobs=work.jobs)
         threads.map(RunningSearch.advance, todo, name=lambda one: "search")
         work.progress(min(max(one.search.n_episodes for one in searches) / episodes, 1.0))
-    work.progress(1.0)
-    for one in searches:
-        one.search.settle()
-    return max(
-        searches, key=lambda one: (one.search.best_trial.success, one.search.best_trial.reward)
-    )
 
 
 def index_of_middle(plans: Sequence[AnyPlan], task: Task) -> int:

@@ -16,6 +16,7 @@ from besman.stages.refine.class_model import (
     trust_of,
 )
 from besman.stages.refine.gauss_newton import GaussNewtonConfig, RobustConfig
+from besman.stages.refine.motion_search import MotionSearch
 from besman.stages.refine.stage import refine_results
 from besman.work.work import Work
 
@@ -113,6 +114,21 @@ def test_a_motion_of_which_nothing_comes_is_said(robot, make_plan):
     (motion,) = config_of(robust=None, episodes=12).run((still,), robot, THROW)
     assert motion.handed_over == f"nothing comes of {still.name}"
     assert not motion.success
+
+
+@pytest.mark.parametrize("robust", [None, RobustConfig(models=2)])
+def test_steps_that_end_with_what_fails_the_finer_step_are_handed_over(
+    robot, plans, monkeypatch, robust, tmp_path
+):
+    """All success is that of a coarse simulation here: no budget may be left untried."""
+    failed = replace(try_plans(robot, THROW, plans[:1])[0], success=False, failure="finer")
+    monkeypatch.setattr(MotionSearch, "_try_finely", lambda _, plans: [failed] * len(plans))
+    config = config_of(robust=robust, measure=("goal",), episodes=70, population=4)
+    (motion,) = config.run(plans[:1], robot, THROW, Work(checkpoints=tmp_path))
+    assert not motion.success
+    assert motion.handed_over
+    # What has been tried already is tried again to the same end.
+    assert_same(config.run(plans[:1], robot, THROW, Work(checkpoints=tmp_path)), [motion])
 
 
 def test_a_jacobian_that_cannot_reach_the_target_is_of_no_use():
