@@ -72,7 +72,7 @@ class ResidualSearch(Search, Protocol):
         ...
 
     def hand_over(self) -> None:
-        """Have another search go on, if that is not so yet: what this one ended with does not hold."""
+        """Have another search go on, if none does: what this one ended with does not hold."""
         ...
 
     @property
