@@ -101,6 +101,12 @@ def mirror(
         Path | None,
         typer.Option(help="Record the stream, NAME.tsv; what is printed as NAME.jsonl."),
     ] = None,
+    page: Annotated[
+        bool, typer.Option("--page", help="Show it in the browser: its address is the first line.")
+    ] = False,
+    port: Annotated[
+        int | None, typer.Option(min=1, max=65535, help="Of the page; a free one if not given.")
+    ] = None,
 ) -> None:
     """Have a simulated arm move as the hand of a person does, within its limits; lines of JSON."""
     from besman.following.hand_placement import MirrorPlan, mirror_as_in_run
@@ -119,9 +125,25 @@ def mirror(
     else:
         plan = MirrorPlan(load_robot(str(robot), tool), markers or "right_arm")
     by_frames = isinstance(source, FileSource) and not source.is_paced
-    teller = _Teller(keeps=False)
-    _tell_all(Mirror(source, plan, learn, by_frames), teller, record)
+    teller, twin = _Teller(keeps=False), Mirror(source, plan, learn, by_frames)
+    if page:
+        _show_page(twin, teller, record, port)
+    else:
+        _tell_all(twin, teller, record)
     teller.close()
+
+
+def _show_page(twin: Mirror, teller: _Teller, record: Path | None, port: int | None) -> None:
+    """Serve a page of it to this machine while the stream comes."""
+    from besman.view.mirror_live import open_mirror_page
+
+    server = open_mirror_page(twin, port)
+    teller.tell({"kind": "page", "url": server.url})
+    server.start()
+    try:
+        _tell_all(twin, teller, record)
+    finally:
+        server.stop()
 
 
 def _tell_all(follower: LiveFollower | Mirror, teller: _Teller, record: Path | None) -> None:
