@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from besman.cli.live import Lsl, ToNetwork, announce_events, follow_live
 from besman.cli.options import Json, Recordings, target_file, target_folder
 from besman.cli.terminal import say
 from besman.exceptions import ConfigError, one_of
@@ -104,6 +105,8 @@ def follow(
         float | None,
         typer.Option(help="Scale by the first seconds; default by the run's recordings, or 10."),
     ] = None,
+    lsl: Lsl = None,
+    to_network: ToNetwork = False,
     json_file: Json = None,
 ) -> None:
     """Keep blocks and actions current sample by sample; print what changes and what comes next.
@@ -119,11 +122,12 @@ def follow(
         raise ConfigError("besman follow: expected either a recording or --live SOURCE")
     if live is None and record is not None:
         raise ConfigError("--record: is of a live stream; expected --live SOURCE with it")
+    if live is None and lsl is not None:
+        raise ConfigError("--lsl: is of a live stream; expected --live SOURCE with it")
     plan = make_plan(run, models or [], markers, calibration)
     if recording is None:
-        from besman.cli.live import follow_live
-
-        follow_live(str(live), plan, horizon or None, steady, record, json_file)
+        events = announce_events(lsl, to_network)
+        follow_live(str(live), plan, horizon or None, steady, record, json_file, events)
         return
     replay = Replay(recording, plan, speed, horizon or None, steady)
     rate_hz = replay.recording.rate_hz
