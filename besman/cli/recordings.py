@@ -118,12 +118,7 @@ def follow(
     from besman.following.plans import make_plan
     from besman.io.atomic_files import write_json
 
-    if (recording is None) == (live is None):
-        raise ConfigError("besman follow: expected either a recording or --live SOURCE")
-    if live is None and record is not None:
-        raise ConfigError("--record: is of a live stream; expected --live SOURCE with it")
-    if live is None and lsl is not None:
-        raise ConfigError("--lsl: is of a live stream; expected --live SOURCE with it")
+    _check_followed(recording, live, {"--record": record, "--lsl": lsl})
     plan = make_plan(run, models or [], markers, calibration)
     if recording is None:
         events = announce_events(lsl, to_network)
@@ -139,6 +134,17 @@ def follow(
     say(replay.summary())
     if json_file is not None:
         write_json(json_file, replay.content())
+
+
+def _check_followed(
+    recording: Path | None, live: str | None, of_live: dict[str, Path | str | None]
+) -> None:
+    """Refuse two things to follow or none, and options of a stream without one."""
+    if (recording is None) == (live is None):
+        raise ConfigError("besman follow: expected either a recording or --live SOURCE")
+    for option, given in of_live.items():
+        if live is None and given is not None:
+            raise ConfigError(f"{option}: is of a live stream; expected --live SOURCE with it")
 
 
 def label_markers(
