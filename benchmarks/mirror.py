@@ -9,8 +9,8 @@ Synthetic: the sample is.
 
     python benchmarks/mirror.py [RUN] [--robot ur5] [--minutes 8]
 
-RUN is a finished run of ``besman run``: its robot, where it places the hand. Without it, and for the
-delay, the placement is learnt from the first seconds, for --robot.
+RUN is a finished run of ``besman run``: its robot, where it places the hand. Without it, and for
+the delay, the placement is learnt from the first seconds, for --robot.
 """
 
 from __future__ import annotations
@@ -169,7 +169,7 @@ def soak(plan, minutes: float) -> None:
 
 
 def delay(robot_name: str, slower: int) -> None:
-    """Say by how much the arm is behind: that shift of its path which lies nearest to the hand's."""
+    """Say how far behind the arm is: that shift of its path which lies nearest to the hand's."""
     robot, recording = load_robot(robot_name), read_recording(SAMPLE)
     n = len(recording.time)
     at = np.arange((n - 1) * slower + 1) / slower
