@@ -1,16 +1,16 @@
 """The twin that moves while a person does: how long from packet to set-point, and what it exceeds.
 
 ``besman play`` serves the embedded sample over loopback from a process of its own, spoken to by the
-maker's client; this process mirrors it. Then an hour of the same, there and back, as fast as can
+maker's client; this process mirrors it. Then minutes of the same, there and back, as fast as can
 be, with frames in which the hand is hidden or jumps. Every set-point at 1 kHz is checked, after the
 fact, by a second dynamics (MuJoCo's inverse) and by differences besides the check of the product.
 Last, how far behind the hand the arm is, of the sample and of the same at a third of its speed.
 Synthetic: the sample is.
 
-    python benchmarks/mirror.py RUN [--robot ur5] [--minutes 60]
+    python benchmarks/mirror.py [RUN] [--robot ur5] [--minutes 8]
 
-RUN is a finished run of ``besman run``: its robot, where it places the hand. For the delay the
-placement is learnt from the first seconds, for --robot.
+RUN is a finished run of ``besman run``: its robot, where it places the hand. Without it, and for
+the delay, the placement is learnt from the first seconds, for --robot.
 """
 
 from __future__ import annotations
@@ -169,7 +169,7 @@ def soak(plan, minutes: float) -> None:
 
 
 def delay(robot_name: str, slower: int) -> None:
-    """Say by how much the arm is behind: that shift of its path which lies nearest to the hand's."""
+    """Say how far behind the arm is: that shift of its path which lies nearest to the hand's."""
     robot, recording = load_robot(robot_name), read_recording(SAMPLE)
     n = len(recording.time)
     at = np.arange((n - 1) * slower + 1) / slower
@@ -203,11 +203,14 @@ def delay(robot_name: str, slower: int) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser()
-    parser.add_argument("run", type=Path)
+    parser.add_argument("run", type=Path, nargs="?")
     parser.add_argument("--robot", default="ur5")
-    parser.add_argument("--minutes", type=float, default=60.0)
+    parser.add_argument("--minutes", type=float, default=8.0)
     asked = parser.parse_args()
-    plan = mirror_as_in_run(asked.run)
+    if asked.run is None:
+        plan = MirrorPlan(load_robot(asked.robot), "right_arm")
+    else:
+        plan = mirror_as_in_run(asked.run)
     over_loopback(plan)
     soak(plan, asked.minutes)
     for slower in (1, 3):

@@ -18,8 +18,19 @@ if TYPE_CHECKING:
     from besman.following.mirror import Mirror
     from besman.following.plans import FollowPlan
     from besman.live.capture import WholeLines
+    from besman.live.lsl_events import LslEvents
 
 _SYSTEMS = ("qtm", "lsl")
+# Too many; and an address that is for this machine alone.
+_NO_EVENTS = ("joints", "page")
+
+Lsl = Annotated[
+    str | None,
+    typer.Option(metavar="NAME", help="Send what changes as a marker stream of LSL, too."),
+]
+ToNetwork = Annotated[
+    bool, typer.Option("--to-network", help="Let --lsl listen at all addresses, as it must.")
+]
 
 
 def play(
@@ -65,6 +76,7 @@ def follow_live(
     steady_s: float,
     record: Path | None,
     json_file: Path | None,
+    events: LslEvents | None = None,
 ) -> None:
     """Follow a source; print and record lines of JSON. Ctrl-C ends it in order."""
     from besman.following.live import LiveFollower
@@ -72,7 +84,7 @@ def follow_live(
     from besman.live.addresses import find_source
 
     follower = LiveFollower(find_source(address), plan, horizon_blocks, steady_s)
-    teller = _Teller(keeps=json_file is not None)
+    teller = _Teller(keeps=json_file is not None, events=events)
     _tell_all(follower, teller, record)
     if json_file is not None:
         write_json(json_file, teller.told)
@@ -101,6 +113,14 @@ def mirror(
         Path | None,
         typer.Option(help="Record the stream, NAME.tsv; what is printed as NAME.jsonl."),
     ] = None,
+    page: Annotated[
+        bool, typer.Option("--page", help="Show it in the browser: its address is the first line.")
+    ] = False,
+    port: Annotated[
+        int | None, typer.Option(min=1, max=65535, help="Of the page; a free one if not given.")
+    ] = None,
+    lsl: Lsl = None,
+    to_network: ToNetwork = False,
 ) -> None:
     """Have a simulated arm move as the hand of a person does, within its limits; lines of JSON."""
     from besman.following.hand_placement import MirrorPlan, mirror_as_in_run
@@ -119,9 +139,26 @@ def mirror(
     else:
         plan = MirrorPlan(load_robot(str(robot), tool), markers or "right_arm")
     by_frames = isinstance(source, FileSource) and not source.is_paced
-    teller = _Teller(keeps=False)
-    _tell_all(Mirror(source, plan, learn, by_frames), teller, record)
+    teller = _Teller(keeps=False, events=announce_events(lsl, to_network))
+    twin = Mirror(source, plan, learn, by_frames)
+    if page:
+        _show_page(twin, teller, record, port)
+    else:
+        _tell_all(twin, teller, record)
     teller.close()
+
+
+def _show_page(twin: Mirror, teller: _Teller, record: Path | None, port: int | None) -> None:
+    """Serve a page of it to this machine while the stream comes."""
+    from besman.view.mirror_live import open_mirror_page
+
+    server = open_mirror_page(twin, port)
+    teller.tell({"kind": "page", "url": server.url})
+    server.start()
+    try:
+        _tell_all(twin, teller, record)
+    finally:
+        server.stop()
 
 
 def _tell_all(follower: LiveFollower | Mirror, teller: _Teller, record: Path | None) -> None:
@@ -147,11 +184,31 @@ def _tell_all(follower: LiveFollower | Mirror, teller: _Teller, record: Path | N
         complain("", str(error))
 
 
+def announce_events(name: str | None, to_network: bool) -> LslEvents | None:
+    """Return the marker stream of LSL that is asked for.
+
+    Raises
+    ------
+    ConfigError, WebError
+        If it was not permitted, or cannot be announced.
+    """
+    if name is None:
+        return None
+    if not to_network:
+        raise ConfigError(
+            "--lsl: liblsl listens at all addresses of this machine, and cannot be told to stay on "
+            "loopback; expected --to-network, which permits it"
+        )
+    from besman.live.lsl_events import LslEvents
+
+    return LslEvents(name)
+
+
 class _Teller:
     """Prints lines of JSON, and records them; where that fails they are printed all the same."""
 
-    def __init__(self, keeps: bool) -> None:
-        self._keeps = keeps
+    def __init__(self, keeps: bool, events: LslEvents | None = None) -> None:
+        self._keeps, self._events = keeps, events
         self.lines: WholeLines | None = None
         self.told: list[dict[str, Any]] = []
         self._failed: FileError | None = None
@@ -160,6 +217,8 @@ class _Teller:
         text = json.dumps(_finite(one)) + "\n"
         sys.stdout.write(text)
         sys.stdout.flush()
+        if self._events is not None and one.get("kind") not in _NO_EVENTS:
+            self._events.send(text.rstrip())
         if self._keeps:
             self.told.append(one)
         if self.lines is None:

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from besman.cli.live import Lsl, ToNetwork, announce_events, follow_live
 from besman.cli.options import Json, Recordings, target_file, target_folder
 from besman.cli.terminal import say
 from besman.exceptions import ConfigError, one_of
@@ -104,6 +105,8 @@ def follow(
         float | None,
         typer.Option(help="Scale by the first seconds; default by the run's recordings, or 10."),
     ] = None,
+    lsl: Lsl = None,
+    to_network: ToNetwork = False,
     json_file: Json = None,
 ) -> None:
     """Keep blocks and actions current sample by sample; print what changes and what comes next.
@@ -115,15 +118,11 @@ def follow(
     from besman.following.plans import make_plan
     from besman.io.atomic_files import write_json
 
-    if (recording is None) == (live is None):
-        raise ConfigError("besman follow: expected either a recording or --live SOURCE")
-    if live is None and record is not None:
-        raise ConfigError("--record: is of a live stream; expected --live SOURCE with it")
+    _check_followed(recording, live, {"--record": record, "--lsl": lsl})
     plan = make_plan(run, models or [], markers, calibration)
     if recording is None:
-        from besman.cli.live import follow_live
-
-        follow_live(str(live), plan, horizon or None, steady, record, json_file)
+        events = announce_events(lsl, to_network)
+        follow_live(str(live), plan, horizon or None, steady, record, json_file, events)
         return
     replay = Replay(recording, plan, speed, horizon or None, steady)
     rate_hz = replay.recording.rate_hz
@@ -135,6 +134,17 @@ def follow(
     say(replay.summary())
     if json_file is not None:
         write_json(json_file, replay.content())
+
+
+def _check_followed(
+    recording: Path | None, live: str | None, of_live: dict[str, Path | str | None]
+) -> None:
+    """Refuse two things to follow or none, and options of a stream without one."""
+    if (recording is None) == (live is None):
+        raise ConfigError("besman follow: expected either a recording or --live SOURCE")
+    for option, given in of_live.items():
+        if live is None and given is not None:
+            raise ConfigError(f"{option}: is of a live stream; expected --live SOURCE with it")
 
 
 def label_markers(

@@ -61,7 +61,12 @@ class HandPlacement:
         pose = hand2back @ self.tcp2hand
         placed = np.eye(4)
         placed[:3, :3] = self.back2world @ pose[:3, :3]
-        placed[:3, 3] = self.scale * (self.back2world @ pose[:3, 3]) + self.shift
+        placed[:3, 3] = self.place_points(pose[:3, 3])
+        return placed
+
+    def place_points(self, points: FloatArray) -> FloatArray:
+        """Return points (..., 3) of the person's frame in the arm's world, metres."""
+        placed: FloatArray = self.scale * (points @ self.back2world.T) + self.shift
         return placed
 
 

@@ -94,6 +94,13 @@ class HandStream:
         pose[:3, 3] = (place - origin) @ turn
         return pose
 
+    def in_back(self, markers: FloatArray) -> FloatArray:
+        """Return markers (M, 3) of the laboratory in the person's frame, once that is known."""
+        assert self._back is not None
+        turn, origin = self._back
+        seen: FloatArray = (markers - origin) @ turn
+        return seen
+
     def _look_at_back(self, points: FloatArray) -> None:
         """Keep frames that show back and hand; know the back once there are enough."""
         if np.isfinite(points).all():

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import asdict
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from besman.records import FloatArray
 from besman.robot.inverse_kinematics import IkWeights
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.limits import RATE_HZ
+from besman.robot.model import Robot
 from besman.simulation.arm_in_mujoco import ArmInMujoco
 
 _IDLE_S = 0.01
@@ -30,6 +31,34 @@ _KEPT = 60_000
 _LITTLE_M = 0.15
 
 Take = Callable[[SetPoints], None]
+
+
+class Moment(NamedTuple):
+    """What is shown of the present.
+
+    Attributes
+    ----------
+    time_s : float
+        Of the stream.
+    state : str
+        Of the arm; "" until it begins.
+    markers : array, shape (M, 3)
+        Metres, NaN where not seen: in the arm's world, or in the laboratory until the arm begins.
+    joints : array, shape (n,), optional
+        Of the simulated arm, rad.
+    asked : array, shape (3,), optional
+        Where the hand wants the tool centre point, metres.
+    away_m, delay_ms : float, optional
+        How far that is, and how long the last packet took to become set-points.
+    """
+
+    time_s: float
+    state: str
+    markers: FloatArray
+    joints: FloatArray | None = None
+    asked: FloatArray | None = None
+    away_m: float | None = None
+    delay_ms: float | None = None
 
 
 class Mirror:
@@ -77,6 +106,8 @@ class Mirror:
         self._last_row = self._n_given = self._n_hidden = self._n_refused = 0
         self._begun_s = 0.0
         self._was = ""
+        self._moment: Moment | None = None
+        self._names: tuple[str, ...] = ()
         self._times, self._n_taken = np.empty((3, _KEPT)), 0
 
     def open(self, make_capture: MakeCapture | None = None) -> StreamFormat:
@@ -84,6 +115,7 @@ class Mirror:
         self._warm_up()
         found = self._stream.open(make_capture)
         self._hand = HandStream(self._stream.blank, self._plan.side)
+        self._names = self._stream.blank.markers
         self._stream.begin_recording()
         return found
 
@@ -137,6 +169,31 @@ class Mirror:
         """How long the last frames took; see the class."""
         return self._times[:, : min(self._n_taken, _KEPT)]
 
+    @property
+    def robot(self) -> Robot:
+        """The arm."""
+        return self._plan.robot
+
+    @property
+    def markers(self) -> tuple[str, ...]:
+        """Names of the markers that are looked at; none before `open`."""
+        return self._names
+
+    def look(self) -> Moment:
+        """Return the present, from any thread."""
+        nothing = np.full((len(self.markers), 3), np.nan)
+        return self._moment or Moment(0.0, "", nothing)
+
+    def _describe(self, frame: NamedFrame) -> Moment:
+        at_s = self._stream.n_frames / self._stream.format.rate_hz
+        if self._twin is None or self._placement is None:
+            return Moment(at_s, "", frame.markers)
+        world = self._placement.place_points(self._hand.in_back(frame.markers))
+        joints = self._reached if self._n_given else self._twin.positions
+        delay_ms = 1e3 * float(self._times[0, (self._n_taken - 1) % _KEPT])
+        asked = self._twin.target[:3, 3]
+        return Moment(at_s, self._was, world, joints, asked, self._twin.away_m, delay_ms)
+
     def summary(self) -> dict[str, Any]:
         """Return what became of packets and set-points, and how long each frame took."""
         since_arrival = self.times[0] if self._n_taken else np.array([np.nan])
@@ -166,6 +223,7 @@ class Mirror:
                 row = now - one.arrived_s, now - one.sent_s, busy_s
                 self._times[:, self._n_taken % _KEPT] = row
                 self._n_taken += 1
+            self._moment = self._describe(one)
             yield from told
             begun_s = time.thread_time()
 

@@ -172,9 +172,8 @@ def test_a_full_disk_does_not_end_the_stream(positions, tmp_path, monkeypatch):
 
 def test_the_command_tells_and_records(small_run, positions, tmp_path, monkeypatch, capsys):
     record = tmp_path / "session.tsv"
-    code = besman(
-        monkeypatch, "mirror", "--live", f"file://{SAMPLE}?pace=0", "--run", small_run, "--record", record
-    )  # fmt: skip
+    given = ("--live", f"file://{SAMPLE}?pace=0", "--run", small_run, "--record", record)
+    code = besman(monkeypatch, "mirror", *given)
     assert code == 0
     lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     assert [one["kind"] for one in lines[:3]] == ["stream", "begin", "joints"]

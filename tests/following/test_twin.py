@@ -57,7 +57,7 @@ def test_what_the_arm_cannot_reach_is_pointed_at(robot, placement):
 
 
 def test_what_would_touch_is_slid_along(robot, placement):
-    """Into its own pedestal and out again: the arm stays clear of it, goes along it and comes back."""
+    """Into its pedestal and out again: the arm stays clear of it, goes along it and comes back."""
     start = poses_of(robot, robot.home[None])[0]
     way = np.tile(start, (400, 1, 1))
     at = np.interp(np.arange(400), [0, 150, 250, 400], [0, 1, 1, 0])[:, None]

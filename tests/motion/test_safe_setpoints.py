@@ -103,7 +103,9 @@ def test_a_goal_that_moves_evenly_is_met(robot, setpoints):
 
 
 def test_goals_beyond_a_joints_range_are_cut_to_it(robot, setpoints):
-    samples, _ = follow(setpoints, np.tile(robot.home + [0, 0, 0, 0, 0, 40.0], (400, 1)))
+    goal = robot.home.copy()
+    goal[5] += 40.0
+    samples, _ = follow(setpoints, np.tile(goal, (400, 1)))
     assert samples[0][-1, 5] == pytest.approx(robot.limits.position_max[5], abs=0.05)
 
 

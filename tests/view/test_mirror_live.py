@@ -1,0 +1,114 @@
+"""The page of a stream that is mirrored shows what the arm and the person do at the moment."""
+
+import http.client
+import json
+
+import numpy as np
+import pytest
+from command_line import besman
+from web_session import session
+
+from besman.config.resources import resource_folder
+from besman.following.hand_placement import MirrorPlan
+from besman.following.mirror import Mirror
+from besman.live.file_source import FileSource
+from besman.robot.kinematics import forward_kinematics
+from besman.view.mirror_live import describe_frame, open_mirror_page
+
+pytest.importorskip("ruckig")
+
+SAMPLE = resource_folder("data") / "stick_throw" / "subject1.tsv"
+
+
+@pytest.fixture(scope="module")
+def mirrored(robot):
+    """A stream in its middle: eight seconds of it were read."""
+    mirror = Mirror(
+        FileSource(SAMPLE, 0.0), MirrorPlan(robot, "right_arm"), learn_s=4.0, by_frames=True
+    )
+    before = describe_frame(mirror)
+    mirror.open()
+    lines = []
+    for one in mirror.run():
+        lines.append(one)
+        if one["kind"] == "joints" and one["time_s"] >= 6.0:
+            break
+    return mirror, lines, before
+
+
+def test_person_and_arm_are_in_one_world(mirrored, robot):
+    mirror, lines, _ = mirrored
+    shown = describe_frame(mirror)
+    assert shown["time_s"] == lines[-1]["time_s"]
+    assert shown["away_m"] == pytest.approx(lines[-1]["away_m"], abs=1e-3)
+    simulated = np.array(lines[-1]["simulated_rad"])
+    tool = forward_kinematics(robot.chain, simulated[None])[0, :3, 3]
+    np.testing.assert_allclose(shown["tool"], tool, atol=1e-4)
+    assert len(shown["capsules"]) == len(robot.chain.capsule_radii)
+    # The hand is where the tool is wanted, as far as the tool is long.
+    hand = np.array(shown["markers"][shown["names"].index("hand_top")])
+    assert np.linalg.norm(hand - shown["asked"]) < 0.4
+
+
+def test_before_the_first_frame_there_is_nobody(mirrored):
+    _, _, before = mirrored
+    assert before["state"] == "the arm has not begun"
+    assert before["markers"] == before["capsules"] == []
+    json.dumps(before, allow_nan=False)
+
+
+def test_it_is_served_to_who_has_the_address_alone(mirrored):
+    server = open_mirror_page(mirrored[0])
+    server.start()
+    try:
+        place, cookie = session(server)
+        for headers, status in (({}, 403), ({"Cookie": cookie}, 200)):
+            connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=5)
+            connection.request("GET", f"{place}frame", headers=headers)
+            answer = connection.getresponse()
+            assert answer.status == status
+            content = json.loads(answer.read())
+        assert content["robot"] == "ur5, stick_holder"
+    finally:
+        server.stop()
+
+
+def test_a_browser_draws_it(mirrored, open_page, tmp_path):
+    server = open_mirror_page(mirrored[0])
+    server.start()
+    try:
+        page = open_page(server.url)
+        page.locator("#time", has_text="6.00 s").wait_for()
+        assert page.text_content("#title") == "besman mirror: ur5, stick_holder"
+        page.screenshot(path=tmp_path / "mirror.png")
+        drawn = page.evaluate(
+            """() => {
+              const canvas = document.getElementById("canvas");
+              const { width, height } = canvas;
+              const pixels = canvas.getContext("2d").getImageData(0, 0, width, height);
+              const colors = new Set();
+              for (let at = 0; at < pixels.data.length; at += 4) {
+                if (pixels.data[at + 3] === 255) colors.add(pixels.data.slice(at, at + 3).join());
+              }
+              return [...colors];
+            }"""
+        )
+        # Person, robot and floor as the theme has them.
+        assert {"224,120,42", "11,97,164", "195,201,210"} <= set(drawn)
+        page.close()
+        # One that stays finds nobody there any more, which the browser logs.
+        page = open_page(server.url, expect_errors=True)
+        page.locator("#time", has_text="6.00 s").wait_for()
+    finally:
+        server.stop()
+    page.locator("#state", has_text="besman mirror has ended").wait_for()
+
+
+def test_the_command_says_where_it_is(monkeypatch, capsys):
+    live = ("mirror", "--live", f"file://{SAMPLE}?pace=0", "--robot", "ur5", "--learn", "600")
+    assert besman(monkeypatch, *live, "--page") == 2
+    told = capsys.readouterr()
+    first = json.loads(told.out.splitlines()[0])
+    assert first["kind"] == "page"
+    assert first["url"].startswith("http://127.0.0.1:")
+    assert "the hand was seen for" in told.err
