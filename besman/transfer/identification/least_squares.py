@@ -22,10 +22,10 @@ BoolArray = npt.NDArray[np.bool_]
 Residuals = Callable[[FloatArray], Sequence[FloatArray]]
 
 # Step of the differences, in units.
-_STEP = 0.25
-# Steps: how many, how long at first, in units, to which share they are shortened and how often
-# where they lead up; what is too little to go on for.
-_STEPS, _REACH, _SHORTER, _SHORTENINGS = 12, 50.0, 0.25, 3
+_STEP = 0.05
+# Steps: how many, to which share they are shortened and how often where they lead up; what is too
+# little to go on for.
+_STEPS, _SHORTER, _SHORTENINGS = 15, 0.4, 6
 _FLAT = 1e-5
 # Keeps what has no effect where it is, as a share of the greatest slope.
 _RIDGE = 1e-7
@@ -127,17 +127,17 @@ class _Search:
         Gauss-Newton steps, each the solution of a linear problem within the bounds: many quantities
         are at one in the end.
         """
-        values, reach = first.copy(), _REACH
+        values = first.copy()
         residual = _flat(self._residuals(values))
         for _ in range(_STEPS if free.any() else 0):
             slopes = self._slopes(values, free)
-            for _ in range(_SHORTENINGS):
-                moved = self._step(values, free, slopes, residual, reach)
+            step = self._step(values, free, slopes, residual)
+            for shorter in range(_SHORTENINGS):
+                moved = values + _SHORTER**shorter * step
                 there = _flat(self._residuals(moved))
                 gained = float(residual @ residual - there @ there)
                 if gained > 0:
                     break
-                reach *= _SHORTER
             else:
                 break
             values, before, residual = moved, float(residual @ residual), there
@@ -146,27 +146,21 @@ class _Search:
         return values
 
     def _step(
-        self,
-        values: FloatArray,
-        free: BoolArray,
-        slopes: FloatArray,
-        residual: FloatArray,
-        reach: float,
+        self, values: FloatArray, free: BoolArray, slopes: FloatArray, residual: FloatArray
     ) -> FloatArray:
-        """Return where the residuals (N,) are least by their slopes (N, F), within some units."""
+        """Return the way (D,) to where residuals (N,) are least by their slopes (N, F)."""
         from scipy.optimize import lsq_linear
 
         unit = self._units[free]
-        low = np.maximum((self._low - values)[free] / unit, -reach)
-        high = np.minimum((self._high - values)[free] / unit, reach)
+        room = tuple((end - values)[free] / unit for end in (self._low, self._high))
         triangle = np.linalg.qr(np.column_stack([slopes, residual]), mode="r")
         # What has no effect stays.
         ridge = _RIDGE * np.abs(triangle[:, :-1]).max() * np.eye(len(unit))
         system = np.vstack([triangle[:, :-1], ridge])
         wanted = np.concatenate([-triangle[:, -1], np.zeros(len(unit))])
-        moved = values.copy()
-        moved[free] += unit * lsq_linear(system, wanted, (low, high), method="bvls").x
-        return np.asarray(np.clip(moved, self._low, self._high))
+        step = np.zeros(len(values))
+        step[free] = unit * lsq_linear(system, wanted, room, method="bvls").x
+        return np.clip(values + step, self._low, self._high) - values
 
     def linearise(self, values: FloatArray) -> tuple[Sequence[FloatArray], FloatArray]:
         """Return the residuals, and their slopes (N, D) a unit of every quantity."""
