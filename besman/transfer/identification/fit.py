@@ -173,7 +173,7 @@ class _Comparison:
         asked = [movements[at] for at in used]
         self._sent = sent_setpoints(robot, asked)
         self._starts = np.stack([one.positions[0] for one in asked])
-        self._clock = _STEP_S * np.arange(self._sent.shape[1])
+        self._clock: FloatArray = np.asarray(_STEP_S * np.arange(self._sent.shape[1]), np.float64)
         self._open = [at for at, log in enumerate(logs) if not log.is_aligned]
         pairs = [(log, asked[row]) for log, row in zip(logs, self._rows, strict=True)]
         begun = [0.0 if log.is_aligned else find_start(log, one) for log, one in pairs]

@@ -153,7 +153,8 @@ class _Search:
 
         unit = self._units[free]
         room = tuple((end - values)[free] / unit for end in (self._low, self._high))
-        triangle = np.linalg.qr(np.column_stack([slopes, residual]), mode="r")
+        both = np.column_stack([slopes, residual])
+        triangle: FloatArray = np.asarray(np.linalg.qr(both, mode="r"))
         # What has no effect stays.
         ridge = _RIDGE * np.abs(triangle[:, :-1]).max() * np.eye(len(unit))
         system = np.vstack([triangle[:, :-1], ridge])
