@@ -29,8 +29,9 @@ _STEPS, _SHORTER, _SHORTENINGS = 15, 0.4, 6
 _FLAT = 1e-5
 # Keeps what has no effect where it is, as a share of the greatest slope.
 _RIDGE = 1e-7
-# What is told worse than this, in units, is not told.
-_VAGUE = 1.25
+# What is told worse than this, in units, is not told, unless it has changed by more than so many
+# standard deviations.
+_VAGUE, _SURE = 1.25, 4.0
 # How often what is not told is left out and the rest is sought again.
 _ROUNDS = 3
 # Errors of one series that are correlated less than this are independent.
@@ -67,8 +68,8 @@ def estimate(
 ) -> Estimate:
     """Find the quantities with the least squares of residuals, and how sure they are.
 
-    What the data does not tell within its unit, by itself or apart from others, stays as it was,
-    and the rest is found without it. Standard deviations are those of the linear model [1]_; of
+    What the data tells neither within its unit nor to have changed for sure, by itself or apart
+    from others, stays as it was, and the rest is found without it. Standard deviations are those of the linear model [1]_; of
     errors that are correlated in time only as many count as are independent [2]_.
 
     Parameters
@@ -96,7 +97,8 @@ def estimate(
         values = search.solve(np.where(told, values, start), told)
         series, slopes = search.linearise(values)
         variance = _variance(series, int(told.sum()), resolution)
-        deviations, keep = _sift(slopes, variance, told)
+        moved = np.abs(values - start) / units
+        deviations, keep = _sift(slopes, variance, told, moved)
         if keep.all() or not keep[told].any() or np.array_equal(keep, told):
             told = keep
             break
@@ -215,8 +217,10 @@ def _correlated(errors: FloatArray) -> float:
     return float(1.0 + 2.0 * correlation[1:end].sum())
 
 
-def _sift(slopes: FloatArray, variance: float, free: BoolArray) -> tuple[FloatArray, BoolArray]:
-    """Leave out what is not told within a unit, the vaguest first.
+def _sift(
+    slopes: FloatArray, variance: float, free: BoolArray, moved: FloatArray
+) -> tuple[FloatArray, BoolArray]:
+    """Leave out what is told neither within a unit nor to have changed, the vaguest first.
 
     Parameters
     ----------
@@ -226,6 +230,8 @@ def _sift(slopes: FloatArray, variance: float, free: BoolArray) -> tuple[FloatAr
         Of a residual.
     free : bool array, shape (D,)
         What was sought.
+    moved : array, shape (D,)
+        How far it is from where it was, units.
 
     Returns
     -------
@@ -235,11 +241,12 @@ def _sift(slopes: FloatArray, variance: float, free: BoolArray) -> tuple[FloatAr
     kept : bool array, shape (D,)
     """
     normal = slopes.T @ slopes / variance
-    kept = free & (np.diag(normal) >= _VAGUE**-2)
+    enough = np.maximum(_VAGUE, moved / _SURE)
+    kept = free & (np.diag(normal) * enough**2 >= 1.0)
     while kept.any():
-        deviations = _deviations(normal, kept)
-        worst = np.flatnonzero(kept)[np.argmax(deviations[kept])]
-        if deviations[worst] <= _VAGUE:
+        vague = _deviations(normal, kept) / enough
+        worst = np.flatnonzero(kept)[np.argmax(vague[kept])]
+        if vague[worst] <= 1.0:
             break
         kept[worst] = False
     found = _deviations(normal, kept)
