@@ -33,7 +33,7 @@ from besman.stages.refine.plan_space import plan_space
 from besman.transfer.approach import RealTry, TransferConfig
 from besman.transfer.archive import Simulator, no_plans
 from besman.transfer.identification.executions import as_movement
-from besman.transfer.identification.fit import Log, fit_drives, sent_setpoints
+from besman.transfer.identification.fit import ArmLog, fit_drives, sent_setpoints
 from besman.transfer.identification.quantities import drives_with, values_of
 from besman.transfer.newton import suggest_next
 from besman.transfer.second_simulation import REAL_SPREADS, SecondSimulation
@@ -94,7 +94,7 @@ def log_of(row, path, seed):
     """Return what a controller logs of a path (T, n)."""
     random = np.random.default_rng((seed, row))
     angles = path[::EVERY] + NOISE_RAD * random.standard_normal(path[::EVERY].shape)
-    return Log(row, STEP_S * EVERY * np.arange(len(angles)), angles, True)
+    return ArmLog(row, STEP_S * EVERY * np.arange(len(angles)), angles, True)
 
 
 def apart(robot, drives, movements, paths):

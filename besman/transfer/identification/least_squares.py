@@ -69,8 +69,9 @@ def estimate(
     """Find the quantities with the least squares of residuals, and how sure they are.
 
     What the data tells neither within its unit nor to have changed for sure, by itself or apart
-    from others, stays as it was, and the rest is found without it. Standard deviations are those of the linear model [1]_; of
-    errors that are correlated in time only as many count as are independent [2]_.
+    from others, stays as it was, and the rest is found without it. Standard deviations are those
+    of the linear model [1]_; of errors that are correlated in time only as many count as are
+    independent [2]_.
 
     Parameters
     ----------
