@@ -23,6 +23,7 @@ from pathlib import Path
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
+import transferability
 
 from besman.pipeline.finished_run import read_run
 from besman.robot.drives import arrive_late
@@ -36,7 +37,7 @@ from besman.transfer.identification.executions import as_movement
 from besman.transfer.identification.fit import ArmLog, fit_drives, sent_setpoints
 from besman.transfer.identification.quantities import drives_with, values_of
 from besman.transfer.newton import suggest_next
-from besman.transfer.second_simulation import REAL_SPREADS, SecondSimulation
+from besman.transfer.second_simulation import REAL_SPREADS
 from besman.transfer.tries import PARTS
 
 STEP_S, EVERY, NOISE_RAD, RADIUS_M = 0.002, 2, 1e-4, 0.10
@@ -165,7 +166,7 @@ def count_tries(finished, given, seed, knows):
     motion, robot = finished.motions[given.motion], finished.robot
     config, target = TransferConfig(), motion.plan.target[:2]
     space = plan_space(motion.plan, robot, PARTS, config.n_shapes)
-    arm = SecondSimulation(robot, finished.task, seed)
+    arm = transferability.ARMS[given.engine](robot, finished.task, seed)
     simulator, archive, tries, misses = Simulator(space, robot, finished.task), None, [], []
     archive = no_plans(space.dimension)
     while len(misses) < given.most:
@@ -179,9 +180,8 @@ def count_tries(finished, given, seed, knows):
         if knows and len(misses) == 1:
             world = draw_perturbation(REAL_SPREADS, robot, (seed,))
             movements = [as_movement(motion)]
-            fit = find_drives(
-                robot, movements, in_mujoco(robot, world, movements), 1, seed, given.jobs
-            )
+            logged = ARMS[given.engine](robot, world, movements)
+            fit = find_drives(robot, movements, logged, 1, seed, given.jobs)
             known = replace(
                 robot, drives=drives_with(robot.drives, fit.quantities, fit.found.values)
             )
