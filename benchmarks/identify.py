@@ -7,8 +7,8 @@
 Executions are synthetic: the arm with its tool follows the set-points of the run's motions in a
 perturbed model, as `besman robustness` draws them, or in Drake with such drives; joint angles are
 logged at 250 Hz with noise of 0.1 mrad. In MuJoCo the masses of links are off as well, which no
-quantity says; with --real so are backlash, zeros and noise, as in `transferability.py`. Paths are
-compared in motions that were not logged too.
+quantity says; with --real so are backlash and noise, as in `transferability.py`. Paths are compared
+in motions that were not logged too.
 
 With --throws every arm throws the first motion, its log tells its drives, and `transfer suggest`
 goes on with them; the thrown thing, its friction and mass stay unknown.
@@ -23,6 +23,7 @@ from pathlib import Path
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
+import transferability
 
 from besman.pipeline.finished_run import read_run
 from besman.robot.drives import arrive_late
@@ -33,13 +34,15 @@ from besman.stages.refine.plan_space import plan_space
 from besman.transfer.approach import RealTry, TransferConfig
 from besman.transfer.archive import Simulator, no_plans
 from besman.transfer.identification.executions import as_movement
-from besman.transfer.identification.fit import Log, fit_drives, sent_setpoints
+from besman.transfer.identification.fit import ArmLog, fit_drives, sent_setpoints
 from besman.transfer.identification.quantities import drives_with, values_of
 from besman.transfer.newton import suggest_next
-from besman.transfer.second_simulation import REAL_SPREADS, SecondSimulation
+from besman.transfer.second_simulation import REAL_SPREADS
 from besman.transfer.tries import PARTS
 
 STEP_S, EVERY, NOISE_RAD, RADIUS_M = 0.002, 2, 1e-4, 0.10
+# Of `besman.simulation.perturbation`: within this time an offset is taken up.
+RAMP_S = 0.1
 
 
 def drives_of_world(robot, world):
@@ -57,7 +60,10 @@ def in_mujoco(robot, world, movements):
         arm_model(robot, STEP_S), starts, setpoints,
         lambda *_: np.zeros(len(starts), dtype=bool), (world,) * len(starts),
     )  # fmt: skip
-    return np.concatenate([starts[:, None], run.qpos[:, :-1]], axis=1)
+    time = STEP_S * np.arange(setpoints.shape[1])[:, None]
+    # A controller reads its joints by its own zeros.
+    zeros = world.offsets * (0.5 - 0.5 * np.cos(np.pi * np.minimum(time / RAMP_S, 1.0)))
+    return np.concatenate([starts[:, None], run.qpos[:, :-1]], axis=1) - zeros
 
 
 def in_drake(robot, world, movements):
@@ -89,7 +95,7 @@ def log_of(row, path, seed):
     """Return what a controller logs of a path (T, n)."""
     random = np.random.default_rng((seed, row))
     angles = path[::EVERY] + NOISE_RAD * random.standard_normal(path[::EVERY].shape)
-    return Log(row, STEP_S * EVERY * np.arange(len(angles)), angles, True)
+    return ArmLog(row, STEP_S * EVERY * np.arange(len(angles)), angles, True)
 
 
 def apart(robot, drives, movements, paths):
@@ -160,7 +166,7 @@ def count_tries(finished, given, seed, knows):
     motion, robot = finished.motions[given.motion], finished.robot
     config, target = TransferConfig(), motion.plan.target[:2]
     space = plan_space(motion.plan, robot, PARTS, config.n_shapes)
-    arm = SecondSimulation(robot, finished.task, seed)
+    arm = transferability.ARMS[given.engine](robot, finished.task, seed)
     simulator, archive, tries, misses = Simulator(space, robot, finished.task), None, [], []
     archive = no_plans(space.dimension)
     while len(misses) < given.most:
@@ -174,9 +180,8 @@ def count_tries(finished, given, seed, knows):
         if knows and len(misses) == 1:
             world = draw_perturbation(REAL_SPREADS, robot, (seed,))
             movements = [as_movement(motion)]
-            fit = find_drives(
-                robot, movements, in_mujoco(robot, world, movements), 1, seed, given.jobs
-            )
+            logged = ARMS[given.engine](robot, world, movements)
+            fit = find_drives(robot, movements, logged, 1, seed, given.jobs)
             known = replace(
                 robot, drives=drives_with(robot.drives, fit.quantities, fit.found.values)
             )
@@ -190,7 +195,8 @@ def throw(finished, given):
     """Print how many tries it takes, with what logs say of the drives and without."""
     print("| | first try, median | tries to 10 cm, median | most | tries of each |")
     print("|---|---|---|---|---|")
-    for name, knows in (("landings alone", False), ("and the first try's log", True)):
+    kinds = (("landings alone", False), ("and the first try's log", True))
+    for name, knows in kinds[int(given.log_only) :]:
         runs = [
             count_tries(finished, given, seed, knows)
             for seed in range(given.first_seed, given.first_seed + given.arms)
@@ -219,6 +225,7 @@ def main() -> None:
     parser.add_argument("--throws", action="store_true", help="tries until a throw lands near")
     parser.add_argument("--motion", type=int, default=0)
     parser.add_argument("--most", type=int, default=10, help="greatest number of tries")
+    parser.add_argument("--log-only", action="store_true", help="of --throws: with the log alone")
     parser.add_argument("--misses", action="store_true", help="of every try, metres")
     given = parser.parse_args()
     finished = read_run(given.run)

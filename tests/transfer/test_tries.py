@@ -7,12 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import yaml
 from command_line import besman
 
 from besman.exceptions import RunError, TransferError
 from besman.io.exports import read_joint_csv
 from besman.records.files import save_record
 from besman.robot.limits import check_limits
+from besman.robot.model import find_robot
 from besman.simulation.tasks.kinds import load_task
 from besman.simulation.trial import try_plans
 from besman.stages.refine.stage import CmaEsConfig
@@ -305,3 +307,33 @@ def test_robustness_of_a_run_by_command(run, monkeypatch, capsys, tmp_path):
     assert [one["motion"] for one in found["motions"]] == list(NAMES)
     assert found["models"] == 3
     assert found["shift_at_quarter_step_m"]["max"] < 0.1
+
+
+def test_an_arm_that_is_known_better_simulates_the_tries_anew(
+    suggested, tmp_path, capsys, monkeypatch
+):
+    run, first = suggested
+    expected = first.state.tries[0].expected_m
+    fill(first.table, x_m=expected[0] - 0.2, y_m=expected[1])
+    record_tries(run, first.table)
+    content = yaml.safe_load(find_robot("ur5").read_text()) | {"name": "ur5_identified"}
+    for joint in content["joints"]:
+        joint["delay_s"], joint["servo_gain"] = 0.01, 0.9
+    known = tmp_path / "ur5.identified.yaml"
+    known.write_text(yaml.safe_dump(content))
+    assert besman(monkeypatch, "transfer", "suggest", run, "--robot", known) == 0
+    capsys.readouterr()
+    state = load_state(run / "transfer" / "person_1")
+    assert state.tries[0].outcome_m == (expected[0] - 0.2, expected[1])
+    before = first.state.archive
+    np.testing.assert_array_equal(
+        state.archive.points[state.tries[0].row], before.points[first.state.tries[0].row]
+    )
+    # The arm that is late throws otherwise.
+    simulated = state.archive.outcomes[state.tries[0].row]
+    assert np.linalg.norm(simulated - before.outcomes[first.state.tries[0].row]) > 1e-3
+    assert load_state(run / "transfer" / "person_1").drives != first.state.drives
+    assert besman(monkeypatch, "transfer", "suggest", run, "--robot", "ur10") == 2
+    assert "--robot: ur10 is another arm than the run's ur5; expected what besman identify" in (
+        " ".join(capsys.readouterr().err.split())
+    )

@@ -12,7 +12,7 @@ from besman.io.executions import ENDINGS, Execution, read_execution
 from besman.records import RefinedMotion
 from besman.robot.model import Robot
 from besman.stages.export.motion_exports import export_name
-from besman.transfer.identification.fit import Log, Movement, find_start
+from besman.transfer.identification.fit import ArmLog, AskedMovement, find_start
 
 # A log of the motion begins this near to its start, and no joint is farther off than that, however
 # late it is.
@@ -49,7 +49,7 @@ def read_logs(
     robot: Robot,
     motion: str | None = None,
     fit_start: bool = False,
-) -> tuple[Log, ...]:
+) -> tuple[ArmLog, ...]:
     """Read the logs of motions' executions, each held against the motion that it is of.
 
     Parameters
@@ -78,7 +78,7 @@ def read_logs(
         at = _motion_of(path, motions, motion)
         execution = read_execution(path, robot.joint_names)
         is_aligned = execution.is_aligned and not fit_start
-        log = Log(at, execution.time, execution.positions, is_aligned)
+        log = ArmLog(at, execution.time, execution.positions, is_aligned)
         _refuse_other(log, execution, motions[at], robot)
         logs.append(log)
     return tuple(logs)
@@ -102,12 +102,12 @@ def _motion_of(path: Path, motions: Sequence[RefinedMotion], motion: str | None)
     return max(fitting, key=lambda at: len(names[at]))
 
 
-def as_movement(motion: RefinedMotion) -> Movement:
+def as_movement(motion: RefinedMotion) -> AskedMovement:
     """Return what a refined motion asks of the arm."""
-    return Movement(motion.time, motion.positions, motion.velocities, motion.accelerations)
+    return AskedMovement(motion.time, motion.positions, motion.velocities, motion.accelerations)
 
 
-def _refuse_other(log: Log, execution: Execution, motion: RefinedMotion, robot: Robot) -> None:
+def _refuse_other(log: ArmLog, execution: Execution, motion: RefinedMotion, robot: Robot) -> None:
     """Refuse a log that cannot be of a motion."""
     path, asked, name = execution.source, as_movement(motion), motion.plan.name
     lasts, time = float(asked.time[-1]), log.time

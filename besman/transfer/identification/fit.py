@@ -36,7 +36,7 @@ _START_S = 0.002
 
 
 @dataclass(frozen=True, eq=False)
-class Movement:
+class AskedMovement:
     """What was asked of the arm.
 
     Attributes
@@ -54,7 +54,7 @@ class Movement:
 
 
 @dataclass(frozen=True, eq=False)
-class Log:
+class ArmLog:
     """What the arm did.
 
     Attributes
@@ -76,7 +76,7 @@ class Log:
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class DriveFit:
     """What logs say of an arm.
 
     Attributes
@@ -106,11 +106,11 @@ class Fit:
 
 def fit_drives(
     robot: Robot,
-    movements: Sequence[Movement],
-    logs: Sequence[Log],
+    movements: Sequence[AskedMovement],
+    logs: Sequence[ArmLog],
     jobs: int = 1,
     progress: Callable[[float], None] = lambda share: None,
-) -> Fit:
+) -> DriveFit:
     """Fit gains, delays, lags, frictions and payload of an arm to logs of its movements.
 
     Where it is not known when a movement was sent off, that is sought as well, and delays are not.
@@ -119,8 +119,8 @@ def fit_drives(
     ----------
     robot : Robot
         With its tool, and what is known of its drives.
-    movements : sequence of Movement
-    logs : sequence of Log
+    movements : sequence of AskedMovement
+    logs : sequence of ArmLog
         At least one.
     jobs : int
         Threads; they change nothing.
@@ -146,7 +146,7 @@ def fit_drives(
     n = len(quantities)
     mine = Estimate(found.values[:n], found.deviations[:n], found.told[:n])
     apart_before, apart = (_rms(comparison.residuals(one)) for one in (first, found.values))
-    return Fit(
+    return DriveFit(
         quantities,
         before,
         mine,
@@ -163,8 +163,8 @@ class _Comparison:
     def __init__(
         self,
         robot: Robot,
-        movements: Sequence[Movement],
-        logs: Sequence[Log],
+        movements: Sequence[AskedMovement],
+        logs: Sequence[ArmLog],
         quantities: Sequence[Quantity],
     ) -> None:
         self._robot, self._quantities = robot, quantities
@@ -173,7 +173,7 @@ class _Comparison:
         asked = [movements[at] for at in used]
         self._sent = sent_setpoints(robot, asked)
         self._starts = np.stack([one.positions[0] for one in asked])
-        self._clock = _STEP_S * np.arange(self._sent.shape[1])
+        self._clock: FloatArray = np.asarray(_STEP_S * np.arange(self._sent.shape[1]), np.float64)
         self._open = [at for at, log in enumerate(logs) if not log.is_aligned]
         pairs = [(log, asked[row]) for log, row in zip(logs, self._rows, strict=True)]
         begun = [0.0 if log.is_aligned else find_start(log, one) for log, one in pairs]
@@ -201,7 +201,7 @@ class _Comparison:
         ]
 
 
-def sent_setpoints(robot: Robot, movements: Sequence[Movement]) -> FloatArray:
+def sent_setpoints(robot: Robot, movements: Sequence[AskedMovement]) -> FloatArray:
     """Return what is sent to the servos (B, T, n) at the simulation's steps, and then at rest."""
     longest = max(one.time[-1] for one in movements) + _AFTER_S
     n_steps = int(np.ceil(longest / _STEP_S)) + 1
@@ -213,7 +213,7 @@ def sent_setpoints(robot: Robot, movements: Sequence[Movement]) -> FloatArray:
     return servo_controls(robot, *parts)
 
 
-def find_start(log: Log, movement: Movement) -> float:
+def find_start(log: ArmLog, movement: AskedMovement) -> float:
     """Return after which time of a log, seconds, a movement seems to have been sent off."""
     every = max(int(_SEARCH_S / np.median(np.diff(log.time))), 1)
     time, positions = log.time[::every], log.positions[::every]
@@ -228,7 +228,7 @@ def find_start(log: Log, movement: Movement) -> float:
     return float(tried[int(np.argmin(apart))])
 
 
-def _thin_out(log: Log, movement: Movement, start: float) -> Log:
+def _thin_out(log: ArmLog, movement: AskedMovement, start: float) -> ArmLog:
     """Leave out what comes too often, and what the arm did before and after."""
     every = max(int((len(log.time) - 1) / ((log.time[-1] - log.time[0]) * _RATE_HZ)), 1)
     rows = np.arange(0, len(log.time), every)

@@ -14,7 +14,7 @@ from besman.config.yaml_file import load_config
 from besman.io.atomic_files import make_folder, write_json, write_text
 from besman.robot.config import RobotConfig
 from besman.robot.model import find_robot, find_urdf, load_robot
-from besman.transfer.identification.fit import Fit
+from besman.transfer.identification.fit import DriveFit
 from besman.transfer.identification.quantities import PAYLOAD
 
 _DIGITS = 5
@@ -46,7 +46,7 @@ def place_of_identified(source: str, run: Path, out: Path | None = None) -> tupl
 
 
 def write_identified(
-    place: tuple[Path, str], source: str, fit: Fit, told_by: str, results: dict[str, Any]
+    place: tuple[Path, str], source: str, fit: DriveFit, told_by: str, results: dict[str, Any]
 ) -> None:
     """Write a robot.yaml, and what was found as JSON beside it.
 
@@ -56,7 +56,7 @@ def write_identified(
         See `place_of_identified`.
     source : str
         The old robot.
-    fit : Fit
+    fit : DriveFit
     told_by : str
         What the numbers come from, in words.
     results : dict

@@ -13,7 +13,7 @@ from besman.pipeline.check_run import check_run
 from besman.pipeline.finished_run import FinishedRun, read_run
 from besman.pipeline.sealed_page import PAGE
 from besman.transfer.identification.executions import as_movement, find_executions, read_logs
-from besman.transfer.identification.fit import Fit, fit_drives
+from besman.transfer.identification.fit import DriveFit, fit_drives
 from besman.transfer.identification.identified_robot import place_of_identified, write_identified
 from besman.transfer.identification.quantities import PAYLOAD
 from besman.work.work import Work
@@ -27,13 +27,13 @@ class Identified:
     ----------
     path : Path
         The new robot.yaml; a JSON file with all that was found is beside it.
-    fit : Fit
+    fit : DriveFit
     results : dict
         Content of that file.
     """
 
     path: Path
-    fit: Fit
+    fit: DriveFit
     results: dict[str, Any]
 
 
@@ -97,14 +97,14 @@ def _refuse_changed(run: Path) -> None:
 
 
 def identification_results(
-    finished: FinishedRun, fit: Fit, logs: Sequence[tuple[Path, str]]
+    finished: FinishedRun, fit: DriveFit, logs: Sequence[tuple[Path, str]]
 ) -> dict[str, Any]:
     """Give what was found, for a JSON file.
 
     Parameters
     ----------
     finished : FinishedRun
-    fit : Fit
+    fit : DriveFit
     logs : sequence of pairs
         File, and name of its motion.
 

@@ -22,15 +22,16 @@ BoolArray = npt.NDArray[np.bool_]
 Residuals = Callable[[FloatArray], Sequence[FloatArray]]
 
 # Step of the differences, in units.
-_STEP = 0.25
-# Steps: how many, how long at first, in units, to which share they are shortened and how often
-# where they lead up; what is too little to go on for.
-_STEPS, _REACH, _SHORTER, _SHORTENINGS = 12, 50.0, 0.25, 3
+_STEP = 0.05
+# Steps: how many, to which share they are shortened and how often where they lead up; what is too
+# little to go on for.
+_STEPS, _SHORTER, _SHORTENINGS = 15, 0.4, 6
 _FLAT = 1e-5
 # Keeps what has no effect where it is, as a share of the greatest slope.
 _RIDGE = 1e-7
-# What is told worse than this, in units, is not told.
-_VAGUE = 1.25
+# What is told worse than this, in units, is not told, unless it has changed by more than so many
+# standard deviations.
+_VAGUE, _SURE = 1.25, 4.0
 # How often what is not told is left out and the rest is sought again.
 _ROUNDS = 3
 # Errors of one series that are correlated less than this are independent.
@@ -67,9 +68,10 @@ def estimate(
 ) -> Estimate:
     """Find the quantities with the least squares of residuals, and how sure they are.
 
-    What the data does not tell within its unit, by itself or apart from others, stays as it was,
-    and the rest is found without it. Standard deviations are those of the linear model [1]_; of
-    errors that are correlated in time only as many count as are independent [2]_.
+    What the data tells neither within its unit nor to have changed for sure, by itself or apart
+    from others, stays as it was, and the rest is found without it. Standard deviations are those
+    of the linear model [1]_; of errors that are correlated in time only as many count as are
+    independent [2]_.
 
     Parameters
     ----------
@@ -96,7 +98,8 @@ def estimate(
         values = search.solve(np.where(told, values, start), told)
         series, slopes = search.linearise(values)
         variance = _variance(series, int(told.sum()), resolution)
-        deviations, keep = _sift(slopes, variance, told)
+        moved = np.abs(values - start) / units
+        deviations, keep = _sift(slopes, variance, told, moved)
         if keep.all() or not keep[told].any() or np.array_equal(keep, told):
             told = keep
             break
@@ -127,17 +130,17 @@ class _Search:
         Gauss-Newton steps, each the solution of a linear problem within the bounds: many quantities
         are at one in the end.
         """
-        values, reach = first.copy(), _REACH
+        values = first.copy()
         residual = _flat(self._residuals(values))
         for _ in range(_STEPS if free.any() else 0):
             slopes = self._slopes(values, free)
-            for _ in range(_SHORTENINGS):
-                moved = self._step(values, free, slopes, residual, reach)
+            step = self._step(values, free, slopes, residual)
+            for shorter in range(_SHORTENINGS):
+                moved = values + _SHORTER**shorter * step
                 there = _flat(self._residuals(moved))
                 gained = float(residual @ residual - there @ there)
                 if gained > 0:
                     break
-                reach *= _SHORTER
             else:
                 break
             values, before, residual = moved, float(residual @ residual), there
@@ -146,27 +149,22 @@ class _Search:
         return values
 
     def _step(
-        self,
-        values: FloatArray,
-        free: BoolArray,
-        slopes: FloatArray,
-        residual: FloatArray,
-        reach: float,
+        self, values: FloatArray, free: BoolArray, slopes: FloatArray, residual: FloatArray
     ) -> FloatArray:
-        """Return where the residuals (N,) are least by their slopes (N, F), within some units."""
+        """Return the way (D,) to where residuals (N,) are least by their slopes (N, F)."""
         from scipy.optimize import lsq_linear
 
         unit = self._units[free]
-        low = np.maximum((self._low - values)[free] / unit, -reach)
-        high = np.minimum((self._high - values)[free] / unit, reach)
-        triangle = np.linalg.qr(np.column_stack([slopes, residual]), mode="r")
+        room = tuple((end - values)[free] / unit for end in (self._low, self._high))
+        both = np.column_stack([slopes, residual])
+        triangle: FloatArray = np.asarray(np.linalg.qr(both, mode="r"))
         # What has no effect stays.
         ridge = _RIDGE * np.abs(triangle[:, :-1]).max() * np.eye(len(unit))
         system = np.vstack([triangle[:, :-1], ridge])
         wanted = np.concatenate([-triangle[:, -1], np.zeros(len(unit))])
-        moved = values.copy()
-        moved[free] += unit * lsq_linear(system, wanted, (low, high), method="bvls").x
-        return np.asarray(np.clip(moved, self._low, self._high))
+        step = np.zeros(len(values))
+        step[free] = unit * lsq_linear(system, wanted, room, method="bvls").x
+        return np.clip(values + step, self._low, self._high) - values
 
     def linearise(self, values: FloatArray) -> tuple[Sequence[FloatArray], FloatArray]:
         """Return the residuals, and their slopes (N, D) a unit of every quantity."""
@@ -220,8 +218,10 @@ def _correlated(errors: FloatArray) -> float:
     return float(1.0 + 2.0 * correlation[1:end].sum())
 
 
-def _sift(slopes: FloatArray, variance: float, free: BoolArray) -> tuple[FloatArray, BoolArray]:
-    """Leave out what is not told within a unit, the vaguest first.
+def _sift(
+    slopes: FloatArray, variance: float, free: BoolArray, moved: FloatArray
+) -> tuple[FloatArray, BoolArray]:
+    """Leave out what is told neither within a unit nor to have changed, the vaguest first.
 
     Parameters
     ----------
@@ -231,6 +231,8 @@ def _sift(slopes: FloatArray, variance: float, free: BoolArray) -> tuple[FloatAr
         Of a residual.
     free : bool array, shape (D,)
         What was sought.
+    moved : array, shape (D,)
+        How far it is from where it was, units.
 
     Returns
     -------
@@ -240,11 +242,12 @@ def _sift(slopes: FloatArray, variance: float, free: BoolArray) -> tuple[FloatAr
     kept : bool array, shape (D,)
     """
     normal = slopes.T @ slopes / variance
-    kept = free & (np.diag(normal) >= _VAGUE**-2)
+    enough = np.maximum(_VAGUE, moved / _SURE)
+    kept = free & (np.diag(normal) * enough**2 >= 1.0)
     while kept.any():
-        deviations = _deviations(normal, kept)
-        worst = np.flatnonzero(kept)[np.argmax(deviations[kept])]
-        if deviations[worst] <= _VAGUE:
+        vague = _deviations(normal, kept) / enough
+        worst = np.flatnonzero(kept)[np.argmax(vague[kept])]
+        if vague[worst] <= 1.0:
             break
         kept[worst] = False
     found = _deviations(normal, kept)

@@ -16,7 +16,7 @@ from besman.robot.drives import arrive_late
 from besman.robot.model import find_robot, load_robot
 from besman.simulation.arm_alone import follow_setpoints
 from besman.transfer.identification.executions import as_movement, find_executions, read_logs
-from besman.transfer.identification.fit import Log, fit_drives, sent_setpoints
+from besman.transfer.identification.fit import ArmLog, fit_drives, sent_setpoints
 from besman.transfer.identification.identified_robot import place_of_identified
 from besman.transfer.identification.identify import identify_arm
 from besman.transfer.identification.quantities import quantities_of, values_of
@@ -146,7 +146,7 @@ def test_when_a_motion_was_sent_off_is_found_with_the_rest(robot, motions, paths
     """A log that begins 0.7 s before the motion, as a bag's may: delays are not sought."""
     time, angles = paths
     before = np.repeat(angles[0, :1], 350, axis=0)
-    log = Log(0, STEP_S * np.arange(350 + len(time)), np.concatenate([before, angles[0]]), False)
+    log = ArmLog(0, STEP_S * np.arange(350 + len(time)), np.concatenate([before, angles[0]]), False)
     fit = fit_drives(robot, [as_movement(one) for one in motions], [log])
     assert "delay_s" not in {one.key for one in fit.quantities}
     assert fit.apart < 5 * NOISE_RAD
