@@ -88,7 +88,7 @@ def parse_goals(text: str) -> tuple[Goal, ...]:
     Parameters
     ----------
     text : str
-        Goals in their order, between semicolons; what is to hold at once is joined by `` and ``.
+        Goals in their order, between semicolons; what is to hold at once is joined by ``and``.
 
     Raises
     ------
