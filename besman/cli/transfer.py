@@ -24,7 +24,8 @@ def suggest(
     run: RunFolder,
     motion: Annotated[str | None, typer.Option(help="A refined motion; default the first.")] = None,
     out: Annotated[
-        Path | None, typer.Option(help="Folder to write to; default RUN/transfer.")
+        Path | None,
+        typer.Option(help="Folder to write to; default RUN/transfer.", callback=target_folder),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of the search; of a motion's first try.")] = 0,
     surrogate: Annotated[

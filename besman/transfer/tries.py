@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.exceptions import TransferError, nearest
-from besman.io.atomic_files import make_folder
+from besman.io.atomic_files import check_folder, make_folder
 from besman.motion.rollout import sample_plan
 from besman.pipeline.finished_run import FinishedRun, read_run
 from besman.records import AnyPlan, RefinedMotion
@@ -98,6 +98,7 @@ def suggest_try(
     config = config or TransferConfig()
     space = _space(refined.plan, finished.robot, config)
     folder = run / "transfer" / file_name(refined.plan.name)
+    check_folder(out or run / "transfer")
     state = new_state(refined, space.dimension, config)
     if (folder / "state.json").exists():
         state = _same(folder, load_state(folder), refined)
