@@ -198,9 +198,7 @@ def test_what_was_asked_is_no_log(run, log, motions):
     """Who logs set-points, or gives the export itself, is not told that the arm is ideal."""
     motion = motions[0]
     asked = np.column_stack([motion.time, np.degrees(motion.positions)])
-    with pytest.raises(
-        RecordingError, match="is what was asked of the arm in motion person"
-    ):
+    with pytest.raises(RecordingError, match="is what was asked of the arm in motion person"):
         identify_arm(run, [log(change=lambda _: asked[::4])])
 
 
