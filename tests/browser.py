@@ -42,13 +42,12 @@ def chromium():
     driver.stop()
 
 
-@pytest.fixture
-def open_page(chromium):
+def open_pages(browser):
     """Open addresses; what a page logs as an error, or is refused by its policy, fails the test."""
     contexts, errors = [], []
 
     def open_address(url, expect_errors=False, **options):
-        context = chromium.new_context(**{"viewport": {"width": 1000, "height": 700}, **options})
+        context = browser.new_context(**{"viewport": {"width": 1000, "height": 700}, **options})
         contexts.append(context)
         page = context.new_page()
         page.set_default_timeout(15_000)
@@ -62,3 +61,15 @@ def open_page(chromium):
     for context in contexts:
         context.close()
     assert errors == []
+
+
+@pytest.fixture
+def open_page(chromium):
+    """Open pages for one test."""
+    yield from open_pages(chromium)
+
+
+@pytest.fixture(scope="module")
+def open_shared(chromium):
+    """Open pages that the tests of one file look at in turn."""
+    yield from open_pages(chromium)

@@ -13,6 +13,16 @@ def besman(monkeypatch, *arguments):
     return caught.value.code or 0
 
 
+def leave_undrawn(monkeypatch):
+    """Have reports made without rendering their figures: half of the time of a short run.
+
+    What is drawn is shown by the small run and by the tests of the report, the tasks and the views.
+    """
+    canvas = "matplotlib.backends.backend_svg.FigureCanvasSVG.print_svg"
+    monkeypatch.setattr("besman.report.figures._settle_layout", lambda figure: None)
+    monkeypatch.setattr(canvas, lambda self, file, **options: file.write("<svg></svg>"))
+
+
 # What makes the run below quick: it changes neither which stages there are nor what they promise.
 SMALL_RUN = (
     # Its trajectories have names, which are not looked at.

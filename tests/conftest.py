@@ -11,7 +11,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import keep_bytecode  # noqa: F401
 import numpy as np
 import pytest
-from command_line import run_small
+from command_line import leave_undrawn, run_small
 from hypothesis import settings
 
 from besman.motion.dmp_fit import fit_weights
@@ -89,12 +89,15 @@ def small_run(made_once, tmp_path_factory):
     return shutil.copytree(made / "run", tmp_path_factory.mktemp("small") / "run")
 
 
+@pytest.fixture(scope="session")
+def toss_run(made_once):
+    """A folder of a capture of throws, and of a run that finds them as actions; to read only."""
+    from toss_run import run_tosses
+
+    return made_once("toss_run", run_tosses)
+
+
 @pytest.fixture
 def undrawn(monkeypatch):
-    """Have reports made without rendering their figures: half of the time of a short run.
-
-    What is drawn is shown by the small run and by the tests of the report, the tasks and the views.
-    """
-    canvas = "matplotlib.backends.backend_svg.FigureCanvasSVG.print_svg"
-    monkeypatch.setattr("besman.report.figures._settle_layout", lambda figure: None)
-    monkeypatch.setattr(canvas, lambda self, file, **options: file.write("<svg></svg>"))
+    """Have reports made without rendering their figures."""
+    leave_undrawn(monkeypatch)

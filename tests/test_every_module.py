@@ -13,6 +13,10 @@ OTHERWISE = {
     "besman.__main__": ("python -m besman", "annotate/test_commands.py"),
     "besman.annotate.proposals": ("through a session", "annotate/test_proposals.py"),
     "besman.following.news": ("in what is printed", "following/test_live.py"),
+    "besman.io.recordings.keypoint_frames": (
+        "through its reader",
+        "io/recordings/test_keypoint_layouts.py",
+    ),
     "besman.pipeline.compile_kernels": ("compiled by `make install`, counted in CI", "../.ci/run"),
     "besman.pipeline.run_record": ("through a run", "pipeline/test_run_folder.py"),
     "besman.report.page_style": ("in the browser", "report/test_page.py"),

@@ -109,10 +109,8 @@ def _cut_gaps(
 ) -> None:
     """Remove samples in place until the share of the recipe is missing."""
     n_frames, n_markers = spoilt.shape[:2]
-    apart = np.linalg.norm(spoilt[:, :, None] - spoilt[:, None], axis=-1)[
-        :: max(1, n_frames // 200)
-    ]
-    apart = np.nanmedian(apart, axis=0)
+    some = spoilt[:: max(1, n_frames // 200)]
+    apart = np.nanmedian(np.linalg.norm(some[:, :, None] - some[:, None], axis=-1), axis=0)
     np.fill_diagonal(apart, np.inf)
     nearest = apart.argmin(axis=1)
     missing = int(np.isnan(spoilt[:, :, 0]).sum())

@@ -114,7 +114,13 @@ class Twin:
         self.target = self._placement.apply(hand2back)
         self._seek(step_s)
         positions, velocities = self._filter.update(self._solution, step_s)
-        return self._setpoints.aim(positions, velocities)
+        if self._setpoints.aim(positions, velocities):
+            return True
+        if self._setpoints.rests:
+            # What is wanted has gone round something, or was hidden while it did, and no straight
+            # way leads there any more: it is sought anew from where the arm has come to rest.
+            self._solution, self._filter = self.positions, JointFilter(_MEMORY_S)
+        return False
 
     def advance(self, n: int) -> SetPoints:
         """Give the set-points of the next n milliseconds."""

@@ -1,7 +1,7 @@
 import shutil
 
 import pytest
-from browser import chromium, open_page  # noqa: F401
+from browser import chromium, open_page, open_shared  # noqa: F401
 
 from besman.annotate.server import make_server
 from besman.annotate.session import Session

@@ -23,17 +23,31 @@ PLACE = """([layer, row]) => {
 }"""
 
 
-@pytest.fixture
-def annotate(open_page):
-    """Open a server's page, and wait until it can be used."""
+WINDOW = {"viewport": {"width": 1280, "height": 800}}
 
-    def start(url, **options):
-        page = open_page(url, viewport={"width": 1280, "height": 800}, **options)
+
+@pytest.fixture(scope="module")
+def window(open_shared):
+    """One window for all servers: to start another for each costs as much as the page itself."""
+    return open_shared("about:blank", **WINDOW)
+
+
+@pytest.fixture
+def annotate(open_page, window, serve):
+    """Open a server's page, and wait until it can be used; one that may complain has its own."""
+
+    def start(url, expect_errors=False):
+        page = open_page(url, expect_errors, **WINDOW) if expect_errors else window
+        if page is window:
+            page.goto(url)
         page.wait_for_selector("html[data-ready]")
         until(page, "besman.proposals.loaded.get(besman.layer) !== 'coming'")
         return page
 
-    return start
+    yield start
+    # Left before its server ends, of which it would complain.
+    window.unroute_all()
+    window.goto("about:blank")
 
 
 def until(page, expression, timeout_s=30.0):

@@ -5,7 +5,6 @@ import sys
 
 import numpy as np
 import pytest
-from small_runs import keep_demonstrations
 
 from besman.cli import main as cli
 from besman.config.resources import resource_folder
@@ -13,10 +12,8 @@ from besman.exceptions import BesmanError, ConfigError, LabellingError, RunError
 from besman.following.files import Replay
 from besman.following.plans import make_plan
 from besman.io.recordings.formats import read_recording, write_recording
-from besman.io.segments_json import find_segments
 from besman.records.files import load_record
 from besman.standalone.train_files import train_files
-from besman.synthetic.datasets import write_synthetic
 
 SAMPLE = resource_folder("data") / "stick_throw" / "subject1.tsv"
 
@@ -48,36 +45,10 @@ def start_of_sample(tmp_path_factory):
     return path
 
 
-@pytest.fixture(scope="module")
-def capture(tmp_path_factory):
-    """Throws whose three blocks carry the name of an action as well (synthetic)."""
-    (path,) = write_synthetic("stick_throw", tmp_path_factory.mktemp("capture"), 1, 3, seed=3)
-    file = find_segments(path)
-    content = json.loads(file.read_text())
-    entries = content if isinstance(content, list) else content["segments"]
-    for k in [k for k, entry in enumerate(entries) if entry["label"] == "throw"]:
-        toss = {**entries[k], "label": "toss"}
-        toss["start index"] = entries[k - 1]["start index"]
-        toss["end index"] = entries[k + 1]["end index"]
-        entries.append(toss)
-    file.write_text(json.dumps(content))
-    return path
-
-
 @pytest.mark.slow
-def test_a_run_is_followed_to_what_it_found_itself(monkeypatch, tmp_path, capsys, capture, undrawn):
-    keep_demonstrations(monkeypatch, 1)
-    run = tmp_path / "run"
-    call(
-        monkeypatch, "run", "ur5_stick_throw", "--out", run, "--set", f"recordings={capture}",
-        "--set", "label={method: named}", "--set", "recognize.examples_per_class=2",
-        "--set", "segment={method: vmci, border_probability: 0.05, longest_s: 5.0}",
-        "--set", "compose={levels: [[toss]], examples_per_class: 2, longest_blocks: 12}",
-        "--set", "map.evaluations=20", "--set", "map.yaw=false", "--set", "map.correct=false",
-        "--set", "map.greatest_error_m=1.0", "--set", "refine.episodes=2",
-        "--set", "refine.robustness=null",
-    )  # fmt: skip
-    capsys.readouterr()
+def test_a_run_is_followed_to_what_it_found_itself(monkeypatch, tmp_path, capsys, toss_run):
+    run = toss_run / "run"
+    (capture,) = (toss_run / "capture").glob("*.tsv")
     code = call(
         monkeypatch, "follow", capture, "--run", run, "--horizon", 0, "--json", tmp_path / "f.json"
     )

@@ -246,7 +246,7 @@ def test_memory_is_bounded_with_a_horizon(lesson, walk):
         longest_blocks=8, horizon_blocks=6,
     )  # fmt: skip
     sizes = []
-    for _ in range(4):
+    for _ in range(3):
         # The same walk again and again: the hands jump back, which is a border.
         for sample in walk.positions:
             follower.push(sample)
@@ -263,7 +263,7 @@ def test_short_gaps_are_held(lesson, walk):
     states = []
     for positions in (gappy, held):
         follower = Follower(walk.markers, RATE_HZ, make_arms(walk, models), levels, SEGMENT)
-        follow(follower, positions)
+        follow(follower, positions, 10)
         states.append(follower.state)
     assert states[0] == states[1]
     assert all(np.isfinite(one.uncertainty) for one in states[0].blocks["right"])
@@ -275,7 +275,7 @@ def test_what_a_long_gap_touches_is_unknown_and_the_stream_goes_on(lesson, walk)
     gap = (300, 340)
     positions[slice(*gap), walk.markers.index("elbow")] = np.nan
     follower = Follower(walk.markers, RATE_HZ, make_arms(walk, models), levels, SEGMENT)
-    follow(follower, positions)
+    follow(follower, positions, 10)
     lost = (gap[0] + round(0.25 * RATE_HZ), gap[1])
     state = follower.state
     for one in (*state.blocks["right"], *state.actions[0]):

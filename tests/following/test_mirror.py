@@ -4,6 +4,7 @@ import errno
 import json
 import shutil
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from besman.exceptions import FileError, RecordingError
 from besman.following.frame_stream import FrameStream
 from besman.following.hand_placement import MirrorPlan, mirror_as_in_run
 from besman.following.mirror import Mirror
-from besman.io.recordings.formats import read_recording
+from besman.io.recordings.formats import read_recording, write_recording
 from besman.live.capture import CaptureFile
 from besman.live.stream import Packet, StreamFormat
 from besman.robot.limits import check_limits
@@ -109,7 +110,7 @@ def test_a_run_places_the_hand_as_it_did(plan, small_run):
 
 
 def test_a_hidden_hand_brings_the_arm_to_rest_and_a_seen_one_moves_it_again(positions, plan):
-    hidden = positions.copy()
+    hidden = positions[:450].copy()
     names = read_recording(SAMPLE).names
     hidden[260:330, names.index("Hand top")] = np.nan
     lines, samples = mirror(Frames(hidden), plan, by_frames=True)
@@ -170,16 +171,19 @@ def test_a_full_disk_does_not_end_the_stream(positions, tmp_path, monkeypatch):
         stream.raise_failure()
 
 
-def test_the_command_tells_and_records(small_run, positions, tmp_path, monkeypatch, capsys):
-    record = tmp_path / "session.tsv"
-    given = ("--live", f"file://{SAMPLE}?pace=0", "--run", small_run, "--record", record)
+def test_the_command_tells_and_records(small_run, tmp_path, monkeypatch, capsys):
+    whole = read_recording(SAMPLE)
+    start = replace(whole, time=whole.time[:300], positions=whole.positions[:300])
+    sent, record = tmp_path / "sent.tsv", tmp_path / "session.tsv"
+    write_recording(start, sent)
+    given = ("--live", f"file://{sent}?pace=0", "--run", small_run, "--record", record)
     code = besman(monkeypatch, "mirror", *given)
     assert code == 0
     lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     assert [one["kind"] for one in lines[:3]] == ["stream", "begin", "joints"]
     assert lines[-1]["kind"] == "end"
     assert [json.loads(one) for one in record.with_suffix(".jsonl").open()] == lines
-    given = read_recording(SAMPLE)
+    given = read_recording(sent)
     np.testing.assert_allclose(read_recording(record).positions, given.positions, atol=1e-6)
 
 

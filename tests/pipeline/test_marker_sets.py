@@ -1,6 +1,7 @@
 """Marker sets of two arms, a sensor suit and an exoskeleton: from files to names."""
 
 import dataclasses
+import functools
 import hashlib
 import json
 import shutil
@@ -44,14 +45,22 @@ def folders(tmp_path_factory):
     return found
 
 
-def label(folder, markers):
-    inputs = read_inputs([str(folder)])
-    return inputs, LabelConfig(markers=markers).run(inputs.recordings, load_marker_set(markers))
+@pytest.fixture(scope="module")
+def label(folders):
+    """Read the recordings of a marker set and name their markers; return both, each set once."""
+
+    @functools.cache
+    def read_and_name(markers):
+        inputs = read_inputs([str(folders[markers])])
+        named = LabelConfig(markers=markers).run(inputs.recordings, load_marker_set(markers))
+        return inputs, named
+
+    return read_and_name
 
 
 @pytest.mark.parametrize("markers", SETS)
-def test_from_files_to_names(folders, markers):
-    inputs, recordings = label(folders[markers], markers)
+def test_from_files_to_names(label, markers):
+    inputs, recordings = label(markers)
     assert find_body(recordings[0].markers, "a").arms[0].hand == HANDS[markers]
     stage = RecognizeConfig(examples_per_class=4)
     model = stage.train(recordings, inputs.truth)
@@ -67,15 +76,15 @@ def test_from_files_to_names(folders, markers):
 
 
 @pytest.mark.parametrize("markers", SETS)
-def test_segments_without_naming_a_hand(folders, markers):
-    first = read_inputs([str(folders[markers])]).recordings[0].source
+def test_segments_without_naming_a_hand(folders, label, markers):
+    first = label(markers)[0].recordings[0].source
     (found,) = segment_files([folders[markers] / first], "valley_vmci", markers, None)
     assert len(found["borders_s"]) > 6
 
 
 @pytest.mark.parametrize("markers", ["xsens", "exoskeleton"])
-def test_orientations_of_the_markers_that_are_kept(folders, markers):
-    inputs, recordings = label(folders[markers], markers)
+def test_orientations_of_the_markers_that_are_kept(label, markers):
+    inputs, recordings = label(markers)
     raw, labelled = inputs.recordings[0], recordings[0]
     columns = load_marker_set(markers).match(raw.names, raw.source)
     for k, name in enumerate(labelled.markers):
@@ -84,8 +93,8 @@ def test_orientations_of_the_markers_that_are_kept(folders, markers):
         )
 
 
-def test_positions_alone_have_no_orientations(folders):
-    inputs = read_inputs([str(folders["xsens"])])
+def test_positions_alone_have_no_orientations(label):
+    inputs, _ = label("xsens")
     bare = tuple(dataclasses.replace(one, orientations=None) for one in inputs.recordings)
     recordings = LabelConfig(markers="xsens").run(bare, load_marker_set("xsens"))
     assert recordings[0].orientations is None
@@ -115,8 +124,8 @@ def test_the_hand_of_a_demonstration_is_the_simulated_one(dataset, side):
     np.testing.assert_allclose(found[:, 2], true[:, 2], atol=0.05)
 
 
-def test_actions_in_a_suit_do_not_depend_on_where_the_person_stands(folders):
-    _, recordings = label(folders["xsens"], "xsens")
+def test_actions_in_a_suit_do_not_depend_on_where_the_person_stands(label):
+    _, recordings = label("xsens")
     one = recordings[0]
     turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     other = dataclasses.replace(one, positions=one.positions @ turn.T + [1.0, -2.0, 0.0])
@@ -126,8 +135,8 @@ def test_actions_in_a_suit_do_not_depend_on_where_the_person_stands(folders):
     )
 
 
-def test_an_arm_that_was_not_recorded_is_refused(folders):
-    _, recordings = label(folders["xsens"], "xsens")
+def test_an_arm_that_was_not_recorded_is_refused(label):
+    _, recordings = label("xsens")
     with pytest.raises(MappingError, match=r"a: the left arm is not complete; got .*right_hand"):
         map_record(recordings[0], (50, 100), "x", name="a", side="left")
     bare = dataclasses.replace(

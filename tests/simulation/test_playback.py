@@ -11,6 +11,7 @@ from besman.robot.model import load_robot
 from besman.simulation.perturbed_trials import finer_task, lenient_task
 from besman.simulation.tasks.kinds import load_task
 from besman.simulation.trial import try_plans
+from besman.stages.refine.outcomes import succeeds
 from besman.stages.refine.stage import CmaEsConfig
 
 THROW, REACH = load_task("stick_throw"), load_task("reach")
@@ -80,8 +81,8 @@ def test_milestones_do_again_what_the_search_says_of_them(robot, make_plan):
     assert episodes[-1] == best
     for episode, milestone in motion.milestones:
         (one,) = try_plans(robot, THROW, [milestone])
-        if one.success:
-            # A success counts if it is one at a finer time step as well.
+        if succeeds(one, THROW, 0.5) or (one.success and episode == best):
+            # What the search may end with counts if it is a success at a finer time step as well.
             (fine,) = try_plans(robot, lenient_task(finer_task(THROW)), [milestone])
             one = one if fine.success else fine
         np.testing.assert_array_equal(one.outcome, motion.outcomes[episode])

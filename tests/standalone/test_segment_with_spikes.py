@@ -42,7 +42,7 @@ def test_a_hundred_metres_at_frame_400_move_nothing(throw, clean, tmp_path):
     with pytest.warns(RecordingWarning, match=message):
         found = borders_of(replace(throw, positions=positions), tmp_path)
     np.testing.assert_array_equal(found, clean)
-    np.testing.assert_allclose(clean, [0, 2, 2.98, 3.54, 4.33, 6.35, 7], atol=0.005)
+    np.testing.assert_allclose(clean, [0, 2, 2.97, 3.55, 4.33, 6.35, 7], atol=0.005)
 
 
 @settings(max_examples=25, deadline=None)

@@ -21,13 +21,42 @@ def served(content):
     server.stop()
 
 
-@pytest.fixture(params=["served", "replay"])
-def page(request, open_page):
-    """The page of the small run, from the server and from the file."""
+@pytest.fixture(scope="module", params=["served", "replay"])
+def loaded(request, open_shared):
+    """The page of the small run, from the server and from the file: loaded once."""
     found = request.getfixturevalue(request.param)
-    opened = open_page(found.as_uri() if isinstance(found, Path) else found.url)
+    opened = open_shared(found.as_uri() if isinstance(found, Path) else found.url)
     opened.wait_for_selector(READY)
     return opened
+
+
+@pytest.fixture
+def page(loaded, content):
+    """The page as it is when it has just been loaded."""
+    as_loaded(loaded, content)
+    return loaded
+
+
+def as_loaded(page, content):
+    """Stop, switch everything off, and choose the first demonstration, which begins anew."""
+    page.evaluate(
+        """() => {
+            document.querySelector("#play[aria-label=Pause]")?.click();
+            document.querySelectorAll("[aria-pressed=true]").forEach((one) => one.click());
+            speed.selectedIndex = [...speed.options].findIndex((one) => one.defaultSelected);
+        }"""
+    )
+    page.select_option("#demonstration", str(content.first))
+    page.wait_for_selector("#demonstration:not([aria-busy])")
+    page.evaluate("document.activeElement.blur()")
+
+
+@pytest.fixture(scope="module")
+def asked(served, open_shared):
+    """A page that is only asked what its modules compute."""
+    page = open_shared(served.url)
+    page.wait_for_selector(READY)
+    return page
 
 
 def pixels(page):
@@ -151,15 +180,13 @@ def test_the_theme_is_the_system_s_until_it_is_switched(open_page, served, theme
     assert page.evaluate(colour) != before
 
 
-def test_forward_kinematics_is_pinocchio_s(open_page, served):
-    page = open_page(served.url)
-    page.wait_for_selector(READY)
+def test_forward_kinematics_is_pinocchio_s(asked):
     for name in ("ur5", "iiwa7", "rh5_left"):
         robot = load_robot(name)
         rng = np.random.default_rng(0)
         angles = rng.uniform(robot.limits.position_min, robot.limits.position_max, (20, robot.n))
         chain = robot.chain
-        found = page.evaluate(
+        found = asked.evaluate(
             """async ([robot, angles]) => {
                 const {forwardKinematics} = await import("./kinematics.js");
                 return angles.map(row => [...forwardKinematics(robot, row).tip]);
@@ -180,11 +207,9 @@ def test_forward_kinematics_is_pinocchio_s(open_page, served):
             np.testing.assert_allclose(np.reshape(tip, (3, 4)), expected, atol=1e-9)
 
 
-def test_the_page_unpacks_what_was_packed(open_page, served, content):
-    page = open_page(served.url)
-    page.wait_for_selector(READY)
+def test_the_page_unpacks_what_was_packed(asked, content):
     index = content.first
-    found = page.evaluate(
+    found = asked.evaluate(
         """async index => {
             const {openSource} = await import("./source.js");
             const one = await openSource().demonstration(index);
@@ -215,10 +240,8 @@ def test_a_demonstration_that_cannot_be_had_is_said_on_the_page(open_page, serve
     assert "does not answer any more" in page.inner_text("#message")
 
 
-def test_triangles_are_filled_where_the_camera_sees_them(open_page, served):
-    page = open_page(served.url)
-    page.wait_for_selector(READY)
-    found = page.evaluate(
+def test_triangles_are_filled_where_the_camera_sees_them(asked):
+    found = asked.evaluate(
         """async () => {
             const {Raster, shadesOf} = await import("./raster.js");
             const {sphere} = await import("./geometry.js");
