@@ -197,6 +197,15 @@ def test_a_file_in_place_of_the_folder_leaves_no_try_behind(run, tmp_path):
     assert sorted(run.rglob("*")) == before
 
 
+def test_another_search_than_the_first_try_had_is_refused(suggested):
+    """It would have no effect."""
+    run, first = suggested
+    with pytest.raises(TransferError, match=r"--seed: got 7; the tries of person.tsv:1 began with"):
+        suggest_try(run, config=TransferConfig(seed=7))
+    same = TransferConfig(seed=first.state.config.seed)
+    assert suggest_try(run, config=same).state.tries == first.state.tries
+
+
 GOOD = {"motion": NAMES[0], "try": "1", "x_m": "1.2", "y_m": "-0.4", "success": "yes"}
 
 
