@@ -107,8 +107,12 @@ def mirror(
         str | None, typer.Option(help="Marker set; default the run's, or right_arm.")
     ] = None,
     learn: Annotated[
-        float, typer.Option(help="Seconds of the hand that its place is learnt from, 1 to 600.")
-    ] = 10.0,
+        float | None,
+        typer.Option(
+            help="With --robot: seconds of the hand that its place is learnt from, 1 to 600; "
+            "default 10."
+        ),
+    ] = None,
     record: Annotated[
         Path | None,
         typer.Option(help="Record the stream, NAME.tsv; what is printed as NAME.jsonl."),
@@ -133,6 +137,10 @@ def mirror(
         raise ConfigError("besman mirror: expected either --run RUN or --robot NAME")
     if run is not None and tool is not None:
         raise ConfigError("--tool: is of --robot; with --run the tool is the run's")
+    if run is not None and learn is not None:
+        raise ConfigError("--learn: is of --robot; with --run the hand's place is the run's")
+    if port is not None and not page:
+        raise ConfigError("--port: is of --page; expected both, or neither")
     source = find_source(live)
     if run is not None:
         plan = mirror_as_in_run(run, markers)
@@ -140,7 +148,7 @@ def mirror(
         plan = MirrorPlan(load_robot(str(robot), tool), markers or "right_arm")
     by_frames = isinstance(source, FileSource) and not source.is_paced
     teller = _Teller(keeps=False, events=announce_events(lsl, to_network))
-    twin = Mirror(source, plan, learn, by_frames)
+    twin = Mirror(source, plan, 10.0 if learn is None else learn, by_frames)
     if page:
         _show_page(twin, teller, record, port)
     else:
@@ -190,8 +198,10 @@ def announce_events(name: str | None, to_network: bool) -> LslEvents | None:
     Raises
     ------
     ConfigError, WebError
-        If it was not permitted, or cannot be announced.
+        If it was not permitted, or cannot be announced; if a permission is of nothing.
     """
+    if name is None and to_network:
+        raise ConfigError("--to-network: is of --lsl NAME; expected both, or neither")
     if name is None:
         return None
     if not to_network:

@@ -24,12 +24,20 @@ def suggest(
     run: RunFolder,
     motion: Annotated[str | None, typer.Option(help="A refined motion; default the first.")] = None,
     out: Annotated[
-        Path | None, typer.Option(help="Folder to write to; default RUN/transfer.")
+        Path | None,
+        typer.Option(help="Folder to write to; default RUN/transfer.", callback=target_folder),
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of the search; of a motion's first try.")] = 0,
+    seed: Annotated[
+        int | None,
+        typer.Option(min=0, help="Of the search, said at a motion's first try; default 0."),
+    ] = None,
     surrogate: Annotated[
-        str, typer.Option(help="jacobian, gaussian_process or inverse_distance.")
-    ] = "jacobian",
+        str | None,
+        typer.Option(
+            help="jacobian, gaussian_process or inverse_distance, said at a motion's first try; "
+            "default jacobian."
+        ),
+    ] = None,
     robot: Annotated[
         str | None, typer.Option(help="The arm as besman identify has found it, a robot.yaml.")
     ] = None,
@@ -43,9 +51,10 @@ def suggest(
     from besman.transfer.tries import suggest_try
 
     kinds = ("jacobian", "gaussian_process", "inverse_distance")
-    if surrogate not in kinds:
+    if surrogate is not None and surrogate not in kinds:
         raise TransferError(f"--surrogate: got {surrogate!r}; {nearest(surrogate, kinds)}")
-    config = TransferConfig.model_validate({"seed": seed, "surrogate": surrogate})
+    said = {"seed": seed, "surrogate": surrogate}
+    config = TransferConfig.model_validate({k: v for k, v in said.items() if v is not None})
     found = suggest_try(run, motion, out, config, jobs, robot)
     state, (x, y) = found.state, found.state.tries[-1].expected_m
     _print(

@@ -44,8 +44,8 @@ def schedule_frames(
     """
     if not (0 < pace <= 1000 and 0 <= lose < 1 and 0 <= late_s <= 10):
         raise ConfigError(
-            f"got --pace {pace:g}, --lose {lose:g}, --late {late_s:g}; expected a pace up to 1000, "
-            "a share below 1 and at most 10 s"
+            f"got --pace {pace:g}, --lose {lose:g}, --late {late_s:g}; expected a pace above "
+            "0 and up to 1000, a share from 0 and below 1, and 0 to 10 s"
         )
     draw = np.random.default_rng(seed)
     is_sent, is_late = draw.random(n_frames) >= lose, draw.random(n_frames) < _SHARE_LATE

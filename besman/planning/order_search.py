@@ -9,10 +9,15 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from besman.exceptions import PlanError
 from besman.planning.block_effects import HandState, LearntBlock
 
 HELD = -1
 """The spot of an object that is held."""
+
+# A search that has come so far takes half a minute and half a gigabyte; another object takes 30
+# times as much.
+_MOST_STATES = 1_000_000
 
 
 class OrderStep(NamedTuple):
@@ -104,6 +109,11 @@ def find_order(problem: OrderProblem) -> Order:
     Parameters
     ----------
     problem : OrderProblem
+
+    Raises
+    ------
+    PlanError
+        If it does not end: each object more takes many times as long.
     """
     first = _count_goals(problem, State(problem.start, "away", -1, 0, ""))
     reached: dict[State, tuple[int, tuple[OrderStep, ...]]] = {first: (0, ())}
@@ -118,6 +128,12 @@ def find_order(problem: OrderProblem) -> Order:
         if done:
             return Order(min(done)[1], len(problem.goals))
         seen |= reached.keys()
+        if len(seen) > _MOST_STATES:
+            raise PlanError(
+                f"{len(problem.kinds)} objects at {len(problem.spots)} spots can stand in too many "
+                f"ways: no order of blocks among the first {_MOST_STATES}; expected fewer objects, "
+                "or a plan for each part of the goals"
+            )
         following: dict[State, tuple[int, tuple[OrderStep, ...]]] = {}
         for state, (unseen, steps) in reached.items():
             for step, after in successors(problem, state):

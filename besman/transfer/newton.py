@@ -102,7 +102,9 @@ class _Steps:
             return None
         misses = [float(np.linalg.norm(one.outcome - self._target)) for one in good]
         best = good[int(np.argmin(misses))]
-        since = self._tries[self._tries.index(best) + 1 :]
+        # Outcomes are arrays, which do not compare as a whole.
+        at = next(k for k, one in enumerate(self._tries) if one is best)
+        since = self._tries[at + 1 :]
         failures = sum(not self._is_good(one) for one in since)
         if failures > _MOST_FAILURES:
             return None

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.exceptions import TransferError, nearest
-from besman.io.atomic_files import make_folder
+from besman.io.atomic_files import check_folder, make_folder
 from besman.motion.rollout import sample_plan
 from besman.pipeline.finished_run import FinishedRun, read_run
 from besman.records import AnyPlan, RefinedMotion
@@ -77,7 +77,8 @@ def suggest_try(
     out : Path, optional
         Folder for files and table; default ``transfer`` in the run folder.
     config : TransferConfig, optional
-        How to search; what the first try of a motion was found with stays.
+        How to search. What the first try of a motion was found with stays: what is set here must
+        be the same.
     jobs : int
         Threads; they change nothing.
     robot : str, optional
@@ -98,9 +99,11 @@ def suggest_try(
     config = config or TransferConfig()
     space = _space(refined.plan, finished.robot, config)
     folder = run / "transfer" / file_name(refined.plan.name)
+    check_folder(out or run / "transfer")
     state = new_state(refined, space.dimension, config)
     if (folder / "state.json").exists():
         state = _same(folder, load_state(folder), refined)
+        _refuse_other_search(folder, state, config)
         space = _space(refined.plan, finished.robot, state.config)
     target = refined.plan.target[:2]
     simulator = Simulator(space, finished.robot, finished.task)
@@ -211,6 +214,17 @@ def _same(folder: Path, state: TransferState, motion: RefinedMotion) -> Transfer
             "move the folder away to begin again"
         )
     return state
+
+
+def _refuse_other_search(folder: Path, state: TransferState, config: TransferConfig) -> None:
+    """Refuse to search in another way than a motion's first try was found."""
+    for key in sorted(config.model_fields_set):
+        had, got = getattr(state.config, key), getattr(config, key)
+        if had != got:
+            raise TransferError(
+                f"--{key.replace('_', '-')}: got {got}; the tries of {state.motion} began with "
+                f"{had}, which stays; expected that or none, or move {folder} away to begin again"
+            )
 
 
 def _same_arm(robot: Robot, source: str) -> Robot:

@@ -3,9 +3,12 @@
 from itertools import pairwise, product
 
 import numpy as np
+import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from besman.exceptions import PlanError
+from besman.planning import order_search
 from besman.planning.block_effects import LearntBlock
 from besman.planning.order_search import HELD, OrderProblem, find_order
 
@@ -152,3 +155,16 @@ def test_the_hand_may_stay_where_tasks_ended_like_that():
     assert [put.blocks[s.block].label for s in find_order(put).steps] == [
         "approach_shelf", "put_table",
     ]  # fmt: skip
+
+
+def test_more_objects_than_can_be_searched_are_an_error(monkeypatch):
+    """Seven boxes that change places: the search would take all memory of the machine."""
+    n = 7
+    spots = tuple([0] * n + [1] * n)
+    goals = (tuple((k, frozenset({n + k})) for k in range(n)),)
+    problem = OrderProblem(
+        BLOCKS, ("box",) * n, tuple(range(n)), spots, ~np.eye(2 * n, dtype=bool), goals
+    )
+    monkeypatch.setattr(order_search, "_MOST_STATES", 500)
+    with pytest.raises(PlanError, match="7 objects at 14 spots can stand in too many ways: no"):
+        find_order(problem)

@@ -77,3 +77,12 @@ def test_where_all_fails_the_other_approach_goes_on(monkeypatch):
     assert asked[0][4].surrogate == "gaussian_process"
     suggest_next(simulator, first.archive, (), TARGET, TransferConfig(surrogate="inverse_distance"))
     assert asked[1][4].surrogate == "inverse_distance"
+
+
+def test_one_motion_may_be_tried_twice():
+    """As the arm does not throw twice alike: the better of both outcomes counts."""
+    first = suggest_next(BallSimulator(), no_plans(DIMENSION), (), TARGET, TransferConfig())
+    tried = [RealTry(first.row, TARGET + far) for far in (np.array([0.4, 0.0]), np.array([0.2, 0]))]
+    both = suggest_next(BallSimulator(), first.archive, tried, TARGET, TransferConfig())
+    better = suggest_next(BallSimulator(), first.archive, tried[1:], TARGET, TransferConfig())
+    np.testing.assert_array_equal(both.landing, better.landing)

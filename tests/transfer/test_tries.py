@@ -10,7 +10,7 @@ import pytest
 import yaml
 from command_line import besman
 
-from besman.exceptions import RunError, TransferError
+from besman.exceptions import FileError, RunError, TransferError
 from besman.io.exports import read_joint_csv
 from besman.records.files import save_record
 from besman.robot.limits import check_limits
@@ -187,6 +187,23 @@ def test_motions_have_tries_of_their_own_in_one_table(run, tmp_path):
     assert states[NAMES[0]].tries[0].failed
     assert states[NAMES[0]].tries[0].outcome_m is None
     assert states[NAMES[1]].tries[0].outcome_m == (1.2, -0.4)
+
+
+def test_a_file_in_place_of_the_folder_leaves_no_try_behind(run, tmp_path):
+    (tmp_path / "file").write_text("")
+    before = sorted(run.rglob("*"))
+    with pytest.raises(FileError, match=r"file: cannot be written: .*file is a file, expected a"):
+        suggest_try(run, out=tmp_path / "file", config=SMALL)
+    assert sorted(run.rglob("*")) == before
+
+
+def test_another_search_than_the_first_try_had_is_refused(suggested):
+    """It would have no effect."""
+    run, first = suggested
+    with pytest.raises(TransferError, match=r"--seed: got 7; the tries of person.tsv:1 began with"):
+        suggest_try(run, config=TransferConfig(seed=7))
+    same = TransferConfig(seed=first.state.config.seed)
+    assert suggest_try(run, config=same).state.tries == first.state.tries
 
 
 GOOD = {"motion": NAMES[0], "try": "1", "x_m": "1.2", "y_m": "-0.4", "success": "yes"}

@@ -42,6 +42,7 @@ _WRAPPERS = {
     "pose_3d", "pose3d", "keypoints_3d", "keypoints3d", "landmark_positions", "points", "objects",
 }  # fmt: skip
 _MOST_NAMES = 10_000
+_MOST_DIGITS = 15
 _UNSEEN = [None, None, None]
 
 
@@ -131,12 +132,17 @@ def _frames_of_mapping(
 def _by_number(content: Mapping[str, Any]) -> list[dict[str, Any]] | None:
     """Return the frames of a mapping of numbers to frames."""
     if not content or not all(
-        key.isdecimal() and isinstance(one, dict) for key, one in content.items()
+        _is_frame_number(key) and isinstance(one, dict) for key, one in content.items()
     ):
         return None
     return [
         {"frame": int(key), **content[key]} for key in sorted(content, key=lambda key: int(key))
     ]
+
+
+def _is_frame_number(key: str) -> bool:
+    """Tell whether a key counts frames: Python parses no number of thousands of digits."""
+    return key.isdecimal() and len(key) <= _MOST_DIGITS
 
 
 def _rows_of_table(content: Mapping[str, Any]) -> list[dict[str, Any]] | None:
@@ -149,7 +155,7 @@ def _rows_of_table(content: Mapping[str, Any]) -> list[dict[str, Any]] | None:
     if len(values) < 3 or not all(isinstance(one, dict) and one for one in values):
         return None
     keys = list(values[0])
-    if not all(key.isdecimal() for key in keys) or any(list(one) != keys for one in values):
+    if not all(map(_is_frame_number, keys)) or any(list(one) != keys for one in values):
         return None
     return [{name: column[key] for name, column in content.items()} for key in keys]
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from besman.exceptions import RecordingError, TransferError, nearest
 from besman.io.executions import ENDINGS, Execution, read_execution
-from besman.records import RefinedMotion
+from besman.records import FloatArray, RefinedMotion
 from besman.robot.model import Robot
 from besman.stages.export.motion_exports import export_name
 from besman.transfer.identification.fit import ArmLog, AskedMovement, find_start
@@ -18,6 +18,8 @@ from besman.transfer.identification.fit import ArmLog, AskedMovement, find_start
 # late it is.
 _AT_START_RAD, _ON_THE_WAY_RAD = 0.1, 0.5
 _LATEST_S, _STEP_S = 0.6, 0.01
+# No arm is where it was told to be as exactly as that.
+_NO_ARM_RAD = 1e-5
 # A log begins no later than this, and shows this share of the motion.
 _FIRST_S, _ENOUGH = 0.05, 0.8
 # No log begins earlier before the motion, where it says when that was sent off.
@@ -126,6 +128,7 @@ def _refuse_other(log: ArmLog, execution: Execution, motion: RefinedMotion, robo
     found, time = log.positions[inside], time[inside] - start
     if not len(time):
         raise RecordingError(f"{path}: no sample while motion {name} goes on")
+    _refuse_asked(path, np.abs(_asked_at(asked, time) - found).max(), name)
     beside = np.abs(found[0] - asked.positions[0])
     if beside.max() > _AT_START_RAD:
         joint = int(beside.argmax())
@@ -137,6 +140,20 @@ def _refuse_other(log: ArmLog, execution: Execution, motion: RefinedMotion, robo
         if least.max() > _ON_THE_WAY_RAD:
             at = int(least.argmax())
             raise _other(path, name, robot.joint_names[joint], least[at], time[at], _ON_THE_WAY_RAD)
+
+
+def _asked_at(asked: AskedMovement, time: FloatArray) -> FloatArray:
+    """Return what is asked at some times (T,), shape (T, n), rad."""
+    return np.column_stack([np.interp(time, asked.time, one) for one in asked.positions.T])
+
+
+def _refuse_asked(path: Path, farthest: float, name: str) -> None:
+    """Refuse set-points in place of what came of them: an arm without any fault would be found."""
+    if farthest <= _NO_ARM_RAD:
+        raise RecordingError(
+            f"{path}: is what was asked of the arm in motion {name}, to {_NO_ARM_RAD:g} rad at "
+            "every sample; expected the angles that the arm measured"
+        )
 
 
 def _other(

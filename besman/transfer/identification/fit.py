@@ -220,9 +220,12 @@ def find_start(log: ArmLog, movement: AskedMovement) -> float:
     lasts = movement.time[-1]
     tried = np.arange(_EARLIEST_S, max(time[-1] - 0.8 * lasts, 0.0) + _SEARCH_S, _SEARCH_S)
     apart = np.full(len(tried), np.inf)
+    first = np.searchsorted(time, tried, side="left")
+    end = np.searchsorted(time, tried + lasts, side="right")
     for row, start in enumerate(tried):
-        inside = (time >= start) & (time <= start + lasts)
-        if inside.sum() > 1:
+        # Of an hour's log only what is looked at is touched.
+        inside = slice(int(first[row]), int(end[row]))
+        if end[row] - first[row] > 1:
             asked = _sample(time[inside] - start, movement.time, movement.positions)
             apart[row] = np.square(asked - positions[inside]).mean()
     return float(tried[int(np.argmin(apart))])

@@ -192,3 +192,13 @@ def test_names_stand_as_far_as_the_next_one():
     labels, n_lines = join_header([["", "Hand", "", "", "Box", "", ""], ["t", *"xyzxyz"]])
     assert (labels[:2], n_lines) == (["t", "Hand_x"], 2)
     assert find_columns(labels).places == [[1, 2, 3], [4, 5, 6]]
+
+
+@pytest.mark.parametrize("rows", [["1" * 5000], ["1" * 5000, "2", "3"]])
+def test_a_key_of_thousands_of_digits_counts_no_frames(tmp_path, rows):
+    """Python does not parse such a number; it is said in one line, as of any other key."""
+    path = tmp_path / "keypoints.json"
+    path.write_text(json.dumps(FPS | {"frames": {row: FRAMES[0] for row in rows}}))
+    with pytest.raises(RecordingError, match=r"keypoints.json: ") as caught:
+        read_recording(path)
+    assert "\n" not in str(caught.value)

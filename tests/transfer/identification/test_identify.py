@@ -194,6 +194,14 @@ def test_logs_that_cannot_be_used(run, log, values, message):
     assert sorted(run.parent.rglob("*")) == there
 
 
+def test_what_was_asked_is_no_log(run, log, motions):
+    """Who logs set-points, or gives the export itself, is not told that the arm is ideal."""
+    motion = motions[0]
+    asked = np.column_stack([motion.time, np.degrees(motion.positions)])
+    with pytest.raises(RecordingError, match="is what was asked of the arm in motion person"):
+        identify_arm(run, [log(change=lambda _: asked[::4])])
+
+
 def test_logs_of_no_motion(run, log, motions, robot, tmp_path):
     path = log("throw.csv")
     with pytest.raises(
