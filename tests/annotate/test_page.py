@@ -27,27 +27,31 @@ WINDOW = {"viewport": {"width": 1280, "height": 800}}
 
 
 @pytest.fixture(scope="module")
-def window(open_shared):
-    """One window for all servers: to start another for each costs as much as the page itself."""
-    return open_shared("about:blank", **WINDOW)
+def windows(open_shared):
+    """Two windows for all servers, as another costs more than a page: one may log errors."""
+    return {rough: open_shared("about:blank", rough, **WINDOW) for rough in (False, True)}
 
 
 @pytest.fixture
-def annotate(open_page, window, serve):
-    """Open a server's page, and wait until it can be used; one that may complain has its own."""
+def annotate(open_page, windows, serve):
+    """Open a server's page, and wait until it can be used."""
+    free = dict(windows)
 
     def start(url, expect_errors=False):
-        page = open_page(url, expect_errors, **WINDOW) if expect_errors else window
-        if page is window:
+        page = free.pop(expect_errors, None)
+        if page is None:
+            page = open_page(url, expect_errors, **WINDOW)
+        else:
             page.goto(url)
         page.wait_for_selector("html[data-ready]")
         until(page, "besman.proposals.loaded.get(besman.layer) !== 'coming'")
         return page
 
     yield start
-    # Left before its server ends, of which it would complain.
-    window.unroute_all()
-    window.goto("about:blank")
+    # Left before their servers end, of which they would complain.
+    for rough in windows.keys() - free.keys():
+        windows[rough].unroute_all()
+        windows[rough].goto("about:blank")
 
 
 def until(page, expression, timeout_s=30.0):

@@ -110,7 +110,7 @@ def test_a_run_places_the_hand_as_it_did(plan, small_run):
 
 
 def test_a_hidden_hand_brings_the_arm_to_rest_and_a_seen_one_moves_it_again(positions, plan):
-    hidden = positions[:450].copy()
+    hidden = positions.copy()
     names = read_recording(SAMPLE).names
     hidden[260:330, names.index("Hand top")] = np.nan
     lines, samples = mirror(Frames(hidden), plan, by_frames=True)

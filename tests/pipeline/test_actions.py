@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from small_runs import keep_demonstrations
 
 from besman.cli import main as cli
 from besman.config.resources import find_resource
@@ -97,6 +98,7 @@ def test_a_whole_task_of_a_single_movement_is_refused_before_it_runs():
 @pytest.mark.slow
 def test_a_whole_task_runs_from_the_recording_to_its_files(monkeypatch, tmp_path, undrawn):
     """A person puts a box on a table and back (synthetic)."""
+    keep_demonstrations(monkeypatch, 1)
     write_synthetic("pick_and_place", tmp_path / "capture", 1, 2, seed=3)
     blocks = ("approach_forward", "move_obj_table", "move_to_rest_right")
     settings = (
