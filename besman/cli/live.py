@@ -135,10 +135,7 @@ def mirror(
 
     if (run is None) == (robot is None):
         raise ConfigError("besman mirror: expected either --run RUN or --robot NAME")
-    if run is not None and tool is not None:
-        raise ConfigError("--tool: is of --robot; with --run the tool is the run's")
-    if run is not None and learn is not None:
-        raise ConfigError("--learn: is of --robot; with --run the hand's place is the run's")
+    _refuse_useless(run is not None, tool, learn)
     if port is not None and not page:
         raise ConfigError("--port: is of --page; expected both, or neither")
     source = find_source(live)
@@ -154,6 +151,14 @@ def mirror(
     else:
         _tell_all(twin, teller, record)
     teller.close()
+
+
+def _refuse_useless(has_run: bool, tool: str | None, learn: float | None) -> None:
+    """Refuse what a run says already."""
+    if has_run and tool is not None:
+        raise ConfigError("--tool: is of --robot; with --run the tool is the run's")
+    if has_run and learn is not None:
+        raise ConfigError("--learn: is of --robot; with --run the hand's place is the run's")
 
 
 def _show_page(twin: Mirror, teller: _Teller, record: Path | None, port: int | None) -> None:

@@ -21,6 +21,8 @@ _NO_PLACE = re.compile(
     r"forces?|moments?|torques?)([ _.:].*)?"
 )
 _AXES = "xyz"
+# Patterns take the square of a label's length: a longer one names nothing.
+_LONGEST_LABEL = 200
 _FIRST_CELLS = 6  # of frames and times, before x, y and z stand for the first time
 
 
@@ -83,7 +85,7 @@ def find_columns(labels: Sequence[str]) -> KeypointColumns:
         found: dict[str, dict[str, int]] = {}
         units = set()
         for at, label in enumerate(labels):
-            match = pattern.fullmatch(label)
+            match = pattern.fullmatch(label) if len(label) <= _LONGEST_LABEL else None
             if match and not _NO_PLACE.fullmatch(match[name_at]):
                 found.setdefault(match[name_at], {}).setdefault(match[axis_at].lower(), at)
                 units.add(match[3] or "")

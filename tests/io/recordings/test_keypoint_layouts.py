@@ -202,3 +202,11 @@ def test_a_key_of_thousands_of_digits_counts_no_frames(tmp_path, rows):
     with pytest.raises(RecordingError, match=r"keypoints.json: ") as caught:
         read_recording(path)
     assert "\n" not in str(caught.value)
+
+
+def test_a_label_longer_than_any_name_takes_no_time():
+    """A header of some 100 000 blanks and underscores would take the patterns minutes."""
+    long = "time" + " _" * 50_000
+    axes = [f"nose_{axis}" for axis in "xyz"]
+    assert find_columns([long, *axes, *(f"{long}_{axis}" for axis in "xyz")]).names == ["nose"]
+    assert not is_keypoint_table(f"{long},{long},{long}\n1,2,3\n")
