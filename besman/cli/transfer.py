@@ -57,6 +57,9 @@ def suggest(
     config = TransferConfig.model_validate({k: v for k, v in said.items() if v is not None})
     found = suggest_try(run, motion, out, config, jobs, robot)
     state, (x, y) = found.state, found.state.tries[-1].expected_m
+    if found.anew:
+        arm = f"with {robot}" if robot else "with the run's arm; --robot takes the one before"
+        _print(f"the tries before were made with another robot.yaml: simulated anew {arm}")
     _print(
         f"try {len(state.tries)} of {state.motion}: target {found.target[0]:.2f} m ahead, "
         f"{found.target[1]:.2f} m left; expected {x:.2f} m ahead, {y:.2f} m left"

@@ -48,12 +48,15 @@ class Suggestion:
         Of the files to run.
     table : Path
         Where the outcome is to be filled in.
+    anew : bool
+        Whether tries before were simulated anew, because the arm is known otherwise than then.
     """
 
     state: TransferState
     target: FloatArray
     folder: Path
     table: Path
+    anew: bool = False
 
 
 def suggest_try(
@@ -107,6 +110,7 @@ def suggest_try(
         space = _space(refined.plan, finished.robot, state.config)
     target = refined.plan.target[:2]
     simulator = Simulator(space, finished.robot, finished.task)
+    before = state.drives if state.tries else digest(simulator.robot.drives)
     state = _simulated_by(state, simulator, jobs)
     if not state.tries or state.tries[-1].recorded:
         state = _next(state, simulator, target, jobs)
@@ -118,7 +122,7 @@ def suggest_try(
     write_exports((_as_motion(refined, plan, finished, number),), finished.robot, place)
     table = (out or run / "transfer") / "results.csv"
     add_row(table, refined.plan.name, number)
-    return Suggestion(state, target, place, table)
+    return Suggestion(state, target, place, table, anew=before not in ("", state.drives))
 
 
 def record_tries(run: Path, table: Path) -> list[tuple[TransferState, FloatArray]]:

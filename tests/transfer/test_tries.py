@@ -339,7 +339,7 @@ def test_an_arm_that_is_known_better_simulates_the_tries_anew(
     known = tmp_path / "ur5.identified.yaml"
     known.write_text(yaml.safe_dump(content))
     assert besman(monkeypatch, "transfer", "suggest", run, "--robot", known) == 0
-    capsys.readouterr()
+    assert "simulated anew with" in " ".join(capsys.readouterr().out.split())
     state = load_state(run / "transfer" / "person_1")
     assert state.tries[0].outcome_m == (expected[0] - 0.2, expected[1])
     before = first.state.archive
@@ -350,6 +350,9 @@ def test_an_arm_that_is_known_better_simulates_the_tries_anew(
     simulated = state.archive.outcomes[state.tries[0].row]
     assert np.linalg.norm(simulated - before.outcomes[first.state.tries[0].row]) > 1e-3
     assert load_state(run / "transfer" / "person_1").drives != first.state.drives
+    # An arm that is left out again is not gone back from without a word.
+    assert besman(monkeypatch, "transfer", "suggest", run) == 0
+    assert "--robot takes the one before" in " ".join(capsys.readouterr().out.split())
     assert besman(monkeypatch, "transfer", "suggest", run, "--robot", "ur10") == 2
     assert "--robot: ur10 is another arm than the run's ur5; expected what besman identify" in (
         " ".join(capsys.readouterr().err.split())

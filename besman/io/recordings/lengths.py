@@ -25,6 +25,8 @@ _WORDS = (
 )
 # Points of a person seen together lie this far apart: from a hand with its fingers, in metres, to
 # several people in a hall. Where two units would do it is the one that is usual.
+# Points of a person are seen so far apart, in metres, if they are as many.
+_ANY_M, _MANY_POINTS = (0.02, 60.0), 4
 _RANGES = (("mm", 300.0, 100_000.0), ("cm", 15.0, 300.0), ("m", 0.05, 15.0))
 
 
@@ -94,7 +96,8 @@ def find_length(
     Warns
     -----
     RecordingWarning
-        If the size of a person decides, or what the user says is not what the file says.
+        If the size of a person decides, what the user says is not what the file says, or by that
+        all points lie within a finger's breadth, or farther apart than a hall is long.
     """
     name = parse_unit(written) if written else None
     file_name = where.rpartition("/")[2]
@@ -103,6 +106,7 @@ def find_length(
             _warn(f"{file_name}: {key} is {written!r:.60} and the units asked for are {asked}")
         return Length(UNIT_M[asked], asked, "asked for")
     if name is not None:
+        _doubt(name, positions, f"{file_name}: {key} is {written!r:.60}")
         return Length(UNIT_M[name], name, "the file")
     said = f"{key} is {written!r:.60}" if written else f"{key} is empty"
     extent = typical_extent(positions)
@@ -117,6 +121,21 @@ def find_length(
         f"for {found}, by the size of a person (--units says otherwise)"
     )
     return Length(UNIT_M[found], found, "the size of a person")
+
+
+def _doubt(name: str, positions: FloatArray, said: str) -> None:
+    """Warn of a file's unit that makes a person of no size."""
+    if positions.shape[1] < _MANY_POINTS:
+        return
+    extent = typical_extent(positions)
+    low, high = _ANY_M
+    if extent == 0.0 or low <= UNIT_M[name] * extent < high:
+        return
+    others = [unit for unit, least, most in _RANGES if least <= extent < most]
+    guess = (
+        f"; in {others[0]} that would be a person's size (--units {others[0]})" if others else ""
+    )
+    _warn(f"{said}, so points seen together lie {UNIT_M[name] * extent:.3g} m apart{guess}")
 
 
 def body_length(positions: FloatArray, asked: Units | None, where: str) -> Length:

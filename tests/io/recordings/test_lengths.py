@@ -1,11 +1,14 @@
 # ruff: noqa: E501
+import warnings
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from besman.exceptions import RecordingWarning
 from besman.io.recordings.bodies import from_matrices, hold_orientations
 from besman.io.recordings.c3d_names import find_names, keep_single_names
-from besman.io.recordings.lengths import UNIT_M, parse_unit, typical_extent
+from besman.io.recordings.lengths import UNIT_M, find_length, parse_unit, typical_extent
 
 
 @pytest.mark.parametrize(
@@ -23,6 +26,21 @@ def test_the_extent_of_what_is_seen():
     positions = np.array([[[0.0, 0, 0], [3, 4, 0], [np.nan, np.nan, np.nan]]])
     assert typical_extent(positions) == 5.0
     assert typical_extent(np.full((2, 2, 3), np.nan)) == 0.0
+
+
+def test_a_unit_that_makes_nobody_of_a_person_is_doubted():
+    person = np.random.default_rng(0).uniform(0.0, 1.7, (50, 6, 3))
+    with pytest.warns(
+        RecordingWarning, match=r"units is 'mm', so points .* 0\.00\d+ m apart; in m "
+    ):
+        found = find_length("mm", None, person, "a/b.json", "units")
+    assert (found.name, found.told_by) == ("mm", "the file")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        find_length("m", None, person, "b.json", "units")
+        find_length("mm", None, 1000.0 * person, "b.json", "units")
+        # A plate with three markers is as small as it is.
+        find_length("mm", None, person[:, :3], "b.json", "units")
 
 
 def test_orientations_over_gaps_and_of_matrices():
