@@ -11,7 +11,7 @@ from command_line import besman
     [
         (("--as", "ros"), "--as: got 'ros'; expected"),
         (("--as", "lsl"), "liblsl listens at all addresses.*expected --to-network"),
-        (("--as", "qtm", "--lose", "2"), "--lose 2.*a share below 1"),
+        (("--as", "qtm", "--lose", "2"), "--lose 2.*a share from 0 and below 1"),
     ],
 )
 def test_play_refuses(monkeypatch, capsys, tmp_path, options, message):
