@@ -45,7 +45,9 @@ def violations(
     report = check_limits(robot, *(as_exported(part) for part in movement[1:]))
     for kind in ("position", "velocity", "acceleration", "torque", "self_collisions"):
         found[kind] = getattr(report, kind)
-    whole = positions[:-1] if len(time) > 1 and time[-1] - time[-2] < 0.999 * _STEP_S else positions
+    # Of a last step that is shorter, be it by a hair, differences say something else.
+    short = len(time) > 1 and time[-1] - time[-2] < (1.0 - _ROUNDING) * _STEP_S
+    whole = positions[:-1] if short else positions
     speeds = np.diff(whole, axis=0) / _STEP_S
     found["velocity, by differences"] = _beyond(speeds, limits.velocity)
     pulls = np.diff(speeds, axis=0) / _STEP_S
