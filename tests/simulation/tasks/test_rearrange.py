@@ -16,6 +16,7 @@ from besman.records.layers import building_blocks
 from besman.records.task_trial import RefinedTask
 from besman.robot.model import load_robot
 from besman.simulation.tasks.kinds import WHOLE_KINDS, is_whole_task, load_task, load_whole_task
+from besman.simulation.tasks.rearrange import rearranging
 from besman.simulation.tasks.rearrange.arm_way import ArmWay
 from besman.simulation.tasks.rearrange.boxes import BoxFrame, box_poses, frame_of_grasps
 from besman.simulation.tasks.rearrange.rearrange import RearrangeConfig
@@ -130,8 +131,21 @@ def test_a_box_that_is_let_go_in_the_air_is_dropped_and_one_never_let_go_is_said
     early = np.array([aimed.events_s[0], aimed.events_s[1] - 1.5])
     trial = attempt(dataclasses.replace(aimed, events_s=early))
     assert trial.failure.startswith("box dropped: let go ")
+    # It lies where it fell to, however long it has been falling.
+    assert trial.misses[0] < 2.0
     kept = dataclasses.replace(aimed, events_s=aimed.events_s[:1], events=("close",))
     assert attempt(kept).failure == "box not let go"
+
+
+def test_boxes_that_fall_end_at_the_floor():
+    high = np.array([0.2, 0.1, -0.1, -5.0])
+    boxes = np.zeros((4, 2, 7))
+    boxes[:, 0, 2], boxes[:, 1, 2] = high, 1.0
+    boxes[:, :, 0] = np.arange(4)[:, None]
+    found = rearranging._to_the_floor(boxes)
+    np.testing.assert_array_equal(found[:, 0, 2], [0.2, 0.1, -0.1, -0.1])
+    np.testing.assert_array_equal(found[:, 0, 0], [0, 1, 2, 2])
+    np.testing.assert_array_equal(found[:, 1], boxes[:, 1])
 
 
 def test_the_frame_of_a_box_is_told_from_where_it_is_taken():

@@ -84,7 +84,7 @@ def judge(
     expected = expected_movements(robot, way.movements, task.simulation.time_step_s)
     n = robot.n
     first = n + len(FINGERS)
-    boxes = run.qpos[0, :, first:].reshape(run.qpos.shape[1], -1, 7)
+    boxes = _to_the_floor(run.qpos[0, :, first:].reshape(run.qpos.shape[1], -1, 7))
     outcomes = boxes[-1]
     angles = _angles(outcomes, wanted)
     misses = np.linalg.norm(outcomes[:, :3] - wanted[:, :3], axis=1)
@@ -107,6 +107,17 @@ def judge(
         angles=angles,
         duration=float(way.movements.ends[0]),
     )
+
+
+def _to_the_floor(boxes: FloatArray) -> FloatArray:
+    """Have boxes (T, O, 7) lie where they reach the floor: the scene has none, they fall on."""
+    fallen = np.maximum.accumulate(boxes[:, :, 2] < 0.0, axis=0)
+    if not fallen.any():
+        return boxes
+    rows = np.arange(len(boxes))[:, None]
+    first = np.where(fallen.any(axis=0), fallen.argmax(axis=0), len(boxes))
+    found: FloatArray = boxes[np.minimum(rows, first), np.arange(boxes.shape[1])]
+    return found
 
 
 def _angles(outcomes: FloatArray, wanted: FloatArray) -> FloatArray:
@@ -155,6 +166,8 @@ def _failure(
             if not held[row, holding]:
                 return f"{objects[holding]} dropped"
             fall = boxes[row, holding, 2] - boxes[last, holding, 2]
+            if boxes[last, holding, 2] < 0.0:
+                return f"{objects[holding]} dropped: let go beside its board, it fell to the floor"
             if fall > task.failure.greatest_fall_m:
                 return f"{objects[holding]} dropped: let go {1e3 * fall:.0f} mm above its board"
             holding = None
