@@ -229,6 +229,7 @@ class _Teller:
         self._failed: FileError | None = None
 
     def tell(self, one: dict[str, Any]) -> None:
+        """Print what has become known as a line, send it on and keep it, as was asked for."""
         text = json.dumps(_finite(one)) + "\n"
         sys.stdout.write(text)
         sys.stdout.flush()
