@@ -1,5 +1,6 @@
 import fcntl
 import functools
+import gc
 import os
 import shutil
 
@@ -21,6 +22,13 @@ from besman.robot.model import load_robot
 # How long an example takes says how busy the machine is.
 settings.register_profile("besman", deadline=None)
 settings.load_profile("besman")
+
+
+def pytest_collection_finish(session):
+    """Look no more for garbage among what is imported and collected: a twelfth of the suite."""
+    gc.collect()
+    gc.freeze()
+
 
 START = np.array([1.52, -3.75, 0.54, -1.39, -0.70, -0.12])
 GOAL = np.array([2.09, -3.15, 0.33, -2.02, -1.48, -0.62])

@@ -15,10 +15,17 @@ from pathlib import Path
 from typing import Any
 
 from besman.exceptions import BesmanError, RunError
+from besman.work.garbage import collect_seldom
 from besman.work.outcome import Outcome, attempt
 from besman.work.versions import environment
 
 _PR_SET_PDEATHSIG = 1
+
+
+def begin_worker(parent: int) -> None:
+    """Make this process a worker, which ends with its parent; see `end_with_parent`."""
+    collect_seldom()
+    end_with_parent(parent)
 
 
 def end_with_parent(parent: int) -> None:

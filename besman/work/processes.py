@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from joblib.externals.loky import ProcessPoolExecutor
 from joblib.externals.loky.process_executor import BrokenProcessPool
 
-from besman.work.in_worker import end_with_parent, run_item
+from besman.work.in_worker import begin_worker, run_item
 from besman.work.stopping import SIGNALS
 
 # A process without work ends.
@@ -39,7 +39,7 @@ class ProcessPool:
             max_workers=self._jobs,
             timeout=_IDLE_S,
             env={"OPENBLAS_NUM_THREADS": "1"},
-            initializer=end_with_parent,
+            initializer=begin_worker,
             initargs=(os.getpid(),),
         )
 

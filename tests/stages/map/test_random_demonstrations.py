@@ -1,7 +1,7 @@
 """Random demonstrations on all arms: nothing that is kept violates a limit at 1 kHz.
 
-A thousand of them, ten thousand where `.ci/run` asks for these in BESMAN_RANDOM_DEMONSTRATIONS. One
-in a hundred goes from the hand's poses through inverse kinematics on, the others are paths of
+Five hundred of them, ten thousand where `.ci/run` asks for these in BESMAN_RANDOM_DEMONSTRATIONS.
+One in a hundred goes from the hand's poses through inverse kinematics on, the others are paths of
 the joints that go through limits alone, which takes a tenth as long.
 `benchmarks/random_demonstrations.py` sends any number from the hand on.
 """
@@ -21,7 +21,7 @@ from besman.io.exports import read_joint_csv, write_joint_csv
 from besman.robot.collision import distances
 from besman.robot.model import load_robot
 
-SEED, BLOCK = 18, 1000
+SEED, BLOCK = 18, 500
 BLOCKS = int(os.environ.get("BESMAN_RANDOM_DEMONSTRATIONS", BLOCK)) // BLOCK
 
 

@@ -97,7 +97,7 @@ def test_a_command_finds_the_drives_and_a_run_can_start_from_them(
     log(), log("person_12 again.csv", 1)
     for path in tmp_path.glob("*.csv"):
         path.rename(logs / path.name)
-    assert besman(monkeypatch, "identify", mine, logs, "--jobs", 2) == 0
+    assert besman(monkeypatch, "identify", mine, logs, "--jobs", 1) == 0
     said = capsys.readouterr().out
     written = mine.parent / "mine.identified.yaml"
     assert f"--set robot={written}" in "".join(said.splitlines())

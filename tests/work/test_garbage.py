@@ -1,0 +1,34 @@
+import gc
+
+import pytest
+
+from besman.work import in_worker
+from besman.work.garbage import collect_seldom
+
+
+@pytest.fixture
+def thresholds():
+    """What it was, to be so again."""
+    before = gc.get_threshold()
+    yield before
+    gc.set_threshold(*before)
+
+
+def test_young_garbage_is_looked_for_seldom_but_is(thresholds):
+    gc.set_threshold(700, 10, 10)
+    collect_seldom()
+    assert gc.isenabled()
+    assert gc.get_threshold() == (50_000, *gc.get_threshold()[1:])
+    found = gc.get_stats()[0]["collections"]
+    kept = [[] for _ in range(60_000)]
+    assert gc.get_stats()[0]["collections"] - found in (1, 2)
+    assert len(kept) == 60_000
+
+
+def test_a_worker_looks_as_seldom_and_ends_with_its_parent(thresholds, monkeypatch):
+    gc.set_threshold(700, 10, 10)
+    told = []
+    monkeypatch.setattr(in_worker, "end_with_parent", told.append)
+    in_worker.begin_worker(17)
+    assert told == [17]
+    assert gc.get_threshold()[0] == 50_000
