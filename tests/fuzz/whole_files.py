@@ -56,7 +56,7 @@ def unnamed() -> Files:
     return {"a.tsv": dots.encode(), "person.tsv": person.encode()}
 
 
-def _sample(folder: Path, n_rows: int = 20):
+def sample(folder: Path, n_rows: int = 20):
 
     from besman.io.recordings.formats import read_recording
 
@@ -76,7 +76,7 @@ def c3d() -> Files:
     from besman.io.recordings.c3d import write_c3d
 
     def make(folder):
-        write_c3d(_sample(folder), folder / "a.c3d")
+        write_c3d(sample(folder), folder / "a.c3d")
         (folder / "a.tsv").unlink()
 
     return _made(make)
@@ -89,7 +89,7 @@ def mvnx() -> Files:
     from besman.io.recordings.mvnx import write_mvnx
 
     def make(folder):
-        recording = _sample(folder)
+        recording = sample(folder)
         shape = (*recording.positions.shape[:2], 4)
         turns = np.broadcast_to([1.0, 0.0, 0.0, 0.0], shape)
         write_mvnx(replace(recording, orientations=turns), folder / "a.mvnx")

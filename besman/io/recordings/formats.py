@@ -397,4 +397,4 @@ def recognise(head: bytes) -> Format | None:
 def _natural_order(path: Path) -> tuple[list[tuple[int, str]], str]:
     """Sort key that compares numbers inside a name by value."""
     parts = re.split(r"(\d+)", path.name.lower())
-    return [(int(part), "") if part.isdigit() else (-1, part) for part in parts], path.name
+    return [(int(part), "") if part.isdecimal() else (-1, part) for part in parts], path.name
