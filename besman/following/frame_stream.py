@@ -184,6 +184,8 @@ class FrameStream:
             if self._gate.hidden and not self._n_hidden:
                 yield self._gate.first
             self._n_hidden = self._gate.hidden
+            if not self.n_frames:
+                self._checks.check_distances(frame.positions)
             missing = None if self.n_frames else self._labels.find_unseen(positions)
             if missing is not None:
                 self._n_waited += 1
