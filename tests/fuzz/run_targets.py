@@ -1,6 +1,7 @@
 """What commands read about a run beside its records: goals, logs of the arm, tables, options."""
 
 import json
+import re
 import shutil
 import tempfile
 from functools import cache, partial
@@ -48,15 +49,16 @@ def parse_goals(folder):
 
 def of_goals(folder, found):
     text, goals = found
-    problems = ["digits that are none"] if sense.odd_digits(text.partition(" at ")[2]) else []
+    # Names may have any digits.
+    values = re.findall(r"(?:x|y|yaw_deg)\s*=([^,;]*?)(?: and |[,;]|$)", text)
+    problems = ["digits that are none"] if any(map(sense.odd_digits, values)) else []
     for one in (one for goal in goals for one in goal):
         if sense.odd_text(one.thing + one.place):
             problems.append("control characters in a name")
         values = (*(one.at or ()), one.yaw_deg or 0.0)
         if not all(abs(value) <= sense.FARTHEST_M for value in values):
             problems.append("a place out of all sense")
-    # Names may have any digits.
-    return [one for one in problems if one != "digits that are none" or "x=" in text]
+    return problems
 
 
 def log():
