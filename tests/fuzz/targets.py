@@ -148,6 +148,7 @@ _FOREIGN = (
     ("BVH", "bvh"),
     ("keypoints JSON", "json"),
     ("keypoints CSV", "csv"),
+    ("keypoint rows", "csv"),
 )
 _TASKS = ("stick_throw", "ball_throw", "grasp_box", "pull_lever", "reach")
 _MARKERS = ("right_arm", "two_arms", "xsens", "exoskeleton")
@@ -186,7 +187,7 @@ TARGETS = {
             lambda name=name, ending=ending: whole_files.foreign(name, ending),
             {f"a.{ending}": mutations.json_file if ending == "json" else mutations.table},
             read_recording,
-            share=6,
+            share=5,
             **_READ,
         )
         for name, ending in _FOREIGN

@@ -207,7 +207,7 @@ def joint_csv() -> Files:
 
 @cache
 def foreign(name: str, ending: str) -> Files:
-    from foreign_recordings import WRITERS
+    from foreign_recordings import WRITERS, write_keypoint_rows
 
     from besman.records import Recording
 
@@ -217,7 +217,8 @@ def foreign(name: str, ending: str) -> Files:
     if name != "BVH":
         positions[4:6, 1] = np.nan
     recording = Recording(time, positions, ("head", "hips", "foot"), 50.0, "a", 1)
-    return _made(lambda folder: WRITERS[name](recording, folder / f"a.{ending}"))
+    write = WRITERS.get(name, write_keypoint_rows)
+    return _made(lambda folder: write(recording, folder / f"a.{ending}"))
 
 
 @cache
