@@ -69,7 +69,8 @@ def test_units_people_and_frames_alone(tmp_path):
     assert (found.rate_hz, found.first_frame, found.origin.units) == (25.0, 3, "mm")
     np.testing.assert_allclose(found.positions[0, 0], [0.3005, 0.0, 1.6])
     alone = [line for line in text.split("\n") if ";bob;" not in line]
-    assert read(path, "\n".join(alone)).names == ("nose", "foot")
+    path.write_text("\n".join(alone))
+    assert read_recording(path, up="z").names == ("nose", "foot")
 
 
 HEAD = "time,marker,x,y,z\n"
