@@ -1,16 +1,17 @@
 """Free throws as real files may have them: which still tell their targets, and how well.
 
-Run as ``python benchmarks/free_throw_variants.py [NAME ...]``. Ten *synthetic* throws in the layout
+Run as ``python benchmarks/free_throw_variants.py [--throw N] [NAME ...]``. Ten *synthetic* throws in the layout
 of the SPL open data, spoilt in one way a row; read, labelled, recognized and selected as the recipe
 `ur5_free_throw` says. A target counts as told if it was by the ball; its error is how far it lies
-from that of the same throw unspoilt, before it is brought nearer.
+from that of the same throw unspoilt, before it is brought nearer. With ``--throw N`` the first N of
+each row go through the whole recipe: how many are mapped and hit, and what it took.
 """
 
 from __future__ import annotations
 
+import argparse
 import copy
 import json
-import sys
 import tempfile
 import warnings
 from collections.abc import Callable
@@ -21,6 +22,7 @@ import numpy as np
 from besman.exceptions import BesmanError
 from besman.person.marker_set import load_marker_set
 from besman.pipeline.config import load_pipeline
+from besman.pipeline.pipeline import run_pipeline
 from besman.pipeline.usable_inputs import keep_usable
 from besman.stages.read.read_inputs import read_inputs
 from besman.synthetic.free_throw import simulate_free_throw
@@ -158,8 +160,32 @@ def find_targets(contents: list[dict], settings: tuple[str, ...]) -> dict[str, t
         }
 
 
+def throw(contents: list[dict], settings: tuple[str, ...]) -> str:
+    """Run the recipe; say what became of the throws."""
+    with tempfile.TemporaryDirectory() as temporary, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        folder = Path(temporary) / "throws"
+        folder.mkdir()
+        for trial, content in enumerate(contents):
+            (folder / f"T{trial}.json").write_text(json.dumps(content))
+        settings = (f"recordings={folder}", "refine.robustness=null", *settings)
+        run = run_pipeline(load_pipeline(RECIPE, settings), Path(temporary) / "run", jobs=2)
+        results = json.loads((run / "results.json").read_text())
+    mapped, refine = results["map"], results["refine"]
+    return (
+        f"{mapped['n_transferred']} of {mapped['n_demonstrations']} mapped, {refine['n_success']} "
+        f"hit within {refine['success_radius_m']:g} m, miss before / after "
+        f"{refine['miss_before_m']['median']:.3f} / {refine['miss_m']['median']:.3f} m, "
+        f"{refine['episodes']['median']:g} episodes (medians)"
+    )
+
+
 def main() -> None:
-    asked = sys.argv[1:] or list(VARIANTS)
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(VARIANTS))
+    parser.add_argument("--throw", type=int, default=0, metavar="N")
+    given = parser.parse_args()
+    asked = given.names or list(VARIANTS)
     throws = [dict(simulate_free_throw(k, seed=SEED).content) for k in range(1, N_THROWS + 1)]
     plain = find_targets(throws, ())
     print(f"{'':32}{'throws':>8}{'by ball':>9}{'median':>9}{'max':>8}")
@@ -178,7 +204,9 @@ def main() -> None:
             if by in ("object", "flight")
         ]
         middle, most = (np.median(errors), np.max(errors)) if errors else (np.nan, np.nan)
-        print(f"{name:32}{len(found):8}{len(errors):9}{middle:7.2f} m{most:6.2f} m")
+        print(f"{name:32}{len(found):8}{len(errors):9}{middle:7.2f} m{most:6.2f} m", flush=True)
+        if given.throw:
+            print(f"    thrown: {throw(contents[: given.throw], settings)}", flush=True)
 
 
 if __name__ == "__main__":

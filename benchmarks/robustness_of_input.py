@@ -1,6 +1,7 @@
 """Broken files of every kind against what reads them: counts by kind and outcome.
 
     python benchmarks/robustness_of_input.py [--seed N] [--count N] [--jobs N] [--show N]
+        [--only KIND,KIND]
 
 A mutant is made and read in a worker process that may use 2 s of CPU and 1 GB more than it has.
 Refused in one line, taken, and taken with a warning are good; the rest is not. Any seed will do.
@@ -32,15 +33,17 @@ def main():
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--show", type=int, default=20, help="Failures to print, by kind.")
     parser.add_argument("--json", type=Path, help="Write every failure here.")
+    parser.add_argument("--only", default="", help="Kinds whose names begin so, with commas.")
     parser.add_argument("--worker", action="store_true", help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.worker:
-        work(given.seed)
+        work(given.seed, given.only)
         return
     began = time.perf_counter()
     with ThreadPoolExecutor(given.jobs) as pool:
         shares = pool.map(
-            lambda first: run(given.seed, range(first, given.count, given.jobs)), range(given.jobs)
+            lambda first: run(given.seed, range(first, given.count, given.jobs), given.only),
+            range(given.jobs),
         )
         found = [one for share in shares for one in share]
     print_counts(found, given, time.perf_counter() - began)
@@ -54,7 +57,7 @@ GOOD = ("refused", "taken", "warned")
 FAILED = ("traceback", "hang", "memory", "nonsense")
 
 
-def work(seed):
+def work(seed, only):
     """Try the mutants whose numbers come in, one a line."""
     sys.path.insert(0, str(TESTS))
     from fuzz.attempts import attempt
@@ -63,12 +66,12 @@ def work(seed):
     # What a library prints is not an answer.
     sys.stdout = sys.stderr
     for line in sys.stdin:
-        print(json.dumps(asdict(attempt(seed, int(line)))), file=out, flush=True)
+        print(json.dumps(asdict(attempt(seed, int(line), only))), file=out, flush=True)
 
 
-def start(seed, errors):
+def start(seed, only, errors):
     return subprocess.Popen(
-        [sys.executable, __file__, "--worker", "--seed", str(seed)],
+        [sys.executable, __file__, "--worker", "--seed", str(seed), "--only", only],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=errors,
@@ -76,11 +79,11 @@ def start(seed, errors):
     )
 
 
-def run(seed, numbers):
+def run(seed, numbers, only):
     """Try mutants in a worker process; another one where it dies."""
     found = []
     with tempfile.TemporaryFile(mode="w+") as errors:
-        worker = start(seed, errors)
+        worker = start(seed, only, errors)
         for number in numbers:
             print(number, file=worker.stdin, flush=True)
             line, why = answer_of(worker)
@@ -90,7 +93,7 @@ def run(seed, numbers):
             words = why if why else f"the process ended with {worker.wait()}: {last_line(errors)}"
             kind = "hang" if why else "traceback"
             found.append({"number": number, **UNKNOWN, "kind": kind, "words": words})
-            worker = start(seed, errors)
+            worker = start(seed, only, errors)
         worker.stdin.close()
         worker.wait()
     return found

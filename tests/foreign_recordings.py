@@ -214,6 +214,16 @@ def write_keypoint_table(recording, path):
     write_lines(keypoint_table(recording), path)
 
 
+def write_keypoint_rows(recording, path):
+    """Write a row for each marker of each frame, in metres, as a data frame in long form."""
+    lines = ["time,marker,x,y,z"]
+    for at, frame in zip(recording.time, recording.positions, strict=True):
+        for name, place in zip(recording.names, frame, strict=True):
+            cells = ["" if np.isnan(one) else f"{one:.6f}" for one in place]
+            lines.append(",".join([f"{at:.6f}", name, *cells]))
+    write_lines(lines, path)
+
+
 WRITERS = {
     "TRC": write_trc,
     "Motive CSV": write_motive,

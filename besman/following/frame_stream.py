@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 from besman.exceptions import FileError, RecordingError
+from besman.following.impossible_samples import SampleGate
 from besman.following.stream_labels import StreamChecks, StreamLabels
+from besman.io.recordings.sense import check_names, check_rate
 from besman.live.alignment import Aligner, Delivery, Frame
 from besman.live.capture import CaptureFile
 from besman.live.stream import Source, StreamFormat
@@ -88,11 +91,14 @@ class FrameStream:
         BesmanError
             If nobody answers, or the stream lacks a marker that is needed.
         """
-        found = self.format = self._source.open()
+        found = self._source.open()
+        check_rate(found.rate_hz, found.source)
+        found = self.format = replace(found, names=check_names(found.names, found.source))
         # What is missing is said before anything is recorded.
         self._labels = StreamLabels(found, load_marker_set(self._markers))
         self._checks = StreamChecks(found, self._labels, self._earlier)
         self.blank = self._labels.blank
+        self._gate, self._n_hidden = SampleGate(found.names, found.rate_hz), 0
         self._aligner = Aligner(found.rate_hz, len(found.names), self._patience_s)
         self._make_capture = make_capture
         return found
@@ -174,7 +180,12 @@ class FrameStream:
 
     def _give(self, frames: list[Frame]) -> Iterator[NamedFrame | str]:
         for frame in frames:
-            positions = frame.positions
+            recorded, positions = self._gate.take(frame.positions)
+            if self._gate.hidden and not self._n_hidden:
+                yield self._gate.first
+            self._n_hidden = self._gate.hidden
+            if not self.n_frames:
+                self._checks.check_distances(frame.positions)
             missing = None if self.n_frames else self._labels.find_unseen(positions)
             if missing is not None:
                 self._n_waited += 1
@@ -182,7 +193,7 @@ class FrameStream:
                     yield f"waiting until marker {missing} is seen"
                 continue
             self._checks.look_at(positions)
-            yield from self._record(positions)
+            yield from self._record(recorded)
             self.n_frames += 1
             yield NamedFrame(self._labels.label(positions), frame.arrived_s, frame.sent_s)
 

@@ -16,6 +16,7 @@ from besman.records import FloatArray, LabelledRecording, Recording
 
 # Markers of a person, farthest from each other, metres; what is beyond is in another unit.
 _EXTENT_M = (0.1, 8.0)
+_FARTHEST_MEDIAN_M = 100.0
 _SURE = 0.95
 _AXIS_AFTER_S = 1.0
 # Correlations of the heights of markers with those of an earlier recording: as good as the same,
@@ -108,6 +109,23 @@ class StreamChecks:
         if len(self._first) > _AXIS_AFTER_S * self._stream.rate_hz:
             self._check_axis(np.array(self._first))
             self._first = None
+
+    def check_distances(self, positions: FloatArray) -> None:
+        """Look at a frame as it came, shape (M, 3), before any was given on.
+
+        Raises
+        ------
+        RecordingError
+            If half of the required markers are farther away than any camera sees.
+        """
+        distances = np.abs(positions[self._labels.required])
+        known = distances[~np.isnan(distances)]
+        if known.size and np.partition(known, known.size // 2)[known.size // 2] > _FARTHEST_MEDIAN_M:
+            raise RecordingError(
+                f"{self._stream.source}: half of the coordinates of the required markers are beyond "
+                f"{_FARTHEST_MEDIAN_M:g} m: is the stream in another unit than it says? --units "
+                "tells what it is in"
+            )
 
     def _check_extent(self, positions: FloatArray) -> None:
         extent = float(np.linalg.norm(np.ptp(positions[self._labels.required], axis=0)))

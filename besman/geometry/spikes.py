@@ -18,11 +18,12 @@ LONGEST = 10
 SMALLEST_M = 0.1
 """A deviation up to this may be a marker that trembles or is taken for its neighbour."""
 
+IMPOSSIBLE_M_S = 100.0
+"""Nothing that a camera sees is this fast."""
+
 # A hand that goes out and comes back does not exceed this, and a throw is below this speed.
 _ACCELERATION_M_S2 = 300.0
 _SPEED_M_S = 40.0
-# Where there is no way back to compare with, for good or at an end, nothing is this fast.
-_IMPOSSIBLE_M_S = 100.0
 # At an end few samples are lost if it was something after all.
 _AT_AN_END_M_S, _AT_AN_END_M = 50.0, 0.3
 _FARTHEST_M = 1e9
@@ -86,7 +87,7 @@ def find_faults(positions: FloatArray, rate_hz: float, joined: BoolArray) -> Fau
             spikes[rows, column] = found
             left = rows[~found]
             steps = np.linalg.norm(np.diff(path[left], axis=0), axis=1)
-            fast = steps > np.maximum(SMALLEST_M, _IMPOSSIBLE_M_S / rate_hz * np.diff(left))
+            fast = steps > np.maximum(SMALLEST_M, IMPOSSIBLE_M_S / rate_hz * np.diff(left))
             jumps += [(int(row), column) for row in left[1:][fast]]
     return Faults(spikes, tuple(sorted(jumps)))
 

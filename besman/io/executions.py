@@ -125,6 +125,11 @@ def _read_bag(path: Path, joint_names: Sequence[str]) -> Execution:
             f"{path}: no joint states about {grid.time[unknown[0]]:.3f} s after the first; "
             "expected a log without gaps"
         )
+    greatest = np.abs(positions).max()
+    if greatest > _GREATEST_RAD:
+        raise RecordingError(
+            f"{path}: got {greatest:g}; expected joint angles of at most {_GREATEST_RAD:g} rad"
+        )
     return Execution(path, grid.time, positions, is_aligned=False)
 
 

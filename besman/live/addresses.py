@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from urllib.parse import parse_qsl, unquote, urlsplit
 
 from besman.exceptions import ConfigError, nearest
+from besman.foreign.names import fault_of_name
+from besman.foreign.numbers import parse_number
 from besman.io.recordings.format import READING
 from besman.live.stream import Source
 
@@ -54,7 +57,7 @@ def _find_qtm(address: str, host: str, options: dict[str, str]) -> Source:
     except ValueError:
         raise ConfigError(f"--live: {address!r:.100}: expected qtm://HOST:PORT") from None
     version = options.get("version", VERSION)
-    if not version.replace(".", "", 1).isdecimal():
+    if not re.fullmatch(r"[0-9]{1,3}(\.[0-9]{1,3})?", version):
         raise ConfigError(f"--live: version: got {version!r:.40}; expected a number such as 1.19")
     wait_s = _number(address, options, "wait", 10.0)
     return QtmSource(parts.hostname or "127.0.0.1", port, version, wait_s)
@@ -77,7 +80,7 @@ def _split(address: str, rest: str, allowed: tuple[str, ...]) -> tuple[str, dict
 def _number(address: str, options: dict[str, str], key: str, usual: float) -> float:
     text = options.get(key, str(usual))
     try:
-        value = float(text)
+        value = parse_number(text)
     except ValueError:
         value = -1.0
     if not 0 <= value <= 1e6:

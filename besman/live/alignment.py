@@ -147,7 +147,8 @@ class Aligner:
                 waited_s = now_s - min(one.arrived_s for one in self._held.values())
                 if waited_s < self._patience_s and len(self._held) < self._longest:
                     break
-                frames.append(Frame(self._gap, now_s, math.nan))
+                given_up_s = now_s if now_s < math.inf else self._last_s
+                frames.append(Frame(self._gap, given_up_s, math.nan))
                 self.delivery.lost += 1
             self._next += 1
         return frames
@@ -173,8 +174,12 @@ class Aligner:
 
     def _count(self, time_s: float) -> int:
         """Return the number of a frame by its time; the clock follows what drifts slowly."""
+        if not math.isfinite(time_s):
+            # A clock that says nothing: the packet is the next one.
+            self._last_number += 1
+            return self._last_number
         if self._origin_s is None:
-            self._origin_s = time_s
+            self._origin_s = time_s - (self._last_number + 1) / self._rate_hz
         exact = (time_s - self._origin_s) * self._rate_hz
         number, due = round(exact), self._last_number + 1
         if abs(exact - due) < _SHAKEN and time_s > self._last_time_s:

@@ -71,10 +71,10 @@ class LslSource:
                 raise RecordingError(f"{self._name}: {in_one_line(error):.200}") from None
             reason = why_not_there(error, "pylsl", "besman[lsl]")
             raise RecordingError(f"{self._name}: {reason}") from None
-        found = pylsl.resolve_byprop("name", self._stream, 1, _FIND_S)
+        announced = pylsl.resolve_byprop("name", self._stream, 1, _FIND_S)
         # Of two streams the second may be a moment behind the first.
-        found = found and pylsl.resolve_byprop("name", self._stream, 2, _SECOND_S)
-        chosen = self._choose(found)
+        announced = announced and pylsl.resolve_byprop("name", self._stream, 2, _SECOND_S)
+        chosen = self._choose(announced)
         flags = pylsl.proc_clocksync | pylsl.proc_threadsafe
         inlet = pylsl.StreamInlet(chosen, max_buflen=60, processing_flags=flags, as_numpy=True)
         try:
@@ -84,16 +84,11 @@ class LslSource:
             raise RecordingError(
                 f"{self._name}: is announced, but does not answer: {in_one_line(error):.120}"
             ) from None
-        names, columns, scale = self._read_channels(about)
-        rate_hz = float(about.nominal_srate())
-        if not 0 < rate_hz < 1e5:
-            raise RecordingError(
-                f"{self._name}: says no rate (got {rate_hz:g} Hz); expected an even one"
-            )
+        found, columns, scale = self._describe(about)
         self._thread = threading.Thread(
             target=self._receive, args=(inlet, columns, scale), daemon=True
         )
-        return StreamFormat(self._name, names, rate_hz)
+        return found
 
     def start(self) -> None:
         """Begin to take samples; the first of the connection is made by this."""
@@ -126,6 +121,16 @@ class LslSource:
             f"{self._name}: {len(chosen)} streams have this name: {ids}; say which: "
             f"{self._name}?source_id=ID"
         )
+
+    def _describe(self, about: Any) -> tuple[StreamFormat, list[list[int]], float]:
+        """Return what comes, the channels of each marker, and metres a unit."""
+        names, columns, scale = self._read_channels(about)
+        rate_hz = float(about.nominal_srate())
+        if not rate_hz > 0:
+            raise RecordingError(
+                f"{self._name}: says no rate (got {rate_hz:g} Hz); expected an even one"
+            )
+        return StreamFormat(self._name, names, rate_hz), columns, scale
 
     def _read_channels(self, about: Any) -> tuple[tuple[str, ...], list[list[int]], float]:
         """Return the names of markers, the channels of their x, y, z, and metres a unit."""
@@ -166,21 +171,21 @@ class LslSource:
 
     def _receive(self, inlet: Any, columns: list[list[int]], scale: float) -> None:
         """Pull samples until the source is closed."""
-        import pylsl
+        from pylsl.util import LostError
 
         while not self._closing.is_set():
             try:
                 sample, stamp = inlet.pull_sample(_PULL_S)
-            except pylsl.LostError:
+                if stamp is None:
+                    continue
+                positions = np.asarray(sample, np.float64)[columns] * scale
+            except LostError:
                 # A stream without an id is not found again by liblsl.
                 self._inbox.put(None)
                 return
             except Exception as error:
                 self._inbox.put(RecordingError(f"{self._name}: {in_one_line(error):.200}"))
                 return
-            if stamp is None:
-                continue
-            positions = np.asarray(sample, np.float64)[columns] * scale
             if self._up not in (None, "z"):
                 positions = turn(positions, self._up)
             self._inbox.put(Packet(float(stamp), positions, time.perf_counter()))

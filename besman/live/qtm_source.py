@@ -190,7 +190,7 @@ class QtmSource:
             raise RecordingError(
                 f"{self._name}: QTM's settings cannot be read: {in_one_line(error):.120}"
             ) from None
-        if not 0 < rate_hz < 1e5 or not labels:
+        if not rate_hz > 0 or not labels:
             raise RecordingError(
                 f"{self._name}: got {len(labels)} named markers at {rate_hz:g} Hz; expected 3D "
                 "tracking with a model that names markers"
@@ -204,7 +204,11 @@ class QtmSource:
     def _take(self, packet: Any) -> None:
         """Take a packet of the client, in its thread."""
         arrived_s = time.perf_counter()
-        positions = read_markers(packet)
+        try:
+            positions = read_markers(packet)
+        except RecordingError as error:
+            self._inbox.put(RecordingError(f"{self._name}: {error}"))
+            return
         if positions is None or self._format is None or self._closing:
             return
         if len(positions) != len(self._format.names):
@@ -226,14 +230,24 @@ def read_markers(packet: Any) -> FloatArray | None:
     """Return the positions (M, 3) in metres of a packet of ``qtm_rt``; None if it holds none.
 
     The client's own getter makes a tuple of every marker; this is one view of the same bytes.
+
+    Raises
+    ------
+    RecordingError
+        If the packet is shorter than the markers that it counts.
     """
     from qtm_rt.packet import QRTComponentType
 
     at = packet.components.get(QRTComponentType.Component3d)
     if at is None:
         return None
-    n = int.from_bytes(packet.data[at : at + 4], "little")
-    values = np.frombuffer(packet.data, "<f4", 3 * n, at + _HEAD_BYTES).reshape(n, 3)
+    n, first = int.from_bytes(packet.data[at : at + 4], "little"), at + _HEAD_BYTES
+    if first + 12 * n > len(packet.data):
+        raise RecordingError(
+            f"a packet of {len(packet.data)} bytes says that it has {n} markers; expected "
+            f"{first + 12 * n} bytes at least"
+        )
+    values = np.frombuffer(packet.data, "<f4", 3 * n, first).reshape(n, 3)
     return values.astype(np.float64) * _MM
 
 

@@ -11,8 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.exceptions import RefinementError, nearest
+from besman.foreign.numbers import parse_number
 from besman.geometry.quaternions import from_rotation_vector, multiply
 from besman.records import AnyPlan
+from besman.records.recordings import FARTHEST_M
 from besman.simulation.task import PlacedBy, Task
 
 FloatArray = npt.NDArray[np.float64]
@@ -209,11 +211,13 @@ def _pairs(text: str, names: Sequence[str], option: str) -> dict[str, str]:
 
 
 def _number(key: str, text: str, option: str = "--context") -> float:
-    """Read one finite number."""
+    """Read one number that may be a place or an angle."""
     try:
-        value = float(text)
+        value = parse_number(text)
     except ValueError:
         value = np.nan
-    if not np.isfinite(value):
-        raise RefinementError(f"{option}: {key}: got {text!r}, expected a number")
+    if not abs(value) <= FARTHEST_M:
+        raise RefinementError(
+            f"{option}: {key}: got {text!r:.60}, expected a number of at most {FARTHEST_M:g}"
+        )
     return value

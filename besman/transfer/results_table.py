@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.exceptions import TransferError, nearest
+from besman.foreign.numbers import parse_number, parse_whole_number
 from besman.io.atomic_files import write_text
 from besman.io.csv_cells import quote_text, unquote_text
 
@@ -133,21 +134,25 @@ def _try_number(where: str, row: dict[str, str], tries: Mapping[str, int]) -> in
     """Return the number of a row's try, if it was suggested."""
     motion = row["motion"]
     if motion not in tries:
-        raise TransferError(f"{where}: motion: got {motion!r}; {nearest(motion, tries)}")
+        raise TransferError(f"{where}: motion: got {motion!r:.80}; {nearest(motion, tries)}")
     text, n = row["try"].strip(), tries[motion]
-    if not text.isdecimal() or not 1 <= int(text) <= n:
+    try:
+        number = parse_whole_number(text)
+    except ValueError:
+        number = 0
+    if not 1 <= number <= n:
         raise TransferError(
-            f"{where}: try: got {text!r}; of {motion} {n} {'was' if n == 1 else 'were'} suggested, "
+            f"{where}: try: got {text!r:.60}; of {motion} {n} {'was' if n == 1 else 'were'} suggested, "
             f"1 to {n}"
         )
-    return int(text)
+    return number
 
 
 def _outcome(where: str, row: dict[str, str]) -> tuple[float, float] | None:
     """Return where a row's try came down; None if it is not filled in."""
     success = row["success"].strip().lower()
     if success not in ("yes", "no", ""):
-        raise TransferError(f"{where}: success: got {success!r}; allowed: yes, no, or nothing")
+        raise TransferError(f"{where}: success: got {success!r:.60}; allowed: yes, no, or nothing")
     texts = {name: row[name].strip() for name in ("x_m", "y_m")}
     empty = [name for name, text in texts.items() if not text]
     if len(empty) == 1:
@@ -163,11 +168,11 @@ def _outcome(where: str, row: dict[str, str]) -> tuple[float, float] | None:
 def _metres(where: str, text: str) -> float:
     """Return a place's coordinate."""
     try:
-        value = float(text)
+        value = parse_number(text)
     except ValueError:
-        raise TransferError(f"{where}: got {text!r}, expected metres") from None
+        raise TransferError(f"{where}: got {text!r:.60}, expected metres") from None
     if not abs(value) <= _FARTHEST_M:
         raise TransferError(
-            f"{where}: got {text!r}, expected metres within {_FARTHEST_M:g} of the robot"
+            f"{where}: got {text!r:.60}, expected metres within {_FARTHEST_M:g} of the robot"
         )
     return value

@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 
 from besman.exceptions import TransferError
+from besman.foreign.names import fault_of_name
 from besman.foreign.json_text import parse_json
 from besman.io.atomic_files import make_folder, write_json, write_record
 from besman.records import RefinedMotion
 from besman.records.files import digest, load_record
+from besman.records.recordings import FARTHEST_M
 from besman.transfer.approach import RealTry, TransferConfig
 from besman.transfer.archive import Archive, no_plans
 
@@ -122,24 +124,45 @@ def load_state(folder: Path) -> TransferState:
     path = folder / "state.json"
     try:
         content: dict[str, Any] = parse_json(path.read_bytes())
-        archive = load_record(folder / "archive.npz").first(content["simulated"])
+        archive = load_record(folder / "archive.npz")
+        n = content["simulated"]
+        if type(n) is not int or not 0 <= n <= len(archive.points):
+            raise ValueError(f"simulated {n!r:.40}: expected at most {len(archive.points)}")
+        archive = archive.first(n)
         return TransferState(
-            motion=content["motion"],
-            key=content["key"],
+            motion=_name(content["motion"]),
+            key=_name(content["key"]),
             config=TransferConfig(**content["config"]),
             archive=archive,
-            tries=tuple(_suggested(one) for one in content["tries"]),
-            drives=str(content.get("drives", "")),
+            tries=tuple(_suggested(one, len(archive.points)) for one in content["tries"]),
+            drives=_name(content.get("drives", "")),
         )
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+    except (OSError, ValueError, LookupError, TypeError, AttributeError) as error:
         raise TransferError(f"{path}: cannot be read: {' '.join(str(error).split())}") from None
 
 
-def _suggested(content: dict[str, Any]) -> Suggested:
-    outcome = content["outcome_m"]
+def _suggested(content: dict[str, Any], n_plans: int) -> Suggested:
+    outcome, row, failed = content["outcome_m"], content["row"], content["failed"]
+    if type(row) is not int or not 0 <= row < n_plans or type(failed) is not bool:
+        raise ValueError(f"row {row!r:.40}, failed {failed!r:.40}: expected one of {n_plans} plans")
     return Suggested(
-        row=int(content["row"]),
-        expected_m=(float(content["expected_m"][0]), float(content["expected_m"][1])),
-        outcome_m=None if outcome is None else (float(outcome[0]), float(outcome[1])),
-        failed=bool(content["failed"]),
+        row=row,
+        expected_m=_place(content["expected_m"]),
+        outcome_m=None if outcome is None else _place(outcome),
+        failed=failed,
     )
+
+
+def _place(values: Any) -> tuple[float, float]:
+    x, y = values
+    place = float(x), float(y)
+    if not all(abs(one) <= FARTHEST_M for one in place):
+        raise ValueError(f"place {values!r:.60}: expected metres")
+    return place
+
+
+def _name(value: Any) -> str:
+    fault = "is no text" if not isinstance(value, str) else fault_of_name(value)
+    if fault is not None:
+        raise ValueError(f"{value!r:.60} {fault}")
+    return str(value)

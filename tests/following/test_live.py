@@ -149,7 +149,18 @@ def test_what_is_no_person_in_metres_is_one_line(plan, start):
         return Network(type(recording)(**{**vars(recording), "positions": positions}), rows, times)
 
     with pytest.raises(RecordingError, match=r"required markers are [\d.]+ m apart.*--units"):
+        follow(changed(recording.positions * 20), plan)
+    with pytest.raises(RecordingError, match=r"half of the coordinates .* beyond 100 m.*--units"):
         follow(changed(recording.positions * 1000), plan)
+    for names, said in (("a\nb", "has the control character U"), ("Stick", "are named .Stick.")):
+        odd = Network(recording, rows, times)
+        odd.open = lambda names=names: StreamFormat("x", (names, *recording.names[1:]), 100.0)
+        with pytest.raises(RecordingError, match=said):
+            follow(odd, plan)
+    slow = Network(recording, rows, times)
+    slow.open = lambda: StreamFormat("x", recording.names, 0.01)
+    with pytest.raises(RecordingError, match=r"x: 0\.01 frames a second; expected 1 to 10000"):
+        follow(slow, plan)
     few = Network(recording, rows, times)
     few.open = lambda: StreamFormat("network", ("a", *recording.names[1:]), 100.0)
     with pytest.raises(BesmanError, match="back_top"):

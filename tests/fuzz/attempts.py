@@ -59,9 +59,9 @@ def whole(name: str) -> tuple[str, str]:
     return ("nonsense", "; ".join(problems)) if problems else ("taken", "")
 
 
-def attempt(seed: int, number: int) -> Outcome:
-    """Make mutant `number` of a seed and let its target read it."""
-    name, files, which = draw(random.Random(f"{seed}:{number}"))
+def attempt(seed: int, number: int, only: str = "") -> Outcome:
+    """Make mutant `number` of a seed and let its target read it; `only` as of `draw`."""
+    name, files, which = draw(random.Random(f"{seed}:{number}"), only)
     whole(name)
     with tempfile.TemporaryDirectory() as folder:
         for file, content in files.items():

@@ -90,3 +90,25 @@ def _array(rng, array):
         at = rng.randrange(changed.size)
         changed.flat[at] = rng.choice((np.nan, np.inf, -np.inf, 1e300, -1.0, 0.5, 1e9))
     return changed if rng.random() < 0.7 or array.dtype.kind == "f" else changed.astype(array.dtype)
+
+
+def bag(rng, content):
+    """Break a bag: lengths, counts and times anywhere, names, numbers, end."""
+    if rng.random() < 0.3:
+        return rng.choice((cut, splice, flip))(rng, content)
+    changed = bytearray(content)
+    for _ in range(rng.choice((1, 1, 2, 4))):
+        at = rng.randrange(len(changed) - 8)
+        kind = rng.randrange(5)
+        if kind == 0:
+            changed[at] = rng.randrange(256)
+        elif kind == 1:
+            changed[at : at + 4] = rng.choice((0, 1, 255, 2**20, 2**31, 2**32 - 1)).to_bytes(4, "little")
+        elif kind == 2:
+            changed[at : at + 8] = rng.choice((0, 2**40, 2**63, 2**64 - 1)).to_bytes(8, "little")
+        elif kind == 3:
+            changed[at : at + 8] = np.float64(rng.choice(_FLOATS)).tobytes()
+        else:
+            name = rng.choice(NAMES).encode()[:8]
+            changed[at : at + len(name)] = name
+    return bytes(changed)

@@ -161,7 +161,7 @@ def tree(rng, value):
                 visit(child)
 
     if not isinstance(value, dict | list) or not value:
-        return rng.choice(_LEAVES)
+        return rng.choice(LEAVES)
     visit(value)
     node, key = rng.choice(places)
     action = rng.randrange(8)
@@ -180,11 +180,11 @@ def tree(rng, value):
     elif action == 5 and isinstance(node[key], int | float):
         node[key] = node[key] * rng.choice((-1, 0, 1000, 1e6, 1e300, 0.5, 1e-9))
     else:
-        node[key] = rng.choice(_LEAVES)
+        node[key] = rng.choice(LEAVES)
     return value
 
 
-_LEAVES = [
+LEAVES = [
     None, True, False, 0, -1, 1, 2, 7, 400, 10**6, 10**21, -(10**21), 10**300, 1e300, -1e300,
     1e-300, float("nan"), float("inf"), 0.5, 1000.5, [], {}, [1, 2, 3], [[1], [2]], {"a": 1}, "1",
     "1e3",

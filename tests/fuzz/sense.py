@@ -15,12 +15,12 @@ GREATEST = 1e9
 _ODD_NUMBER = re.compile(r"\d_\d")
 
 
-def _odd_text(text):
+def odd_text(text):
     """Tell whether a text would move a terminal's cursor, or is longer than any name."""
     return len(text) > 5000 or any(unicodedata.category(one) in ("Cc", "Cs") for one in text)
 
 
-def _odd_digits(text):
+def odd_digits(text):
     return bool(_ODD_NUMBER.search(text)) or any(
         one.isnumeric() and not one.isascii() for one in text
     )
@@ -37,7 +37,7 @@ def of_recording(folder, recording):
             found.append("faster than sound")
     found += _of_time(recording)
     names = [name for name in recording.names if name is not None]
-    if any(_odd_text(name) for name in names):
+    if any(odd_text(name) for name in names):
         found.append("control characters in a name")
     found += _of_names(names)
     found += [] if recording.orientations is None else _of_turns(recording.orientations)
@@ -85,7 +85,7 @@ def _of_text(path, recording):
         ]
         n_rows = len(recording.time)
         rows = [line for line in lines if line][-n_rows:]
-        if any(_odd_digits(one) for one in (*counts, *rows)):
+        if any(odd_digits(one) for one in (*counts, *rows)):
             found.append("digits that are none")
         declared = counts[1].strip()
         if declared.isascii() and declared.isdigit():
@@ -98,13 +98,13 @@ def _of_text(path, recording):
         # Above the numbers stand names, which may have any digits.
         rows = [line for line in text.split("\n") if line and line[0] != "#"][1:]
         rows = rows[-len(recording.time) :]
-        if any(_odd_digits(row) for row in rows):
+        if any(odd_digits(row) for row in rows):
             found.append("digits that are none")
     else:
         values = re.findall(r">([^<>a-zA-Z]+)<", text) + re.findall(
             r'(?:Rate|index)="([^"]*)"', text
         )
-        if any(_odd_digits(value) for value in values):
+        if any(odd_digits(value) for value in values):
             found.append("digits that are none")
     return found
 
@@ -126,12 +126,12 @@ def of_segments(folder, found):
         rows = list(zip(map(tuple, truth.bounds.tolist()), layers, strict=True))
         if len(set(rows)) < len(rows):
             problems.append("the same stretch twice")
-        if any(_odd_text(label) for label in (*truth.labels, *layers)):
+        if any(odd_text(label) for label in (*truth.labels, *layers)):
             problems.append("control characters in a label")
         if len(rows) and (truth.bounds.min() < 0 or truth.bounds.max() > len(recording.time)):
             problems.append("segments outside the recording")
     for names in inputs.names:
-        if names is not None and any(_odd_text(name) for name in names):
+        if names is not None and any(odd_text(name) for name in names):
             problems.append("control characters in a name")
     for throw in throws:
         values = dataclasses.asdict(throw)
@@ -157,7 +157,7 @@ def of_config(folder, config):
             if not abs(value) <= GREATEST:
                 problems.add("a number out of all sense")
         elif isinstance(value, str):
-            if _odd_text(value):
+            if odd_text(value):
                 problems.add("control characters in a text")
         elif isinstance(value, dict):
             for key, inner in value.items():
@@ -188,7 +188,7 @@ def of_landings(folder, landings):
     for one in landings:
         if not (np.abs(np.array(one.place)) <= FARTHEST_M).all():
             problems.append("a place that no camera sees")
-        if _odd_text(one.recording) or not one.recording.strip():
+        if odd_text(one.recording) or not one.recording.strip():
             problems.append("control characters in a name, or none")
     return problems
 
@@ -219,7 +219,7 @@ def of_robot(folder, robot):
     if not 0 <= robot.base_height <= 100:
         problems.append("a height out of all sense")
     names = (robot.name, robot.tool.name, *robot.joint_names, *chain.capsule_links)
-    if any(_odd_text(name) or name[:1] in "=+-@" for name in names):
+    if any(odd_text(name) or name[:1] in "=+-@" for name in names):
         problems.append("names that a table or terminal would obey")
     return problems
 
@@ -262,7 +262,7 @@ def of_record(folder, record):
                 look(item, is_field)
         elif isinstance(value, str):
             # What is outside of every record is no name.
-            if is_field and _odd_text(value):
+            if is_field and odd_text(value):
                 problems.add("control characters in a text")
         elif dataclasses.is_dataclass(value):
             for one in dataclasses.fields(value):
@@ -309,6 +309,6 @@ def of_arrays(folder, found):
     problems = []
     if not all((np.isfinite(one) & (np.abs(one) < GREATEST)).all() for one in arrays):
         problems.append("numbers out of all sense")
-    if any(_odd_text(name) for name in names):
+    if any(odd_text(name) for name in names):
         problems.append("control characters in a name")
     return problems

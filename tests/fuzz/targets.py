@@ -4,40 +4,15 @@ The functions are those behind the commands. What is read is judged by `sense`, 
 of the readers.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from fuzz import binary_mutations, mutations, sense, whole_files
+from fuzz.run_targets import OF_RUNS
+from fuzz.stream_targets import STREAMS
+from fuzz.target import Target
 from fuzz.whole_files import Files
 from places import TESTS, TOP
-
-
-@dataclass(frozen=True)
-class Target:
-    """One kind of input.
-
-    Attributes
-    ----------
-    files : function of nothing
-        Whole files by name.
-    broken : dict of str
-        What breaks which of them.
-    read : function of the folder
-        What a command does with them.
-    judge : function of folder and result
-        Names of what is nonsense in it.
-    share : int
-        How often it is drawn.
-    """
-
-    files: Callable[[], Files]
-    broken: dict[str, Callable[..., bytes]]
-    read: Callable[[Path], Any]
-    judge: Callable[[Path, Any], list[str]] = field(default=lambda folder, found: [])
-    share: int = 4
 
 
 def read_recording(folder: Path):
@@ -173,6 +148,7 @@ _FOREIGN = (
     ("BVH", "bvh"),
     ("keypoints JSON", "json"),
     ("keypoints CSV", "csv"),
+    ("keypoint rows", "csv"),
 )
 _TASKS = ("stick_throw", "ball_throw", "grasp_box", "pull_lever", "reach")
 _MARKERS = ("right_arm", "two_arms", "xsens", "exoskeleton")
@@ -211,7 +187,7 @@ TARGETS = {
             lambda name=name, ending=ending: whole_files.foreign(name, ending),
             {f"a.{ending}": mutations.json_file if ending == "json" else mutations.table},
             read_recording,
-            share=6,
+            share=5,
             **_READ,
         )
         for name, ending in _FOREIGN
@@ -323,13 +299,16 @@ TARGETS = {
         )
         for ending in ("json", "yaml")
     },
+    **STREAMS,
+    **OF_RUNS,
 }
 _DRAWN = [name for name, target in TARGETS.items() for _ in range(target.share)]
 
 
-def draw(rng) -> tuple[str, Files, str]:
-    """Return a target, its files with one of them broken, and which."""
-    name = rng.choice(_DRAWN)
+def draw(rng, only="") -> tuple[str, Files, str]:
+    """Return a target, its files with one of them broken, and which; `only`: begins of names."""
+    wanted = tuple(only.split(","))
+    name = rng.choice([name for name in _DRAWN if name.startswith(wanted)] if only else _DRAWN)
     target = TARGETS[name]
     files = dict(target.files())
     which = rng.choice(list(target.broken))

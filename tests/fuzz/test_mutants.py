@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 from fuzz import attempts, mutations, sense
 from fuzz.attempts import GOOD, attempt, read, whole
-from fuzz.targets import TARGETS, Target
+from fuzz.target import Target
+from fuzz.targets import TARGETS
 from fuzz.whole_files import head
 from places import SAMPLE
 

@@ -56,7 +56,7 @@ def unnamed() -> Files:
     return {"a.tsv": dots.encode(), "person.tsv": person.encode()}
 
 
-def _sample(folder: Path, n_rows: int = 20):
+def sample(folder: Path, n_rows: int = 20):
 
     from besman.io.recordings.formats import read_recording
 
@@ -76,7 +76,7 @@ def c3d() -> Files:
     from besman.io.recordings.c3d import write_c3d
 
     def make(folder):
-        write_c3d(_sample(folder), folder / "a.c3d")
+        write_c3d(sample(folder), folder / "a.c3d")
         (folder / "a.tsv").unlink()
 
     return _made(make)
@@ -89,7 +89,7 @@ def mvnx() -> Files:
     from besman.io.recordings.mvnx import write_mvnx
 
     def make(folder):
-        recording = _sample(folder)
+        recording = sample(folder)
         shape = (*recording.positions.shape[:2], 4)
         turns = np.broadcast_to([1.0, 0.0, 0.0, 0.0], shape)
         write_mvnx(replace(recording, orientations=turns), folder / "a.mvnx")
@@ -207,7 +207,7 @@ def joint_csv() -> Files:
 
 @cache
 def foreign(name: str, ending: str) -> Files:
-    from foreign_recordings import WRITERS
+    from foreign_recordings import WRITERS, write_keypoint_rows
 
     from besman.records import Recording
 
@@ -217,7 +217,8 @@ def foreign(name: str, ending: str) -> Files:
     if name != "BVH":
         positions[4:6, 1] = np.nan
     recording = Recording(time, positions, ("head", "hips", "foot"), 50.0, "a", 1)
-    return _made(lambda folder: WRITERS[name](recording, folder / f"a.{ending}"))
+    write = WRITERS.get(name, write_keypoint_rows)
+    return _made(lambda folder: write(recording, folder / f"a.{ending}"))
 
 
 @cache

@@ -78,6 +78,10 @@ def test_faults_of_a_bag(tmp_path):
         read_execution(bag(tmp_path / "back.mcap", back), JOINTS)
     with pytest.raises(RecordingError, match="another arm: no joint a, b; got x or y"):
         read_execution(bag(tmp_path / "other.mcap", STAMPS, ("x", "y")), JOINTS)
+    far = ANGLES.copy()
+    far[7, 0] = 1e6
+    with pytest.raises(RecordingError, match=r"got 1e\+06; expected joint angles of at most 1000"):
+        read_execution(bag(tmp_path / "far.mcap", STAMPS, angles=far), JOINTS)
     make = Messages()
     path = write_bag(tmp_path / "none.mcap", {"/say": [(EPOCH_NS, make.text("hello"))]})
     with pytest.raises(RecordingError, match="no topic of joint states; got /say"):

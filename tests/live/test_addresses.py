@@ -24,6 +24,8 @@ def test_addresses_mean_sources():
         ("file://a.tsv?pace=fast", "pace: got 'fast'; expected a number from 0"),
         ("qtm://host:port", "expected qtm://HOST:PORT"),
         ("qtm://host?version=new", "version: got 'new'; expected a number such as 1.19"),
+        ("file://a.tsv?pace=1_0", "pace: got '1_0'; expected a number from 0"),
+        ("qtm://host?version=\u0661.\u0661", "expected a number such as 1.19"),
         ("lsl:x?wait=-1", "wait: got '-1'; expected a number from 0"),
     ],
 )

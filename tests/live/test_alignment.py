@@ -120,3 +120,20 @@ def test_a_schedule_loses_and_delays_as_asked():
         ConfigError, match="got --pace 1, --lose 1, --late 0; expected a pace above 0 and up to"
     ):
         schedule_frames(10, RATE_HZ, lose=1.0)
+
+
+@pytest.mark.parametrize("odd", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("at", [0, 3])
+def test_a_clock_that_says_nothing_moves_nothing(odd, at):
+    packets = [packet(row, counted=False) for row in range(8)]
+    packets[at] = packets[at]._replace(time_s=odd)
+    rows, delivery = deliver(packets)
+    assert rows == list(range(8))
+    assert (delivery.lost, delivery.restarts) == (0, 0)
+
+
+def test_what_is_given_up_at_the_end_came_no_later_than_the_last():
+    aligner = Aligner(RATE_HZ, 2)
+    frames = [frame for row in (0, 1, 3) for frame in aligner.take(packet(row))]
+    frames += aligner.flush()
+    assert [frame.arrived_s for frame in frames] == [0.0, 0.01, 0.03, 0.03]

@@ -14,6 +14,7 @@ from besman.records import Recording
 
 pylsl = pytest.importorskip("pylsl", reason="the extra lsl is not installed")
 announce_only_here()
+from pylsl.util import LostError  # noqa: E402
 
 
 @pytest.fixture
@@ -51,6 +52,34 @@ def test_what_is_played_arrives():
     player.join(10)
     np.testing.assert_allclose([one.positions for one in packets], positions, atol=1e-6)
     np.testing.assert_allclose(np.diff([one.time_s for one in packets]), 0.01, atol=1e-3)
+
+
+class Inlet:
+    """Samples, then an error."""
+
+    def __init__(self, samples, error):
+        self._samples, self._error = samples, error
+
+    def pull_sample(self, timeout_s):
+        if self._samples:
+            return self._samples.pop(0), 1.0
+        raise self._error
+
+
+def test_a_stream_that_is_lost_has_ended():
+    source = LslSource("x", wait_s=1e6)
+    source._receive(Inlet([np.zeros(3)], LostError("lost")), [[0, 1, 2]], 1.0)
+    assert source.read(0.0) is not None
+    assert source.read(0.0) is None
+    assert source.ended
+
+
+@pytest.mark.parametrize("sample", [np.array([b"a", b"b", b"c"], object), np.zeros(2)])
+def test_samples_that_are_no_coordinates_end_in_words(sample):
+    source = LslSource("x")
+    source._receive(Inlet([sample], None), [[0, 1, 2]], 1.0)
+    with pytest.raises(RecordingError, match="lsl:x: "):
+        source.read(0.0)
 
 
 def test_other_units_and_axes_are_turned(soon):

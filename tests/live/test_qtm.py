@@ -114,6 +114,25 @@ def test_a_server_of_something_else_is_one_line(answer, monkeypatch):
     assert "\n" not in str(error.value)
 
 
+class Bytes:
+    """A packet of qtm_rt that counts more markers than it has."""
+
+    def __init__(self, n_markers, size):
+        from qtm_rt.packet import QRTComponentType
+
+        self.components = {QRTComponentType.Component3d: 24}
+        self.data = bytes(24) + n_markers.to_bytes(4, "little") + bytes(size - 28)
+        self.timestamp, self.framenumber = 0, 1
+
+
+@pytest.mark.parametrize(("n_markers", "size"), [(2, 55), (2**32 - 1, 56), (1, 28)])
+def test_a_packet_shorter_than_it_says_ends_in_words(n_markers, size):
+    source = QtmSource("127.0.0.1")
+    source._take(Bytes(n_markers, size))
+    with pytest.raises(RecordingError, match=rf"a packet of {size} bytes says that it has"):
+        source.read(0.0)
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [

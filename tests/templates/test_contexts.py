@@ -82,7 +82,7 @@ def test_names_are_checked():
         kind.choose(("x", "x"))
 
 
-@given(st.floats(-1e6, 1e6), st.floats(-1e6, 1e6))
+@given(st.floats(-1e3, 1e3), st.floats(-1e3, 1e3))
 def test_what_is_written_is_read(x, y):
     read = parse_context(f"y={y!r}, x={x!r}", ("x", "y"))
     np.testing.assert_array_equal(read, [x, y])
@@ -97,6 +97,8 @@ def test_what_is_written_is_read(x, y):
         ("x=1,y=2,z=3", "--context: got 'z'; .*allowed: x, y"),
         ("x=1,x=2,y=1", "--context: got 'x' twice"),
         ("x=1,y=far", "--context: y: got 'far', expected a number"),
+        ("x=1_0,y=1", "--context: x: got '1_0', expected a number of at most 1000"),
+        ("x=1,y=1e30", "--context: y: got '1e30', expected a number of at most 1000"),
         ("x=nan,y=1", "--context: x: got 'nan', expected a number"),
     ],
 )

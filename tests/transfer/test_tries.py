@@ -214,13 +214,16 @@ GOOD = {"motion": NAMES[0], "try": "1", "x_m": "1.2", "y_m": "-0.4", "success": 
     [
         ({"try": "2"}, r"results.csv:2: try: got '2'; of person.tsv:1 1 was suggested, 1 to 1"),
         ({"try": "one"}, r":2: try: got 'one'"),
+        ({"try": "1" * 5000}, r":2: try: got '1111"),
+        ({"try": "\u0661"}, r":2: try: got "),
+        ({"x_m": "1_0"}, r":2: x_m: got '1_0', expected metres"),
         ({"try": "0"}, r":2: try: got '0'"),
         (
             {"motion": "person.tsv:2"},
             r":2: motion: got 'person.tsv:2'; did you mean 'person.tsv:1'",
         ),
         ({"x_m": "far"}, r":2: x_m: got 'far', expected metres"),
-        ({"y_m": "nan"}, r":2: y_m: got 'nan', expected metres within 20 of the robot"),
+        ({"y_m": "nan"}, r":2: y_m: got 'nan', expected metres"),
         ({"x_m": "1200"}, r":2: x_m: got '1200', expected metres within 20"),
         ({"x_m": "1,2"}, r":2: x_m: got '1,2', expected metres"),
         ({"y_m": ""}, r":2: y_m: got nothing, expected metres, as the other has"),
@@ -281,10 +284,34 @@ def test_what_was_learnt_about_another_motion_is_not_used(suggested, motions):
             call()
 
 
-@pytest.mark.parametrize("damage", ["{", '{"motion": 3}', "[]"])
+def changed(**changes):
+    return lambda text: json.dumps(json.loads(text) | changes)
+
+
+TRY = {"row": 0, "expected_m": [1.0, 0.0], "outcome_m": None, "failed": False}
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda text: "{",
+        lambda text: '{"motion": 3}',
+        lambda text: "[]",
+        changed(motion="a\nb"),
+        changed(key=None),
+        changed(simulated=10**6),
+        changed(simulated=1.0),
+        changed(tries=[TRY | {"row": 10**6}]),
+        changed(tries=[TRY | {"row": True}]),
+        changed(tries=[TRY | {"expected_m": []}]),
+        changed(tries=[TRY | {"outcome_m": [1e9, 0.0]}]),
+        changed(tries=[TRY | {"failed": "no"}]),
+    ],
+)
 def test_a_damaged_state_is_an_error(suggested, damage):
     run, _ = suggested
-    (run / "transfer" / "person_1" / "state.json").write_text(damage)
+    path = run / "transfer" / "person_1" / "state.json"
+    path.write_text(damage(path.read_text()))
     with pytest.raises(TransferError, match=r"state.json: cannot be read"):
         suggest_try(run)
 

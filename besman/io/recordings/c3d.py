@@ -21,7 +21,11 @@ from besman.records.frozen import hand_over
 from besman.records.recordings import RATES_HZ
 
 # Points that are no positions, by the parameter that lists them.
-_NO_POSITIONS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS")
+_NO_POSITIONS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "REACTIONS")
+# What a user's model gives; each has a parameter that says of what kind its three numbers are, as
+# ``Modeled Angles:x:Angle``.
+_OF_USERS = "USERMOS"
+_PLACES = ("length", "position", "distance")
 _EVENTS_NAMED = 8
 _SCREEN_AXES = {
     sign + axis: cast(Axis, sign.replace("+", "") + axis)
@@ -34,8 +38,8 @@ def read_c3d(path: Path, units: Units | None = None, partial: bool = False) -> R
     """Read the points of a C3D file.
 
     A gap is a point with residual -1 or with coordinates that are no numbers. Names are found as
-    `besman.io.recordings.c3d_names` says. Points that are listed as angles, forces, moments, powers
-    or scalars are left out. X_SCREEN and Y_SCREEN tell which way is up. Events become notes.
+    `besman.io.recordings.c3d_names` says. Points that are listed as angles, forces, moments, powers,
+    scalars, reactions or outputs of a user's model (USERMOS) are left out. X_SCREEN and Y_SCREEN tell which way is up. Events become notes.
 
     Variants seen: Intel, DEC and SGI/MIPS; floats and integers; frames from 0 and from 1; LABELS2
     and on; labels of four letters with whole names as descriptions; parameters without the byte of
@@ -77,7 +81,7 @@ def read_c3d(path: Path, units: Units | None = None, partial: bool = False) -> R
     n_points = coordinates.shape[1]
     labels = _values(sections, "LABELS")[:n_points]
     labels += [""] * (n_points - len(labels))
-    others = {name for kind in _NO_POSITIONS for name in _values(sections, kind)}
+    others = _find_outputs(sections)
     kept = [index for index, label in enumerate(labels) if not label or label not in others]
     if not kept:
         raise RecordingError(f"{path}: no points that are positions; expected at least one marker")
@@ -106,9 +110,32 @@ def read_c3d(path: Path, units: Units | None = None, partial: bool = False) -> R
             units_by=length.told_by,
             up=up or "z",
             up_by="POINT:X_SCREEN and Y_SCREEN" if up else "",
-            notes=(*sections.notes, *_read_events(sections)),
+            notes=(
+                *sections.notes,
+                *_tell_outputs(len(labels) - len(kept)),
+                *_read_events(sections),
+            ),
         ),
     )
+
+
+def _find_outputs(sections: C3dSections) -> set[str]:
+    """Return the labels of points that are angles, forces or what else a model gives."""
+    outputs = {name for kind in _NO_POSITIONS for name in _values(sections, kind)}
+    for name in _values(sections, _OF_USERS):
+        about = map(str, sections.parameters.get(f"POINT:{name.upper()}", []))
+        kinds = [one.rpartition(":")[2].strip().lower() for one in about]
+        if any(kind and kind not in _PLACES for kind in kinds):
+            outputs.add(name)
+    return outputs
+
+
+def _tell_outputs(count: int) -> tuple[str, ...]:
+    """Say how many points are no positions."""
+    if not count:
+        return ()
+    what = "point is no position" if count == 1 else "points are no positions"
+    return (f"{count} {what} but angles, forces or other outputs of a model, and left out",)
 
 
 def write_c3d(recording: Recording, path: Path) -> None:

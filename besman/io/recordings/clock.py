@@ -197,6 +197,11 @@ def _choose_rate(said: float | None, shown: float | None, path: Path) -> float:
     odd = None if said is None or slowest <= said <= fastest else said
     said = said if odd is None else None
     shown = shown if shown is not None and slowest <= shown <= fastest else None
+    if said is None and shown is None and odd is not None:
+        raise RecordingError(
+            f"{path}: the header has {_tell(odd)}, and no times show how many there are; expected "
+            f"{slowest:g} to {fastest:g}: say it with --rate, in a recipe with read.rate_hz"
+        )
     if said is None and shown is None:
         raise RecordingError(
             f"{path}: neither the header nor a column of times says how many frames there are in a "
@@ -204,8 +209,7 @@ def _choose_rate(said: float | None, shown: float | None, path: Path) -> float:
             "read.rate_hz"
         )
     if odd is not None:
-        says = "no number where the rate stands" if np.isnan(odd) else f"{odd:g} frames a second"
-        _warn(f"{path.name}: the header has {says}; {shown:.6g}, as the times show, is taken")
+        _warn(f"{path.name}: the header has {_tell(odd)}; {shown:.6g}, as the times show, is taken")
     if said is None or shown is None:
         return float(said if shown is None else shown)  # type: ignore[arg-type]
     if abs(shown / said - 1.0) > _TOLERANCE:
@@ -215,6 +219,11 @@ def _choose_rate(said: float | None, shown: float | None, path: Path) -> float:
         )
         return shown
     return said
+
+
+def _tell(odd_hz: float) -> str:
+    """Say what stands where the rate should."""
+    return "no number where the rate stands" if np.isnan(odd_hz) else f"{odd_hz:g} frames a second"
 
 
 def whole_if_near(rate_hz: float) -> float:

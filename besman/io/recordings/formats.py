@@ -122,8 +122,8 @@ FORMATS = (
         (".csv",),
         is_keypoint_csv,
         "keypoints_csv:read_keypoints_csv",
-        "markerless systems: columns name_x, name_y, name_z, or names above x, y, z; time or "
-        "'# fps: 30'; units by height",
+        "markerless systems: columns name_x, name_y, name_z, or names above x, y, z; or a row a "
+        "keypoint: frame, keypoint, x, y, z; time or '# fps: 30'; units by height",
         takes_units=True,
         takes_partial=True,
         writes_zeros=True,
@@ -397,4 +397,4 @@ def recognise(head: bytes) -> Format | None:
 def _natural_order(path: Path) -> tuple[list[tuple[int, str]], str]:
     """Sort key that compares numbers inside a name by value."""
     parts = re.split(r"(\d+)", path.name.lower())
-    return [(int(part), "") if part.isdigit() else (-1, part) for part in parts], path.name
+    return [(int(part), "") if part.isdecimal() else (-1, part) for part in parts], path.name

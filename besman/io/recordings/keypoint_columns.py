@@ -11,6 +11,8 @@ import re
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from besman.io.recordings.keypoint_rows import find_row_columns
+
 _UNIT = r"(?:\s*[(\[]\s*(m|cm|mm|in|ft)\s*[)\]])?"
 _BEHIND = re.compile(r"(.+?)(?:[ _.:]+(?i:pos(?:ition)?[ _.]?)?\(?|\()([xyzXYZ])\)?" + _UNIT)
 _GLUED = re.compile(r"(.+?)([XYZ])" + _UNIT)
@@ -112,4 +114,6 @@ def is_keypoint_table(text: str) -> bool:
     rows = [
         [cell.strip().strip('"').strip() for cell in line.split(separator)] for line in lines[:3]
     ]
-    return len(rows[0]) > 2 and bool(find_columns(join_header(rows)[0]).names)
+    if len(rows[0]) <= 2:
+        return False
+    return bool(find_columns(join_header(rows)[0]).names or find_row_columns(rows[0]))

@@ -142,7 +142,7 @@ def _by_number(content: Mapping[str, Any]) -> list[dict[str, Any]] | None:
 
 def _is_frame_number(key: str) -> bool:
     """Tell whether a key counts frames: Python parses no number of thousands of digits."""
-    return key.isdecimal() and len(key) <= _MOST_DIGITS
+    return key.isascii() and key.isdecimal() and len(key) <= _MOST_DIGITS
 
 
 def _rows_of_table(content: Mapping[str, Any]) -> list[dict[str, Any]] | None:

@@ -32,6 +32,7 @@ from besman.io.recordings.keypoint_frames import (
 )
 from besman.io.recordings.lengths import Length, body_length, find_length, parse_unit
 from besman.records import Axis, FloatArray, Origin, Recording
+from besman.records.recordings import RATES_HZ
 from besman.records.frozen import hand_over
 
 _RATES = ("rate_hz", "fps", "frame_rate", "framerate", "sampling_rate", "sample_rate", "rate")
@@ -74,7 +75,8 @@ def read_keypoints(path: Path, units: Units | None = None) -> Recording:
     numbers = _column(frames, _NUMBERS, path)
     times = _column(frames, _TIMES, path)
     rate_hz = _find_rate(about)
-    if times is not None and rate_hz is None and np.median(np.diff(times)) > 1.0:
+    is_rate = rate_hz is not None and RATES_HZ[0] <= rate_hz <= RATES_HZ[1]
+    if times is not None and not is_rate and np.median(np.diff(times)) > 1.0:
         times = times / 1000.0
     elif times is not None and rate_hz is not None and len(times) > 1:
         # Milliseconds count a thousand times as far as the rate says.

@@ -2,7 +2,8 @@
 
 Variants seen: coordinates called as `besman.io.recordings.keypoint_columns` says; commas, tabs or
 semicolons (then with points or commas in numbers); frames, times in seconds or milliseconds, both
-or, with a rate in the first lines (``# fps: 30``), neither; further columns.
+or, with a rate in the first lines (``# fps: 30``), neither; further columns. Also a row a keypoint,
+`besman.io.recordings.keypoint_rows`.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from besman.io.recordings.c3d_names import keep_single_names
 from besman.io.recordings.clock import read_rate, settle_clock
 from besman.io.recordings.format import Units
 from besman.io.recordings.keypoint_columns import find_columns, join_header
+from besman.io.recordings.keypoint_rows import find_row_columns, read_keypoint_rows
 from besman.io.recordings.keypoints import find_keypoint_length
 from besman.io.recordings.number_rows import find_cells, is_blank, read_rows
 from besman.io.recordings.text_lines import TextLines, open_lines
@@ -68,21 +70,34 @@ def read_keypoints_csv(path: Path, units: Units | None = None, partial: bool = F
     labels, n_header = join_header(head)
     while labels and not labels[-1]:
         labels.pop()
-    found_names, columns, unit = find_columns(labels)
-    names: list[str | None] = list(found_names)
-    if not names:
+    # ``x_mm`` of a row is no keypoint called mm.
+    in_rows = find_row_columns(labels)
+    found_names, columns, unit = find_columns(() if in_rows else labels)
+    if not found_names and in_rows is None:
         raise RecordingError(f"{path}:{at + 1}: no keypoint with three columns, x, y and z")
     at += n_header
     if cells.separator == b";" and at < len(lines) and "," in lines[at]:
         cells = replace(cells, has_decimal_commas=True)
-    values = read_rows(lines, at, len(labels), cells, path, partial=partial)
     lowered = [label.lower() for label in labels]
     frame = next((k for k, one in enumerate(lowered) if one in _FRAMES), None)
     time = next((k for k, one in enumerate(lowered) if one in _TIMES), None)
-    frames = np.arange(1.0, len(values) + 1) if frame is None else values[:, frame]
-    times = None if time is None else values[:, time] * _TIMES[lowered[time]]
+    if in_rows is not None:
+        found = read_keypoint_rows(
+            lines, at, labels, in_rows, (frame, time), cells, path, partial
+        )
+        found_names, positions, frames, times = found
+        unit = in_rows.unit
+    else:
+        values = read_rows(lines, at, len(labels), cells, path, partial=partial)
+        frames = None if frame is None else values[:, frame]
+        times = None if time is None else values[:, time]
+        positions = np.take(values, np.array(columns), axis=1)
+    names: list[str | None] = list(found_names)
+    if frames is None and in_rows is None:
+        frames = np.arange(1.0, len(positions) + 1)
+    times = None if times is None or time is None else times * _TIMES[lowered[time]]
     clock = settle_clock(frames, times, _rate(about), path, at + 1)
-    positions = clock.spread(np.take(values, np.array(columns), axis=1))
+    positions = clock.spread(positions)
     length = find_keypoint_length(about.get("units") or unit or None, names, positions, units, path)
     positions *= length.metres
     return Recording(

@@ -15,6 +15,7 @@ times, at the rate of the fastest topic.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -274,8 +275,10 @@ class _Gathered:
 def _pose_of(position: Any, turn: Any) -> tuple[float, ...]:
     """Return position and quaternion (w last); NaN where that is none."""
     values = (position.x, position.y, position.z, turn.x, turn.y, turn.z, turn.w)
-    length = np.linalg.norm(values[3:])
-    return values if 0.5 < length < 2.0 else (np.nan,) * 7
+    # Squares of what is much larger overflow.
+    if not all(abs(one) < 2.0 for one in values[3:]):
+        return (np.nan,) * 7
+    return values if 0.5 < math.hypot(*values[3:]) < 2.0 else (np.nan,) * 7
 
 
 def _name_topics(topics: Sequence[str]) -> dict[str, str]:

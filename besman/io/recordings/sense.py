@@ -56,7 +56,12 @@ def check_recording(recording: Recording, path: Path) -> Recording:
     """
     if len(recording.time) < 2:
         raise RecordingError(f"{path}: a recording of one frame; expected at least two")
-    recording = _check_names(recording, path)
+    fault = fault_of_characters(path.name)
+    if fault is not None:
+        raise RecordingError(f"{path}: the name of the file {fault}")
+    names = check_names(recording.names, str(path))
+    if names != recording.names:
+        recording = replace(recording, names=names)
     check_rate(recording.rate_hz, str(path))
     last = recording.first_frame + len(recording.time) - 1
     if recording.first_frame < 0 or last > GREATEST_FRAME:
@@ -83,26 +88,26 @@ def check_rate(rate_hz: float, where: str) -> None:
         )
 
 
-def _check_names(recording: Recording, path: Path) -> Recording:
-    """Refuse names that would steer a terminal, the file's own included, and those there twice.
+def check_names(names: Sequence[str | None], where: str) -> tuple[str | None, ...]:
+    """Return names of trajectories; one that is empty is none.
 
-    What has an empty name has none.
+    Raises
+    ------
+    RecordingError
+        If a name would steer a terminal, or is there twice.
     """
-    fault = fault_of_characters(path.name)
-    if fault is not None:
-        raise RecordingError(f"{path}: the name of the file {fault}")
-    for index, name in enumerate(recording.names, start=1):
+    for index, name in enumerate(names, start=1):
         fault = None if name is None else fault_of_name(name)
         if fault is not None:
-            raise RecordingError(f"{path}: trajectory {index}: name {name!r:.60} {fault}")
-    names = tuple(name if name and name.strip() else None for name in recording.names)
-    doubled = [name for name, count in Counter(names).items() if name and count > 1]
+            raise RecordingError(f"{where}: trajectory {index}: name {name!r:.60} {fault}")
+    given = tuple(name if name and name.strip() else None for name in names)
+    doubled = [name for name, count in Counter(given).items() if name and count > 1]
     if doubled:
         raise RecordingError(
-            f"{path}: {names.count(doubled[0])} trajectories are named {doubled[0]!r:.60}; "
+            f"{where}: {given.count(doubled[0])} trajectories are named {doubled[0]!r:.60}; "
             "expected each name once"
         )
-    return recording if names == recording.names else replace(recording, names=names)
+    return given
 
 
 def _leave_out_halves(recording: Recording) -> Recording:

@@ -245,10 +245,26 @@ def test_angles_are_no_positions(tmp_path):
     path = foreign(tmp_path / "a.c3d", points, ["a", "Knee", "b"], extra={"ANGLES": ["Knee"]})
     recording = read_c3d(path)
     assert recording.names == ("a", "b")
+    assert recording.origin.notes == (
+        "1 point is no position but angles, forces or other outputs of a model, and left out",
+    )
     np.testing.assert_allclose(recording.positions, points[:, [0, 2]] / 1000, atol=1e-6)
     path = foreign(tmp_path / "b.c3d", points, "abc", extra={"FORCES": ["a", "b", "c"]})
     with pytest.raises(RecordingError, match="no points that are positions"):
         read_c3d(path)
+
+
+def test_what_a_users_model_gives_is_no_position_unless_it_says_so(tmp_path):
+    names = ["a", *(f"USERMO{k}" for k in range(14))]
+    kinds = {f"USERMO{k}": [f"Modeled Angles:{axis}:Angle" for axis in "xyz"] for k in range(14)}
+    kinds["USERMO1"] = [f"Modeled Forces:{axis}:Force" for axis in "xyz"]
+    kinds["USERMO12"] = [f"Modeled Markers:{axis}:Length" for axis in "xyz"]
+    points = RNG.normal(size=(3, len(names), 3))
+    path = foreign(tmp_path / "a.c3d", points, names, extra={"USERMOS": names[1:], **kinds})
+    recording = read_c3d(path)
+    assert recording.names == ("a", "USERMO12")
+    np.testing.assert_allclose(recording.positions, points[:, [0, 13]] / 1000, atol=1e-6)
+    assert recording.origin.notes[0].startswith("13 points are no positions")
 
 
 def test_a_bare_nan_is_a_gap(tmp_path):

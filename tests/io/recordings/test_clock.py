@@ -46,7 +46,7 @@ def test_uneven_times_are_said():
 def test_a_rate_of_the_header_that_is_none_is_said(text, said):
     with pytest.warns(RecordingWarning, match=f"the header has {said}.*; 50, as the times show"):
         assert settle(times=[0, 0.02, 0.04], rate_hz=read_rate(text)).rate_hz == 50.0
-    with pytest.raises(RecordingError, match="neither the header"):
+    with pytest.raises(RecordingError, match=f"the header has {said}.*, and no times show"):
         settle(frames=[1, 2, 3], rate_hz=read_rate(text))
 
 
@@ -58,7 +58,9 @@ def test_rates_of_headers():
     ("given", "message"),
     [
         ({"frames": [1, 2]}, "neither the header nor a column of times"),
-        ({"frames": [1, 2], "rate_hz": 0.0}, "neither the header"),
+        ({"frames": [1, 2], "rate_hz": 0.0}, "the header has 0 frames a second, and no times show"),
+        ({"frames": [1, 2], "rate_hz": -30.0}, "the header has -30 frames a second, and no times"),
+        ({"frames": [1, 2], "rate_hz": np.nan}, "has no number where the rate stands, and no times"),
         ({"frames": [1, 9, 10], "rate_hz": 9.0}, "frame 9 follows frame 1; expected .* evenly"),
         ({"frames": [1, np.nan], "rate_hz": 9.0}, "a.x:6: frame is nan; expected a whole number"),
         ({"times": [0.1, np.nan]}, "a.x:6: time is nan s after 0.1 s; expected rising times"),

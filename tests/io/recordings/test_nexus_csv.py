@@ -98,7 +98,7 @@ def test_sub_frames_count(tmp_path):
         (lambda lines: lines[:3], "no line of columns that begins with Frame below 'trajectories'"),
         (lambda lines: [*lines[:4], lines[4].replace("mm", "deg"), *lines[5:]], "no columns of positions in 'trajectories'"),
         (lambda lines: lines[:5], "no frames after the header"),
-        (lambda lines: [lines[0], "0", *lines[2:]], "neither the header nor a column of times"),
+        (lambda lines: [lines[0], "0", *lines[2:]], "the header has 0 frames a second, and no times"),
         (lambda lines: [*lines[:6], "7,0,1", *lines[7:]], "frame 7 follows frame 7; expected frames that rise"),
     ],
 )  # fmt: skip
