@@ -61,6 +61,7 @@ def follow_all(
     *,
     rounds: int,
     tolerance: float,
+    enough: float = 0.0,
 ) -> tuple[FloatArray, FloatArray]:
     """Follow many paths from many starts; see `besman.robot.ik_kernel.follow_paths`.
 
@@ -102,6 +103,7 @@ def follow_all(
         anchor,
         rounds,
         tolerance,
+        enough,
     )
 
 
