@@ -95,7 +95,10 @@ def rate_path(
         Like metres of position error (root mean square and greatest).
     """
     steps = np.diff(positions, axis=0)
-    near = np.maximum(0.0, 1.0 - distances(robot.chain, positions).min(axis=1) / _SAFE_DISTANCE_M)
+    near = np.maximum(
+        0.0,
+        1.0 - distances(robot.chain, positions, _SAFE_DISTANCE_M).min(axis=1) / _SAFE_DISTANCE_M,
+    )
     cost = (
         np.sqrt(np.mean(_squared_errors(errors, weights)))
         + 0.2 * weights.position * errors[:, 0].max()
@@ -213,7 +216,9 @@ def _choose(
     singular = np.maximum(0.0, 1.0 - manipulability(robot.chain, some) / usable)
     room = np.minimum(some - low, high - some).min(axis=1)
     tight = np.maximum(0.0, 1.0 - room / _WIDE_RAD)
-    near = np.maximum(0.0, 1.0 - distances(robot.chain, some).min(axis=1) / _SAFE_DISTANCE_M)
+    near = np.maximum(
+        0.0, 1.0 - distances(robot.chain, some, _SAFE_DISTANCE_M).min(axis=1) / _SAFE_DISTANCE_M
+    )
     away = np.mean((some - robot.home) ** 2, axis=1)
     costs[here] += _CLOSE_M**2 * (singular**2 + tight**2 + 0.1 * away) + 0.1 * near
     # Without a time the arm is thought to need a second from one end of the path to the other.

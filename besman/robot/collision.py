@@ -13,7 +13,7 @@ FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 
-def distances(chain: Chain, positions: npt.ArrayLike) -> FloatArray:
+def distances(chain: Chain, positions: npt.ArrayLike, beyond: float = np.inf) -> FloatArray:
     """Compute how near an arm is to itself and to the floor.
 
     The first is the least distance between parts that must not touch, below zero where capsules
@@ -26,6 +26,8 @@ def distances(chain: Chain, positions: npt.ArrayLike) -> FloatArray:
         not measured against the floor.
     positions : array, shape (..., n)
         Joint angles, rad.
+    beyond : float
+        A self-distance greater than this is this, metres: to look for less is quicker.
 
     Returns
     -------
@@ -42,6 +44,7 @@ def distances(chain: Chain, positions: npt.ArrayLike) -> FloatArray:
         chain.capsule_radii,
         chain.capsule_pairs,
         rows,
+        beyond,
     )
     result[~np.isfinite(rows).all(axis=1)] = np.nan
     return result.reshape(*shape, 2)
@@ -212,17 +215,23 @@ def are_far(first: FloatArray, second: FloatArray, reach: float) -> bool:
 
 @compiled
 def nearest_parts(
-    joints: IntArray, placed: FloatArray, radii: FloatArray, pairs: IntArray, guess: int
+    joints: IntArray,
+    placed: FloatArray,
+    radii: FloatArray,
+    pairs: IntArray,
+    guess: int,
+    beyond: float = np.inf,
 ) -> tuple[float, float, int, int]:
     """Compute self-distance and floor distance, metres, and which pair and capsule have them.
 
     Both are -1 where there is none. Pairs whose enclosing balls are further apart than the nearest
-    so far are passed over; the pair `guess` comes first (-1: none), by choice that of the pose
-    before.
+    so far are passed over, those that are further apart than `beyond` (metres) at once: its
+    self-distance is then `beyond`. The pair `guess` comes first (-1: none), by choice that of the
+    pose before.
     """
     middles, reaches = np.empty((len(joints), 3)), np.empty(len(joints))
     fill_balls(placed, radii, middles, reaches)
-    nearest, pair, lowest, down = np.inf, -1, np.inf, -1
+    nearest, pair, lowest, down = beyond, -1, np.inf, -1
     for count in range(-1, len(pairs)):
         index = count if count >= 0 else guess
         if index < 0 or count == guess:
@@ -288,6 +297,7 @@ def _distances(
     radii: FloatArray,
     pairs: IntArray,
     rows: FloatArray,
+    beyond: float,
 ) -> FloatArray:
     """Compute both distances of every configuration, shape (B, 2)."""
     n = len(axes)
@@ -297,6 +307,6 @@ def _distances(
     for index in range(len(rows)):
         fill_frames(placements, axes, rows[index], rotations, origins)
         place_capsules(joints, ends, rotations, origins, placed)
-        own, floor, nearest, _ = nearest_parts(joints, placed, radii, pairs, nearest)
+        own, floor, nearest, _ = nearest_parts(joints, placed, radii, pairs, nearest, beyond)
         result[index, 0], result[index, 1] = own, floor
     return result

@@ -119,9 +119,9 @@ def _fill_normal_equations(
             + (d * error[3] + e * error[4] + f * error[5])
         )
         for j in range(i + 1):
-            matrix[i, j] = (
-                a * jacobian[0, j] + b * jacobian[1, j] + c * jacobian[2, j]
-            ) + (d * jacobian[3, j] + e * jacobian[4, j] + f * jacobian[5, j])
+            matrix[i, j] = (a * jacobian[0, j] + b * jacobian[1, j] + c * jacobian[2, j]) + (
+                d * jacobian[3, j] + e * jacobian[4, j] + f * jacobian[5, j]
+            )
         matrix[i, i] += near
 
 
@@ -225,7 +225,7 @@ def _make_room(n: int) -> tuple[FloatArray, ...]:
     )  # fmt: skip
 
 
-@numba.njit(inline='always', error_model='numpy')
+@numba.njit(inline="always", error_model="numpy")
 def _improve(
     placements: FloatArray,
     axes: FloatArray,

@@ -152,7 +152,7 @@ def _evaluate(
         fill_tip(tip, rotations, origins, pose)
         pose_error(pose, targets[index], free_spin, errors[index])
         place_capsules(joints, ends, rotations, origins, placed)
-        own, floor, pair, _ = nearest_parts(joints, placed, radii, pairs, pair)
+        own, floor, pair, _ = nearest_parts(joints, placed, radii, pairs, pair, _SAFE_DISTANCE_M)
         # By which share the distances to itself and the floor fall short of the safe one.
         short = max(0.0, 1.0 - min(own, floor) / _SAFE_DISTANCE_M)
         total += _pose_cost(errors[index], weights) + (_TOUCH_M * short) ** 2
@@ -173,7 +173,7 @@ def fill_slope(
     slope: FloatArray,
 ) -> float:
     """Return the shortfall of placed capsules, and write its slope (n,) per rad."""
-    own, floor, pair, down = nearest_parts(joints, placed, radii, pairs, -1)
+    own, floor, pair, down = nearest_parts(joints, placed, radii, pairs, -1, _SAFE_DISTANCE_M)
     for j in range(len(slope)):
         slope[j] = 0.0
     nearest = min(own, floor)

@@ -57,7 +57,9 @@ def solve_columns(band: FloatArray, vector: FloatArray) -> None:
 
 
 @compiled
-def _fill_forms(x: FloatArray, n: int, weights: FloatArray, rows: FloatArray, out: FloatArray) -> None:
+def _fill_forms(
+    x: FloatArray, n: int, weights: FloatArray, rows: FloatArray, out: FloatArray
+) -> None:
     """Write what is limited: points, their steps, the steps' weighted differences, further rows."""
     size, at = len(x), 0
     for i in range(size):
@@ -79,7 +81,9 @@ def _fill_forms(x: FloatArray, n: int, weights: FloatArray, rows: FloatArray, ou
 
 
 @compiled
-def _add_back(y: FloatArray, n: int, weights: FloatArray, rows: FloatArray, out: FloatArray) -> None:
+def _add_back(
+    y: FloatArray, n: int, weights: FloatArray, rows: FloatArray, out: FloatArray
+) -> None:
     """Add the transpose of `_fill_forms` times y to `out`."""
     size = len(out)
     for i in range(size):
@@ -171,9 +175,9 @@ def _fill_step(
         for side in range(2):
             move = (1.0 - 2.0 * side) * pull[r]
             d_slack[side, r] = -missed[side, r] - move
-            d_price[side, r] = (
-                -product[side, r] - price[side, r] * d_slack[side, r]
-            ) / slack[side, r]
+            d_price[side, r] = (-product[side, r] - price[side, r] * d_slack[side, r]) / slack[
+                side, r
+            ]
 
 
 @compiled

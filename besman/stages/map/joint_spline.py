@@ -132,9 +132,7 @@ class JointSpline:
         )
 
 
-def _evaluate(
-    knots: FloatArray, points: FloatArray, degree: int, time: FloatArray
-) -> FloatArray:
+def _evaluate(knots: FloatArray, points: FloatArray, degree: int, time: FloatArray) -> FloatArray:
     """Evaluate a spline whose parts were checked where it was made."""
     values: FloatArray = BSpline.construct_fast(knots, points, degree)(time)
     return values

@@ -112,7 +112,7 @@ def fill_terms(
                 lack = max(0.0, 1.0 - manipulability_of(jacobian, square) / usable)
                 singular += lack * lack
                 place_capsules(joints, ends, rotations, origins, placed)
-                own, floor, pair, _ = nearest_parts(joints, placed, radii, pairs, pair)
+                own, floor, pair, _ = nearest_parts(joints, placed, radii, pairs, pair, safe_m)
                 near += max(0.0, 1.0 - min(own, floor) / safe_m)
                 off += errors[path, branch, index, 0] ** 2
                 turned += errors[path, branch, index, 1] ** 2
