@@ -85,7 +85,5 @@ def test_bounds_that_exclude_each_other_are_missed():
     band, found = np.ones((4, 2)) * [2.0, 0.1], np.empty(4)
     room = np.full((2, 9), 1.0)
     room[0] = -2.0
-    missed, _ = solve_band_program(
-        band, np.ones(4), 1, np.ones(3), np.empty((0, 1)), room, found
-    )
+    missed, _ = solve_band_program(band, np.ones(4), 1, np.ones(3), np.empty((0, 1)), room, found)
     assert not missed < 1e-3
