@@ -146,8 +146,8 @@ def report_whole_paths(robot: Robot, paths: np.ndarray) -> None:
             print(f"whole path, {name}{', free spin' if free else ''}: {spent:.0f} ms")
 
 
-def compare(name: str, paths: np.ndarray) -> None:
-    """Print the speeds of all methods on one arm, best of three, and the ratios."""
+def compare(name: str, paths: np.ndarray) -> dict[str, float]:
+    """Print the speeds of all methods on one arm, best of three; return the ratios."""
     robot = load_robot(name, "stick_holder")
     starts = [
         find_branches(robot, path[0], robot.home[None], IkWeights(), False)[0] for path in paths
@@ -173,8 +173,10 @@ def compare(name: str, paths: np.ndarray) -> None:
         speeds[method_name] = N_PATHS * N_POSES / best
         print(f"{method_name:>16} {speeds[method_name]:10.0f} {worst * 1000:9.3f} mm"
               f"{turned * 1000:9.3f} mrad")  # fmt: skip
-    for method_name in list(speeds)[1:]:
-        print(f"besman : {method_name} = {speeds['besman'] / speeds[method_name]:.0f} : 1")
+    ratios = {one: speeds["besman"] / speed for one, speed in speeds.items() if one != "besman"}
+    for method_name, ratio in ratios.items():
+        print(f"besman : {method_name} = {ratio:.0f} : 1")
+    return ratios
 
 
 def main() -> None:
