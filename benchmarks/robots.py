@@ -1,6 +1,7 @@
 """How many arms of public packages come in by their file alone, how long that takes, and what for.
 
-    python benchmarks/robots.py [FOLDER...] [--all] [--packages FOLDER] [--throws] [--only WORD]
+    python benchmarks/robots.py [FOLDER...] [--all] [--packages FOLDER] [--throws] [--table]
+                                [--only WORD]
 
 URDFs, xacros and MJCFs of arms are brought in with no option but the file: five arms of the
 installed example-robot-data; with ``--all`` all of it; with FOLDERs what is below these; with
@@ -10,13 +11,14 @@ The flange, limits and masses are held against other libraries' on the same file
 capsules against the meshes (coal) in 1000 random poses, or ``--poses``. ``--throws`` maps
 the 16 embedded throws (synthetic) to every arm, smaller ones to arms that are shorter than a
 person's; then of arms as URDF and MJCF: how far apart their hands are on the path of one throw.
+``--table`` does so, too, and has inverse kinematics compared (`inverse_kinematics.py`): the whole
+table with its bars, at the end.
 """
 
 from __future__ import annotations
 
 import argparse
 import re
-import statistics
 import subprocess
 import sys
 import tempfile
@@ -27,6 +29,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio
+import robots_table
 from arm_agreement import agreement
 
 from besman.config.yaml_file import load_config
@@ -128,10 +131,11 @@ class Throws:
         return found | {"reach": reach, "published": float(published), "to_ur5": ratio}
 
 
-def compare_formats(share: Path, place: Path, throws: Throws) -> None:
+def compare_formats(share: Path, place: Path, throws: Throws) -> list[float]:
     """Say how far the hand of an arm's MJCF is from that of its URDF on the path of one throw."""
     import mujoco
 
+    found = []
     for name in BOTH:
         urdf = load_robot(add_robot(share / name, name="urdf", folder=place / name), "stick_holder")
         tree, _ = read_robot_urdf(load_config(Path(urdf.source), RobotConfig), Path(urdf.source))
@@ -151,9 +155,11 @@ def compare_formats(share: Path, place: Path, throws: Throws) -> None:
         # The mounting is assumed of each.
         ends[1][:, 2] += urdf.base_height - mjcf.base_height
         apart = 1000 * float(np.linalg.norm(ends[0] - ends[1], axis=1).max())
+        found.append(apart)
         same = urdf.joint_names == mjcf.joint_names
         sys.stdout.write(f"{name:45} MJCF against URDF, one throw: {apart:.6f} mm, joints "
                          f"{'the same' if same else 'DIFFER'}\n")  # fmt: skip
+    return found
 
 
 def mesh_distances(path: Path, robot: Robot, poses: np.ndarray) -> np.ndarray | None:
@@ -218,40 +224,6 @@ def measure(
     return found | (throws.try_on(path) if throws is not None else {})
 
 
-def show_shapes(column: dict[str, list[float]]) -> None:
-    """Print how capsules compare with meshes."""
-    median = statistics.median
-    print(f"clear though meshes touch: {sum(column['missed']):.0f} poses of "
-          f"{len(column['missed'])} arms")  # fmt: skip
-    print(f"touching though meshes are clear by 1 cm, median and most: "
-          f"{median(column['lost']):.1%}, {max(column['lost']):.1%}")  # fmt: skip
-
-
-def summarise(rows: list[dict[str, object]], refused: list[str]) -> None:
-    """Print the figures of all arms."""
-    column = {key: [float(row[key]) for row in rows if key in row]  # type: ignore[arg-type]
-              for key in ("seconds", "cpu_s", "lost", "missed")}  # fmt: skip
-    median = statistics.median
-    print(f"taken {len(rows)} of {len(rows) + len(refused)} arms; robots add, median and most: "
-          f"{median(column['seconds']):.1f} s, {max(column['seconds']):.1f} s; of CPU "
-          f"{median(column['cpu_s']):.1f} s, {max(column['cpu_s']):.1f} s")  # fmt: skip
-    if column["missed"]:
-        show_shapes(column)
-    fit = [row for row in rows if row.get("published") and float(row["reach"]) >= 0.5]  # type: ignore[arg-type]
-    if not fit:
-        return
-    mapped = [int(row["mapped"]) for row in fit]  # type: ignore[call-overload]
-    bad = sum(int(row.get("bad", 0)) for row in rows)  # type: ignore[call-overload]
-    print(f"throws mapped of 16, {len(fit)} arms of 0.5 m reach or more with speeds that are not "
-          f"assumed: median {median(mapped)}, least {min(mapped)}; samples outside a limit or "
-          f"touching, all arms: {bad}")  # fmt: skip
-    for n in (6, 7):
-        ratios = [float(row["to_ur5"]) for row in fit if row["n"] == n]  # type: ignore[arg-type]
-        if ratios:
-            print(f"CPU of mapping to the UR5's, {n} joints: median {median(ratios):.1f}, most "
-                  f"{max(ratios):.1f} ({len(ratios)} arms)")  # fmt: skip
-
-
 def main() -> None:
     """Print a line for each arm and the figures of all."""
     parser = argparse.ArgumentParser()
@@ -260,6 +232,7 @@ def main() -> None:
     parser.add_argument("--all", action="store_true")
     parser.add_argument("--packages", type=Path)
     parser.add_argument("--throws", action="store_true")
+    parser.add_argument("--table", action="store_true")
     parser.add_argument("--poses", type=int, default=POSES)
     options = parser.parse_args()
     share = Path(str(metadata.distribution("example-robot-data").locate_file("cmeel.prefix/share")))
@@ -272,7 +245,7 @@ def main() -> None:
     rows: list[dict[str, object]] = []
     refused: list[str] = []
     with tempfile.TemporaryDirectory() as place:
-        throws = Throws(Path(place) / "run") if options.throws else None
+        throws = Throws(Path(place) / "run") if options.throws or options.table else None
         for number, file in enumerate(files):
             found = measure(file, Path(place) / str(number), number, throws, options.poses)
             name = f"{file.parent.name}/{file.name}"
@@ -284,10 +257,13 @@ def main() -> None:
             rows.append(found)
             print(f"{name:45} " + ", ".join(f"{key} {value:.3g}" for key, value in found.items()),  # type: ignore[str-format]
                   flush=True)  # fmt: skip
-        if rows:
-            summarise(rows, refused)
-        if throws is not None:
-            compare_formats(share, Path(place) / "both", throws)
+        apart = compare_formats(share, Path(place) / "both", throws) if throws else []
+        entries = (
+            [*robots_table.throws(rows), *robots_table.shapes(rows, options.poses)] if rows else []
+        )
+        entries += robots_table.formats(apart)
+        entries += robots_table.inverse_kinematics() if options.table else []
+        robots_table.print_table((robots_table.taken(rows, refused) if rows else []) + entries)
 
 
 if __name__ == "__main__":

@@ -70,43 +70,45 @@ def choose_candidates(
     return _choose_followed(robot, targets, weights, free_spin, step_s, seed)
 
 
-def rate_path(
+def rate_paths(
     robot: Robot,
     positions: FloatArray,
     errors: FloatArray,
     weights: IkWeights,
     step_s: float | None,
-) -> float:
-    """Return what a path costs: pose errors first, then time, way, collisions and home.
+) -> FloatArray:
+    """Return what paths cost: pose errors first, then time, way, collisions and home.
 
     Parameters
     ----------
     robot : Robot
-    positions : array, shape (T, n)
+    positions : array, shape (K, T, n)
         rad.
-    errors : array, shape (T, 2)
+    errors : array, shape (K, T, 2)
         Position (m) and orientation (rad).
     weights, step_s
         As in `besman.robot.inverse_kinematics.solve_path`.
 
     Returns
     -------
-    float
+    array, shape (K,)
         Like metres of position error (root mean square and greatest).
     """
-    steps = np.diff(positions, axis=0)
-    near = np.maximum(0.0, 1.0 - distances(robot.chain, positions).min(axis=1) / _SAFE_DISTANCE_M)
-    cost = (
-        np.sqrt(np.mean(_squared_errors(errors, weights)))
-        + 0.2 * weights.position * errors[:, 0].max()
-        + weights.home * np.sqrt(np.mean((positions - robot.home) ** 2))
-        + weights.home * np.sum(np.linalg.norm(steps, axis=1))
-        + np.mean(near)
+    steps = np.diff(positions, axis=1)
+    distance = distances(robot.chain, positions, _SAFE_DISTANCE_M).min(axis=-1)
+    near = np.maximum(0.0, 1.0 - distance / _SAFE_DISTANCE_M)
+    costs: FloatArray = (
+        np.sqrt(np.mean(_squared_errors(errors, weights), axis=1))
+        + 0.2 * weights.position * errors[:, :, 0].max(axis=1)
+        + weights.home * np.sqrt(np.mean((positions - robot.home) ** 2, axis=(1, 2)))
+        + weights.home * np.sum(np.linalg.norm(steps, axis=2), axis=1)
+        + np.mean(near, axis=1)
     )
-    if step_s is not None and len(steps) > 1:
-        stretch = time_stretch(robot.limits, steps / step_s, np.diff(steps, axis=0) / step_s**2)
-        cost += weights.stretch * max(stretch - 1.0, 0.0)
-    return float(cost)
+    if step_s is not None and steps.shape[1] > 1:
+        rates = steps / step_s, np.diff(steps, axis=1) / step_s**2
+        stretch = [time_stretch(robot.limits, *both) for both in zip(*rates, strict=True)]
+        costs += weights.stretch * np.maximum(np.array(stretch) - 1.0, 0.0)
+    return costs
 
 
 def _squared_errors(errors: FloatArray, weights: IkWeights) -> FloatArray:
@@ -194,7 +196,7 @@ def _choose_followed(
                 errors.append(error)
     states, missed = np.stack(paths, axis=1), np.stack(errors, axis=1)
     chosen = _choose(robot, states, _squared_errors(missed, weights), 1, step_s)
-    rated = [rate_path(robot, *pair, weights, step_s) for pair in zip(paths, errors, strict=True)]
+    rated = rate_paths(robot, np.array(paths), np.array(errors), weights, step_s)
     order = np.argsort(rated, kind="stable")[:_SEQUENCES]
     # Most of those that are followed are among the sequences already.
     further = [paths[at] for at in order if is_new(paths[at], list(chosen), SAME_BRANCH_RAD)]
@@ -213,7 +215,9 @@ def _choose(
     singular = np.maximum(0.0, 1.0 - manipulability(robot.chain, some) / usable)
     room = np.minimum(some - low, high - some).min(axis=1)
     tight = np.maximum(0.0, 1.0 - room / _WIDE_RAD)
-    near = np.maximum(0.0, 1.0 - distances(robot.chain, some).min(axis=1) / _SAFE_DISTANCE_M)
+    near = np.maximum(
+        0.0, 1.0 - distances(robot.chain, some, _SAFE_DISTANCE_M).min(axis=1) / _SAFE_DISTANCE_M
+    )
     away = np.mean((some - robot.home) ** 2, axis=1)
     costs[here] += _CLOSE_M**2 * (singular**2 + tight**2 + 0.1 * away) + 0.1 * near
     # Without a time the arm is thought to need a second from one end of the path to the other.

@@ -95,15 +95,16 @@ def _unwind(
     path: FloatArray, circular: BoolArray, low: FloatArray, high: FloatArray, home: FloatArray
 ) -> tuple[FloatArray, BoolArray]:
     """Make a path continuous and shift each joint by full turns into its limits, near home."""
-    path, fits = path.copy(), np.ones(len(low), dtype=bool)
-    for joint in np.flatnonzero(circular):
-        angles = np.unwrap(path[:, joint])
-        first = np.ceil((low[joint] - angles.min()) / _TURN)
-        last = np.floor((high[joint] - angles.max()) / _TURN)
-        fits[joint] = first <= last
-        wanted = np.rint((home[joint] - angles.mean()) / _TURN)
-        path[:, joint] = angles + _TURN * np.clip(wanted, first, max(first, last))
-    return path, fits
+    angles = path[:, circular]
+    # Continuous from the first pose on.
+    angles[1:] -= _TURN * np.cumsum(np.rint(np.diff(angles, axis=0) / _TURN), axis=0)
+    first = np.ceil((low[circular] - angles.min(axis=0)) / _TURN)
+    last = np.floor((high[circular] - angles.max(axis=0)) / _TURN)
+    wanted = np.rint((home[circular] - angles.mean(axis=0)) / _TURN)
+    unwound, fits = path.copy(), np.ones(len(low), dtype=bool)
+    fits[circular] = first <= last
+    unwound[:, circular] = angles + _TURN * np.clip(wanted, first, np.maximum(first, last))
+    return unwound, fits
 
 
 def _viterbi(

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
 
 from besman.robot.ik_kernel import follow_paths
 from besman.robot.model import Robot
+from besman.robot.parts import JointLimits
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -61,6 +63,7 @@ def follow_all(
     *,
     rounds: int,
     tolerance: float,
+    enough: float = 0.0,
 ) -> tuple[FloatArray, FloatArray]:
     """Follow many paths from many starts; see `besman.robot.ik_kernel.follow_paths`.
 
@@ -102,6 +105,7 @@ def follow_all(
         anchor,
         rounds,
         tolerance,
+        enough,
     )
 
 
@@ -166,7 +170,13 @@ def draw_starts(robot: Robot, seed: int) -> FloatArray:
 
 def joint_box(robot: Robot) -> tuple[FloatArray, FloatArray]:
     """Return the position limits, a little inside, so that a smoothed path stays within."""
-    margin = np.minimum(
-        _LIMIT_MARGIN_RAD, (robot.limits.position_max - robot.limits.position_min) / 10
-    )
-    return robot.limits.position_min + margin, robot.limits.position_max - margin
+    low, high = _box_within(robot.limits)
+    return low.copy(), high.copy()
+
+
+@lru_cache(maxsize=64)
+def _box_within(limits: JointLimits) -> tuple[FloatArray, FloatArray]:
+    """Return the box of `joint_box`: as long to compute as five poses of a path."""
+    low, high = limits.position_min, limits.position_max
+    margin = np.minimum(_LIMIT_MARGIN_RAD, (high - low) / 10)
+    return low + margin, high - margin

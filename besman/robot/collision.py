@@ -12,8 +12,11 @@ from besman.robot.parts import Chain
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
+# Cosine of the angle between an axis and the vertical, about two degrees.
+_UPRIGHT = 0.9994
 
-def distances(chain: Chain, positions: npt.ArrayLike) -> FloatArray:
+
+def distances(chain: Chain, positions: npt.ArrayLike, beyond: float = np.inf) -> FloatArray:
     """Compute how near an arm is to itself and to the floor.
 
     The first is the least distance between parts that must not touch, below zero where capsules
@@ -22,10 +25,12 @@ def distances(chain: Chain, positions: npt.ArrayLike) -> FloatArray:
     Parameters
     ----------
     chain : Chain
-        The arm with its capsules. The first joint's link only turns above the base and is
-        not measured against the floor.
+        The arm with its capsules. A first joint that stands upright only turns its link above the
+        base: that link is not measured against the floor.
     positions : array, shape (..., n)
         Joint angles, rad.
+    beyond : float
+        A self-distance greater than this is this, metres: to look for less is quicker.
 
     Returns
     -------
@@ -42,6 +47,7 @@ def distances(chain: Chain, positions: npt.ArrayLike) -> FloatArray:
         chain.capsule_radii,
         chain.capsule_pairs,
         rows,
+        beyond,
     )
     result[~np.isfinite(rows).all(axis=1)] = np.nan
     return result.reshape(*shape, 2)
@@ -211,18 +217,43 @@ def are_far(first: FloatArray, second: FloatArray, reach: float) -> bool:
 
 
 @compiled
+def first_falling(placements: FloatArray, axes: FloatArray) -> int:
+    """Return the first joint that can bring its link nearer to the floor: 0 if its axis lies.
+
+    Parameters
+    ----------
+    placements, axes : array
+        As in `besman.robot.parts.Chain`.
+    """
+    if len(axes) == 0:
+        return 0
+    upwards = 0.0
+    for row in range(3):
+        upwards += placements[0, 2, row] * axes[0, row]
+    return 1 if abs(upwards) > _UPRIGHT else 0
+
+
+@compiled
 def nearest_parts(
-    joints: IntArray, placed: FloatArray, radii: FloatArray, pairs: IntArray, guess: int
+    joints: IntArray,
+    placed: FloatArray,
+    radii: FloatArray,
+    pairs: IntArray,
+    guess: int,
+    beyond: float,
+    falling: int,
 ) -> tuple[float, float, int, int]:
     """Compute self-distance and floor distance, metres, and which pair and capsule have them.
 
     Both are -1 where there is none. Pairs whose enclosing balls are further apart than the nearest
-    so far are passed over; the pair `guess` comes first (-1: none), by choice that of the pose
-    before.
+    so far are passed over, those that are further apart than `beyond` (metres) at once: its
+    self-distance is then `beyond`. Only capsules of the joint `falling` and later ones are measured
+    against the floor. The pair `guess` comes first (-1: none), by choice that of the
+    pose before.
     """
     middles, reaches = np.empty((len(joints), 3)), np.empty(len(joints))
     fill_balls(placed, radii, middles, reaches)
-    nearest, pair, lowest, down = np.inf, -1, np.inf, -1
+    nearest, pair, lowest, down = beyond, -1, np.inf, -1
     for count in range(-1, len(pairs)):
         index = count if count >= 0 else guess
         if index < 0 or count == guess:
@@ -238,7 +269,7 @@ def nearest_parts(
         if gap < nearest:
             nearest, pair = gap, index
     for capsule in range(len(joints)):
-        if joints[capsule] > 0:
+        if joints[capsule] >= falling:
             low = min(placed[capsule, 0, 2], placed[capsule, 1, 2])
             if low - radii[capsule] < lowest:
                 lowest, down = low - radii[capsule], capsule
@@ -288,15 +319,19 @@ def _distances(
     radii: FloatArray,
     pairs: IntArray,
     rows: FloatArray,
+    beyond: float,
 ) -> FloatArray:
     """Compute both distances of every configuration, shape (B, 2)."""
     n = len(axes)
     rotations, origins = np.empty((n, 3, 3)), np.empty((n, 3))
     placed = np.empty((len(joints), 2, 3))
     result, nearest = np.empty((len(rows), 2)), -1
+    falling = first_falling(placements, axes)
     for index in range(len(rows)):
         fill_frames(placements, axes, rows[index], rotations, origins)
         place_capsules(joints, ends, rotations, origins, placed)
-        own, floor, nearest, _ = nearest_parts(joints, placed, radii, pairs, nearest)
+        own, floor, nearest, _ = nearest_parts(
+            joints, placed, radii, pairs, nearest, beyond, falling
+        )
         result[index, 0], result[index, 1] = own, floor
     return result

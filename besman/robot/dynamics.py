@@ -123,7 +123,9 @@ def _turn_back(R: FloatArray, v: FloatArray, out: FloatArray) -> None:  # pragma
 def _rodrigues_parts(placements: FloatArray, axes: FloatArray) -> FloatArray:
     """Parts (n, 3, 3, 3) of rotations child2parent: part 0 + sin q part 1 + (1 - cos q) part 2."""
     rotations = placements[:, :3, :3]
-    crosses = np.cross(axes[:, None, :], np.eye(3)).swapaxes(1, 2)
+    crosses = np.zeros((len(axes), 3, 3))
+    for row, column, part in ((2, 1, 0), (0, 2, 1), (1, 0, 2)):
+        crosses[:, row, column], crosses[:, column, row] = axes[:, part], -axes[:, part]
     return np.stack([rotations, rotations @ crosses, rotations @ crosses @ crosses], axis=1)
 
 

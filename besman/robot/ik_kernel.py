@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numba
 import numpy as np
 import numpy.typing as npt
 
@@ -58,29 +59,42 @@ def _cost(error: FloatArray, angles: FloatArray, nearby: FloatArray, weights: Fl
 
 
 @compiled
+def _square(error: FloatArray) -> float:
+    """Return the sum of squares of a pose error (6,)."""
+    total = 0.0
+    for row in range(6):
+        total += error[row] ** 2
+    return total
+
+
+@compiled
 def _solve_linear(matrix: FloatArray, vector: FloatArray, solution: FloatArray) -> None:
-    """Solve a small symmetric positive definite system by Cholesky; overwrites `matrix`."""
+    """Solve a small symmetric positive definite system by Cholesky; overwrites `matrix`.
+
+    Of the matrix the lower triangle is read; the factor's diagonal is kept inverted.
+    """
     n = len(vector)
     for i in range(n):
-        for j in range(i + 1):
+        for j in range(i):
             total = matrix[i, j]
             for k in range(j):
                 total -= matrix[i, k] * matrix[j, k]
-            if i == j:
-                # Damping keeps the pivots above zero but for rounding.
-                matrix[i, i] = np.sqrt(max(total, 1e-30))
-            else:
-                matrix[i, j] = total / matrix[j, j]
+            matrix[i, j] = total * matrix[j, j]
+        total = matrix[i, i]
+        for k in range(i):
+            total -= matrix[i, k] * matrix[i, k]
+        # Damping keeps the pivots above zero but for rounding.
+        matrix[i, i] = 1.0 / np.sqrt(max(total, 1e-30))
     for i in range(n):
         total = vector[i]
         for k in range(i):
             total -= matrix[i, k] * solution[k]
-        solution[i] = total / matrix[i, i]
+        solution[i] = total * matrix[i, i]
     for i in range(n - 1, -1, -1):
         total = solution[i]
         for k in range(i + 1, n):
             total -= matrix[k, i] * solution[k]
-        solution[i] = total / matrix[i, i]
+        solution[i] = total * matrix[i, i]
 
 
 @compiled
@@ -93,21 +107,22 @@ def _fill_normal_equations(
     matrix: FloatArray,
     gradient: FloatArray,
 ) -> None:
-    """Write J'J and J'e of the weighted problem."""
-    n = len(angles)
-    for i in range(n):
-        down = weights[2] ** 2 * (nearby[i] - angles[i])
-        for row in range(6):
-            weight = weights[0] if row < 3 else weights[1]
-            down += weight**2 * jacobian[row, i] * error[row]
-        gradient[i] = down
+    """Write J'J, its lower triangle, and J'e of the weighted problem."""
+    near, place, turn = weights[2] ** 2, weights[0] ** 2, weights[1] ** 2
+    for i in range(len(angles)):
+        # Written out: a loop over the rows takes twice as long.
+        a, b, c = place * jacobian[0, i], place * jacobian[1, i], place * jacobian[2, i]
+        d, e, f = turn * jacobian[3, i], turn * jacobian[4, i], turn * jacobian[5, i]
+        gradient[i] = (
+            near * (nearby[i] - angles[i])
+            + (a * error[0] + b * error[1] + c * error[2])
+            + (d * error[3] + e * error[4] + f * error[5])
+        )
         for j in range(i + 1):
-            total = weights[2] ** 2 if i == j else 0.0
-            for row in range(6):
-                weight = weights[0] if row < 3 else weights[1]
-                total += weight**2 * jacobian[row, i] * jacobian[row, j]
-            matrix[i, j] = total
-            matrix[j, i] = total
+            matrix[i, j] = (a * jacobian[0, j] + b * jacobian[1, j] + c * jacobian[2, j]) + (
+                d * jacobian[3, j] + e * jacobian[4, j] + f * jacobian[5, j]
+            )
+        matrix[i, i] += near
 
 
 @compiled
@@ -120,10 +135,10 @@ def _fill_damped(
     damping: float,
     damped: FloatArray,
 ) -> None:
-    """Write the damped matrix; a joint at its limit that is pushed further out is held."""
+    """Write the damped lower triangle; a joint at its limit that is pushed further out is held."""
     n = len(angles)
     for i in range(n):
-        for j in range(n):
+        for j in range(i + 1):
             damped[i, j] = matrix[i, j]
         damped[i, i] += damping * (matrix[i, i] + 1e-6)
         if (angles[i] <= low[i] and gradient[i] < 0.0) or (
@@ -194,10 +209,43 @@ def solve_pose(
     rounds, tolerance : int, float
         Greatest number of steps, and the relative improvement below which the search ends.
     """
+    return _improve(
+        placements, axes, tip, low, high, nearby, weights, free_spin, target, angles, error,
+        rounds, tolerance, 0.0, _make_room(len(angles)),
+    )  # fmt: skip
+
+
+@compiled
+def _make_room(n: int) -> tuple[FloatArray, ...]:
+    """Return the arrays that `_improve` writes over: once for many poses."""
+    return (
+        np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((4, 4)),
+        np.empty((6, n)), np.empty((n, n)), np.empty((n, n)),
+        np.empty(n), np.empty(n), np.empty(n), np.empty(6),
+    )  # fmt: skip
+
+
+@numba.njit(inline="always", error_model="numpy")
+def _improve(
+    placements: FloatArray,
+    axes: FloatArray,
+    tip: FloatArray,
+    low: FloatArray,
+    high: FloatArray,
+    nearby: FloatArray,
+    weights: FloatArray,
+    free_spin: bool,
+    target: FloatArray,
+    angles: FloatArray,
+    error: FloatArray,
+    rounds: int,
+    tolerance: float,
+    enough: float,
+    room: tuple[FloatArray, ...],
+) -> float:
+    """Do `solve_pose`; end, too, where the error's six entries are no longer than `enough`."""
     n = len(angles)
-    rotations, origins, pose = np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((4, 4))
-    jacobian, matrix, damped = np.empty((6, n)), np.empty((n, n)), np.empty((n, n))
-    gradient, step, trial, trial_error = np.empty(n), np.empty(n), np.empty(n), np.empty(6)
+    rotations, origins, pose, jacobian, matrix, damped, gradient, step, trial, trial_error = room
     for i in range(n):
         trial[i] = angles[i]
     cost, damping, greatest = np.inf, 1e-4, np.inf
@@ -214,7 +262,7 @@ def solve_pose(
                 angles[i] = trial[i]
             for row in range(6):
                 error[row] = trial_error[row]
-            if gain <= tolerance * (cost + 1e-9):
+            if gain <= tolerance * (cost + 1e-9) or _square(error) <= enough * enough:
                 break
             fill_jacobian(axes, rotations, origins, pose, jacobian)
             if free_spin:
@@ -245,6 +293,7 @@ def follow_paths(
     anchor: int,
     rounds: int,
     tolerance: float,
+    enough: float = 0.0,
 ) -> tuple[FloatArray, FloatArray]:
     """Follow paths from an anchor pose to both ends, each pose from its neighbour's answer.
 
@@ -274,27 +323,30 @@ def follow_paths(
     n_paths, n_poses, n_starts, n = len(targets), targets.shape[1], len(starts), len(axes)
     positions = np.empty((n_paths, n_starts, n_poses, n))
     errors = np.empty((n_paths, n_starts, n_poses, 2))
-    angles, nearby, error = np.empty(n), np.empty(n), np.empty(6)
+    angles, nearby, error, room = np.empty(n), np.empty(n), np.empty(6), _make_room(n)
     for path in range(n_paths):
         for start in range(n_starts):
             for count in range(n_poses):
                 # First from the anchor to the end, then from the anchor back to the beginning.
                 index = anchor + count if anchor + count < n_poses else n_poses - 1 - count
                 step = 1 if anchor + count < n_poses else -1
-                # Two poses on, the movement is thought to go on as it does.
-                goes_on = (index - anchor) * step > 1
+                # The movement is thought to go on as it does; where the end is not looked for to
+                # the last digit by a parabola, which often is near enough at once.
+                known = min((index - anchor) * step, 3 if enough > 0.0 else 2)
                 for i in range(n):
                     if count == 0:
                         angles[i], nearby[i] = starts[start, i], home[i]
                     else:
-                        nearby[i] = positions[path, start, index - step, i]
-                        angles[i] = nearby[i]
-                        if goes_on:
-                            ahead = 2.0 * nearby[i] - positions[path, start, index - 2 * step, i]
-                            angles[i] = min(max(ahead, low[i]), high[i])
-                solve_pose(
+                        nearby[i] = ahead = positions[path, start, index - step, i]
+                        if known == 2:
+                            ahead += nearby[i] - positions[path, start, index - 2 * step, i]
+                        elif known == 3:
+                            ahead = 3.0 * (ahead - positions[path, start, index - 2 * step, i])
+                            ahead += positions[path, start, index - 3 * step, i]
+                        angles[i] = min(max(ahead, low[i]), high[i])
+                _improve(
                     placements, axes, tip, low, high, nearby, weights, free_spin,
-                    targets[path, index], angles, error, rounds, tolerance,
+                    targets[path, index], angles, error, rounds, tolerance, enough, room,
                 )  # fmt: skip
                 for i in range(n):
                     positions[path, start, index, i] = angles[i]

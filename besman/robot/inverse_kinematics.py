@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.exceptions import RobotError
-from besman.robot.branch_choice import choose_candidates, rate_path
+from besman.robot.branch_choice import choose_candidates, rate_paths
 from besman.robot.branches import IkWeights, draw_starts, find_branches, follow_all, joint_box
 from besman.robot.model import Robot
 from besman.robot.path_refinement import refine_path
@@ -120,7 +120,7 @@ def _refined(
         free_spin,
         _paces(robot, start, step_s),
     )
-    cost = rate_path(robot, positions, errors, weights, step_s)
+    cost = float(rate_paths(robot, positions[None], errors[None], weights, step_s)[0])
     return IkPath(positions, errors[:, 0], errors[:, 1], cost)
 
 

@@ -323,8 +323,8 @@ def _complete(
     content["inertia"], weights = fitted_shapes.assume_masses(model, config)
     config, model = model_now()
     accelerations = [joint["acceleration_rad_s2"] for joint in content["joints"]]
-    weights += assume_torques(content["joints"], model, accelerations)
     reach, shoulder = arm_reach(model, content["tip"])
+    weights += assume_torques(content["joints"], model, accelerations, content["tip"], reach)
     content["mounting"] = assume_mounting(reach, shoulder, moves_about or bool(content["held"]))
     quaternion, flange = flange_rotation(model, content["tip"])
     if flange:

@@ -8,6 +8,7 @@ import numpy.typing as npt
 from besman.robot.band_system import solve_band
 from besman.robot.collision import (
     add_motion,
+    first_falling,
     nearest_parts,
     place_capsules,
     segment_shares,
@@ -146,13 +147,16 @@ def _evaluate(
     n_poses, n = angles.shape
     rotations, origins, pose = np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((4, 4))
     placed, pair = np.empty((len(joints), 2, 3)), -1
+    falling = first_falling(placements, axes)
     total = 0.0
     for index in range(n_poses):
         fill_frames(placements, axes, angles[index], rotations, origins)
         fill_tip(tip, rotations, origins, pose)
         pose_error(pose, targets[index], free_spin, errors[index])
         place_capsules(joints, ends, rotations, origins, placed)
-        own, floor, pair, _ = nearest_parts(joints, placed, radii, pairs, pair)
+        own, floor, pair, _ = nearest_parts(
+            joints, placed, radii, pairs, pair, _SAFE_DISTANCE_M, falling
+        )
         # By which share the distances to itself and the floor fall short of the safe one.
         short = max(0.0, 1.0 - min(own, floor) / _SAFE_DISTANCE_M)
         total += _pose_cost(errors[index], weights) + (_TOUCH_M * short) ** 2
@@ -170,10 +174,16 @@ def fill_slope(
     rotations: FloatArray,
     origins: FloatArray,
     placed: FloatArray,
+    falling: int,
     slope: FloatArray,
 ) -> float:
-    """Return the shortfall of placed capsules, and write its slope (n,) per rad."""
-    own, floor, pair, down = nearest_parts(joints, placed, radii, pairs, -1)
+    """Return the shortfall of placed capsules, and write its slope (n,) per rad.
+
+    `falling` is what `besman.robot.collision.first_falling` returns.
+    """
+    own, floor, pair, down = nearest_parts(
+        joints, placed, radii, pairs, -1, _SAFE_DISTANCE_M, falling
+    )
     for j in range(len(slope)):
         slope[j] = 0.0
     nearest = min(own, floor)
@@ -225,7 +235,7 @@ def _add_poses(
     n_poses, n = angles.shape
     rotations, origins, pose = np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((4, 4))
     jacobian, slope = np.empty((6, n)), np.empty(n)
-    placed = np.empty((len(joints), 2, 3))
+    placed, falling = np.empty((len(joints), 2, 3)), first_falling(placements, axes)
     for index in range(n_poses):
         fill_frames(placements, axes, angles[index], rotations, origins)
         fill_tip(tip, rotations, origins, pose)
@@ -233,7 +243,7 @@ def _add_poses(
         if free_spin:
             remove_spin(jacobian, pose)
         place_capsules(joints, ends, rotations, origins, placed)
-        short = fill_slope(axes, joints, radii, pairs, rotations, origins, placed, slope)
+        short = fill_slope(axes, joints, radii, pairs, rotations, origins, placed, falling, slope)
         place, turn = weights[0] ** 2, weights[1] ** 2
         off = _norm(errors[index], 3)
         if off > LINEAR_RAD:

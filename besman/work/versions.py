@@ -11,7 +11,7 @@ from pathlib import Path
 
 import besman
 
-# What computes results: arithmetic, kernels, kinematics, distances, simulation, searches, programs.
+# What computes results: arithmetic, kernels, kinematics, distances, simulation, searches.
 _COMPUTE = (
     "numpy",
     "scipy",
@@ -20,7 +20,6 @@ _COMPUTE = (
     "coal",
     "mujoco",
     "cma",
-    "clarabel",
     "scikit-learn",
 )
 

@@ -10,7 +10,7 @@ import pytest
 from places import SAMPLE, TOP
 
 # Each takes from 50 ms to seconds to load; numba's kernels have to be read besides.
-SLOW = ("numpy", "scipy", "numba", "sklearn", "pinocchio", "mujoco", "clarabel", "matplotlib")
+SLOW = ("numpy", "scipy", "numba", "sklearn", "pinocchio", "mujoco", "matplotlib")
 SLOW += ("matplotlib.pyplot", "scipy.signal", "scipy.stats", "scipy.interpolate", "scipy.optimize")
 SLOW += ("cma", "dask", "joblib", "torch", "pymoo")
 

@@ -204,7 +204,7 @@ def test_two_motions_of_one_name_are_refused(tmp_path, robot, motions):
 def test_another_version_of_a_library_computes_again(tmp_path, monkeypatch):
     run_two_stages(tmp_path / "r")
     kept = json.loads((tmp_path / "r/01_two/stage.json").read_text())["versions"]
-    assert {"python", "numpy", "scipy", "numba", "pin", "mujoco", "cma", "clarabel"} <= kept.keys()
+    assert {"python", "numpy", "scipy", "numba", "pin", "mujoco", "cma"} <= kept.keys()
     monkeypatch.setattr(
         "besman.pipeline.run_folder.result_versions", lambda others: {**kept, "numpy": "99.0"}
     )

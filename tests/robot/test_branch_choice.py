@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from besman.robot.branch_choice import choose_candidates, rate_path
+from besman.robot.branch_choice import choose_candidates, rate_paths
 from besman.robot.branches import IkWeights
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.model import load_robot
@@ -53,10 +53,15 @@ def test_a_pose_out_of_reach_leaves_what_comes_nearest():
     ids=["off", "turned", "away from home", "to and fro"],
 )
 def test_what_is_worse_costs_more(worse):
-    usual = rate_path(ROBOT, PATH, NONE, IkWeights(), 0.05)
-    assert rate_path(ROBOT, *worse(PATH, NONE), IkWeights(), 0.05) > usual
+    paths, errors = (np.stack(both) for both in zip((PATH, NONE), worse(PATH, NONE), strict=True))
+    usual, more = rate_paths(ROBOT, paths, errors, IkWeights(), 0.05)
+    assert more > usual
+    alone = rate_paths(ROBOT, paths[1:], errors[1:], IkWeights(), 0.05)
+    np.testing.assert_allclose(alone, more, rtol=1e-12)
 
 
 def test_a_path_in_less_time_than_the_arm_needs_costs_more():
-    slow, fast = (rate_path(ROBOT, PATH, NONE, IkWeights(), step_s) for step_s in (1.0, 1e-3))
+    slow, fast = (
+        rate_paths(ROBOT, PATH[None], NONE[None], IkWeights(), step_s)[0] for step_s in (1.0, 1e-3)
+    )
     assert fast > slow

@@ -81,3 +81,14 @@ def test_the_floor_is_met_when_the_arm_hangs_on_a_low_base():
 
 def test_shapes():
     assert distances(ROBOT.chain, np.zeros((3, 4, 6))).shape == (3, 4, 2)
+
+
+def test_distances_that_are_small_are_the_same_without_a_look_at_great_ones():
+    robot = load_robot("ur5", "stick_holder")
+    poses = np.random.default_rng(5).uniform(-np.pi, np.pi, (300, robot.n))
+    everything = distances(robot.chain, poses)
+    assert (everything[:, 0] < 0.03).any()
+    assert (everything[:, 0] > 0.03).any()
+    near = distances(robot.chain, poses, beyond=0.03)
+    np.testing.assert_array_equal(near[:, 0], np.minimum(everything[:, 0], 0.03))
+    np.testing.assert_array_equal(near[:, 1], everything[:, 1])

@@ -87,3 +87,18 @@ def test_a_path_is_followed_from_its_anchor_to_both_ends_without_a_jump():
     assert errors.max() < 1e-3
     np.testing.assert_allclose(forward_kinematics(CHAIN, positions[0, 0]), targets, atol=1e-3)
     assert np.abs(np.diff(positions[0, 0], axis=0)).max() < 0.2
+
+
+def test_a_pose_that_is_met_well_enough_is_left_there():
+    ways = np.sin(np.linspace(-1.0, 1.0, 60))[:, None] * np.linspace(0.5, 0.2, ROBOT.n)
+    targets = forward_kinematics(CHAIN, ROBOT.home + ways)
+    start = (ROBOT.home + ways[:1]).copy()
+    # As good as no pull towards home, which is no error of the pose.
+    weights = np.array([1.0, 0.1, 1e-6])
+    greatest = []
+    for enough in (0.0, 1e-4):
+        _, errors = follow_paths(
+            *ARM, np.array(ROBOT.home), weights, False, targets[None], start, 0, 60, 1e-10, enough
+        )
+        greatest.append(np.linalg.norm(errors, axis=-1).max())
+    assert greatest[0] < 1e-6 < greatest[1] <= 1e-4

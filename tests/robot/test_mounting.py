@@ -1,5 +1,7 @@
 """Arms on walls and ceilings: the upright arm, turned; its weight still points down."""
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pinocchio
@@ -8,7 +10,7 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from besman.robot.branches import joint_box
-from besman.robot.collision import distances
+from besman.robot.collision import distances, place_all
 from besman.robot.dynamics import inverse_dynamics
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.model import find_robot, load_robot
@@ -40,6 +42,31 @@ def test_it_is_the_upright_arm_turned_about_its_base(tilted):
     # It is as near to itself; the floor is elsewhere.
     ignoring = [distances(one.chain, POSES[:, :6])[:, 0] for one in (robot, upright)]
     assert np.all(ignoring[0] >= ignoring[1] - 1e-9)
+
+
+def test_a_first_link_that_can_fall_is_held_against_the_floor(tilted):
+    robot, turn = tilted
+    chain = robot.chain
+    upright = abs(turn[2, 2]) > 0.9999
+    placed = place_all(
+        chain.placements, chain.axes, chain.capsule_joints, chain.capsule_ends, POSES
+    )
+    heights = placed[..., 2].min(axis=2) - chain.capsule_radii
+    lowest = heights[:, chain.capsule_joints >= (1 if upright else 0)].min(axis=1)
+    np.testing.assert_allclose(distances(chain, POSES)[:, 1], lowest, atol=1e-12)
+    # The bare link, close above the floor.
+    alone = replace(chain, capsule_joints=np.minimum(chain.capsule_joints, 0))
+    found = distances(alone, POSES)[:, 1]
+    np.testing.assert_allclose(found, np.inf if upright else heights_of_first(alone), atol=1e-12)
+
+
+def heights_of_first(chain):
+    """The lowest point of what the first joint moves, at every pose."""
+    placed = place_all(
+        chain.placements, chain.axes, chain.capsule_joints, chain.capsule_ends, POSES
+    )
+    heights = placed[..., 2].min(axis=2) - chain.capsule_radii
+    return heights[:, chain.capsule_joints == 0].min(axis=1)
 
 
 def test_weight_points_down_in_both_engines(tilted):

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from besman.robot.collision import distances, place_capsules
+from besman.robot.collision import distances, first_falling, place_capsules
 from besman.robot.kinematics import fill_frames
 from besman.robot.model import load_robot
 from besman.robot.path_refinement import fill_slope
@@ -18,7 +18,7 @@ def shortfall_and_slope(robot, angles):
     slope = np.full(n, np.nan)
     short = fill_slope(
         chain.axes, chain.capsule_joints, chain.capsule_radii, chain.capsule_pairs,
-        rotations, origins, placed, slope,
+        rotations, origins, placed, first_falling(chain.placements, chain.axes), slope,
     )  # fmt: skip
     return short, slope
 

@@ -19,6 +19,9 @@ ACCELERATION_RAD_S2 = 10.0
 FILE, WISHED, ASSUMED = "the file", "the command", "assumed"
 """Where a limit comes from; what a maker publishes bears the arm's name."""
 _SPEED_RAD_S = math.radians(120.0)
+# No arm is built to carry nothing: of what it moves itself, and so far ahead of its flange and
+# beside it, of its reach.
+_LOAD_SHARE, _LOAD_AWAY = 0.1, 0.1
 # A share above what gravity and the assumed acceleration ask for at most.
 _TORQUE_RESERVE = 1.5
 _LEAST_TORQUE_NM = 0.1
@@ -190,9 +193,15 @@ def _number(joint: ElementTree.Element, key: str, urdf: Path) -> float | None:
 
 
 def assume_torques(
-    joints: list[dict[str, Any]], model: Any, accelerations: Sequence[float]
+    joints: list[dict[str, Any]],
+    model: Any,
+    accelerations: Sequence[float],
+    tip: str,
+    reach_m: float,
 ) -> list[str]:
     """Write torques where none are given: 1.5 times what weight and acceleration ask for.
+
+    A load is carried as well, a tenth of what the arm moves of itself.
 
     Parameters
     ----------
@@ -202,6 +211,10 @@ def assume_torques(
         The arm, within its limits of position.
     accelerations : list of float
         rad/s^2.
+    tip : str
+        The frame that the load is beside.
+    reach_m : float
+        Of the arm.
 
     Returns
     -------
@@ -213,6 +226,12 @@ def assume_torques(
     if all(joint["torque_nm"] is not None for joint in joints):
         return []
     random = np.random.default_rng(0)
+    load_kg = _LOAD_SHARE * sum(inertia.mass for inertia in list(model.inertias)[1:])
+    flange = model.frames[model.getFrameId(tip, pinocchio.FrameType.BODY)]
+    beside = flange.placement.act(_LOAD_AWAY * reach_m * np.array([1.0, 0.0, 1.0]))
+    load = pinocchio.Inertia(load_kg, beside, np.zeros((3, 3)))
+    model = model.copy()
+    model.appendBodyToJoint(flange.parentJoint, load, pinocchio.SE3.Identity())
     data = model.createData()
     most = np.zeros(model.nv)
     span = model.upperPositionLimit - model.lowerPositionLimit
@@ -227,7 +246,7 @@ def assume_torques(
             value = min(max(_TORQUE_RESERVE * float(torque), _LEAST_TORQUE_NM), _MOST_TORQUE_NM)
             joint["torque_nm"] = float(f"{value:.2g}")
             assumed.append(
-                f"torque of {joint['name']}: {joint['torque_nm']:g} Nm, not given; its weight and "
-                "acceleration ask for two thirds"
+                f"torque of {joint['name']}: {joint['torque_nm']:g} Nm, not given; the weight of "
+                f"the arm and of {load_kg:.2g} kg and acceleration ask for two thirds"
             )
     return assumed

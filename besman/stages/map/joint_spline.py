@@ -75,8 +75,9 @@ class JointSpline:
         inner = np.lib.stride_tricks.sliding_window_view(self.knots[1:-1], degree)
         return np.asarray(inner.mean(axis=1), dtype=np.float64)
 
+    @cached_property
     def bases_at_centres(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the basis functions and their two derivatives at `centres`, each (C, C)."""
+        """The basis functions and their two derivatives at `centres`, each (C, C)."""
         return self.moved(np.eye(len(self.points))).at(self.centres)
 
     def velocity_points(self) -> FloatArray:
@@ -92,9 +93,10 @@ class JointSpline:
     def moved(self, points: FloatArray) -> JointSpline:
         """Return the spline with other control points."""
         spline = replace(self, points=points)
-        for name in ("basis", "first_factors", "second_factors"):
+        for name in ("basis", "first_factors", "second_factors", "centres", "bases_at_centres"):
             # They depend on the knots alone.
-            spline.__dict__[name] = getattr(self, name)
+            if name in self.__dict__:
+                spline.__dict__[name] = self.__dict__[name]
         return spline
 
     def times(self, rate_hz: float) -> FloatArray:
@@ -104,11 +106,18 @@ class JointSpline:
 
     def at(self, time: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return positions, velocities and accelerations at some times, each of shape (R, n)."""
+        return self.positions_at(time), *self.rates_at(time)
+
+    def positions_at(self, time: FloatArray) -> FloatArray:
+        """Return the positions at some times, shape (R, n)."""
+        return _evaluate(self.knots, self.points, self.degree, time)
+
+    def rates_at(self, time: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return velocities and accelerations at some times, each of shape (R, n)."""
         knots, degree = self.knots, self.degree
         return (
-            BSpline(knots, self.points, degree)(time),
-            BSpline(knots[1:-1], self.velocity_points(), degree - 1)(time),
-            BSpline(knots[2:-2], self.acceleration_points(), degree - 2)(time),
+            _evaluate(knots[1:-1], self.velocity_points(), degree - 1, time),
+            _evaluate(knots[2:-2], self.acceleration_points(), degree - 2, time),
         )
 
     def samples(self) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -121,6 +130,12 @@ class JointSpline:
             np.all(self.points >= limits.position_min)
             and np.all(self.points <= limits.position_max)
         )
+
+
+def _evaluate(knots: FloatArray, points: FloatArray, degree: int, time: FloatArray) -> FloatArray:
+    """Evaluate a spline whose parts were checked where it was made."""
+    values: FloatArray = BSpline.construct_fast(knots, points, degree)(time)
+    return values
 
 
 def fit_spline(time: FloatArray, positions: FloatArray, knot_spacing_s: float) -> JointSpline:

@@ -3,27 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import coo_array, csc_array
 
 from besman.exceptions import MappingError
+from besman.robot.kinematics import compiled
 from besman.robot.parts import JointLimits
+from besman.stages.map.band_program import solve_band_program
 from besman.stages.map.joint_spline import DEGREE, JointSpline
 
 FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 # A longer movement is left as it is: a solve takes time in proportion to the number of points.
 GREATEST_POINTS = 256
-# Shares of a torque limit that are left, and rounding.
-_NEAR = 0.5
-_BROKEN = 1e-9
-# Numbers of the states that a solver ends in with an answer, exact or not: what comes of it is
-# checked.
-_ANSWERED = ("Solved", "AlmostSolved", "MaxIterations", "InsufficientProgress")
+# By so much an answer may miss a bound, rad.
+_MISSED = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,8 +69,9 @@ def solve_change(
         subject to  the control points of position, velocity and acceleration within bounds,
                     and, if given, linearised torques at as many times as control points
 
-    over the change x of the control points, by an interior-point solver for quadratic programs
-    [1]_, in one thread: the arithmetic does not depend on the machine's number of cores.
+    over the change x of the control points. A control point meets its five neighbours on both
+    sides alone, so that all matrices are bands:
+    `besman.stages.map.band_program.solve_band_program`.
 
     Parameters
     ----------
@@ -98,11 +94,6 @@ def solve_change(
     MappingError
         If the spline has more control points than the greatest program, or the solver finds no
         solution.
-
-    References
-    ----------
-    .. [1] P. J. Goulart, Y. Chen: Clarabel: an interior-point solver for conic programs with
-       quadratic objectives, 2024. doi:10.48550/arXiv.2405.12762
     """
     count, n = spline.points.shape
     if count > GREATEST_POINTS:
@@ -110,70 +101,43 @@ def solve_change(
             f"the smallest change within limits: got {count} control points, "
             f"expected at most {GREATEST_POINTS}"
         )
-    matrix, high = _limit_rows(spline, limits, stretch)
-    n_limits = len(high)
+    weights, room = _limit_room(spline, limits, stretch)
+    rows, width = np.empty((0, n)), (DEGREE + 1) * n
     if torques is not None:
-        from scipy.sparse import vstack
-
-        slopes, shares = _torque_matrix(torques), torques.shares.ravel()
-        matrix = csc_array(vstack([matrix, slopes, -slopes], format="csc"))
-        high = np.concatenate([high, 1.0 - shares, 1.0 + shares])
-    # Rows of torques are many and full, and most are far away: these are left out, and come in if
-    # the answer breaks them.
-    chosen = np.ones(len(high), dtype=np.bool_)
-    chosen[n_limits:] = high[n_limits:] < _NEAR
-    while True:
-        some = matrix if chosen.all() else csc_array(matrix.tocsr()[chosen].tocsc())
-        change = _solve(metric, some, high[chosen])
-        broken = ~chosen & (matrix @ change > high + _BROKEN)
-        if not broken.any():
-            return change.reshape(count, n)
-        chosen = chosen | broken
+        rows = np.array(torques.slopes.reshape(count * n, -1))
+        width = rows.shape[1]
+        both = np.stack([1.0 - torques.shares.ravel(), 1.0 + torques.shares.ravel()])
+        room = np.concatenate([room, both], axis=1)
+    band, change = _columns(np.array(metric.bands), width), np.empty(count * n)
+    gradient = np.array(metric.gradient).ravel()
+    missed, rounds = solve_band_program(band, gradient, n, weights, rows, room, change)
+    if not (missed <= _MISSED and np.isfinite(change).all()):
+        raise MappingError(
+            "the smallest change within limits: none is found, a bound is missed by "
+            f"{missed:.2g} after {rounds} rounds"
+        )
+    return change.reshape(count, n)
 
 
-def _solve(metric: ChangeMetric, matrix: csc_array, high: FloatArray) -> FloatArray:
-    """Minimise x' H x / 2 + g' x with A x <= b; return x."""
-    import clarabel
-
-    settings = clarabel.DefaultSettings()
-    settings.verbose = False
-    settings.direct_solve_method = "qdldl"
-    settings.max_threads = 1
-    settings.presolve_enable = False
-    solver = clarabel.DefaultSolver(
-        _hessian(metric), metric.gradient.ravel(), matrix, high,
-        [clarabel.NonnegativeConeT(len(high))], settings,
-    )  # fmt: skip
-    solution = solver.solve()
-    status, value = str(solution.status), np.array(solution.x)
-    if status not in _ANSWERED or not np.isfinite(value).all():
-        raise MappingError(f"the smallest change within limits: solver says {status}")
-    return value
+@compiled
+def _columns(bands: FloatArray, width: int) -> FloatArray:
+    """Return the lower triangle of H by columns, of shape (C n, width)."""
+    count, n = bands.shape[1:3]
+    columns = np.zeros((count * n, width))
+    for shift in range(min(len(bands), count)):
+        for point in range(count - shift):
+            for i in range(n):
+                for j in range(n):
+                    if shift > 0 or j >= i:
+                        columns[point * n + i, shift * n + j - i] = bands[shift, point, i, j]
+    return columns
 
 
-def _hessian(metric: ChangeMetric) -> csc_array:
-    """Return the upper triangle of H."""
-    count, n = metric.gradient.shape
-    shift, point, row, column = _hessian_places(count, n)
-    values = metric.bands[shift, point, row, column]
-    places = point * n + row, (point + shift) * n + column
-    return coo_array((values, places), shape=(count * n, count * n)).tocsc()
-
-
-@lru_cache(maxsize=64)
-def _hessian_places(count: int, n: int) -> tuple[IntArray, ...]:
-    """Return the indices of the bands' elements that lie in the upper triangle."""
-    shift, point, row, column = np.indices((DEGREE + 1, count, n, n)).reshape(4, -1)
-    inside = (point + shift < count) & ((shift > 0) | (row <= column))
-    return shift[inside], point[inside], row[inside], column[inside]
-
-
-def _limit_rows(
+def _limit_room(
     spline: JointSpline, limits: JointLimits, stretch: float
-) -> tuple[csc_array, FloatArray]:
-    """Return A and b of A x <= b for the limits of all control points, both ways."""
+) -> tuple[FloatArray, FloatArray]:
+    """Return weights of the steps, and the room of all control points above and below."""
     first, second = spline.first_factors, spline.second_factors
-    count, n = spline.points.shape
     # In units of the mean factor, so that all rows are of one size.
     mean = float(np.mean(first))
     weights = first / mean
@@ -186,41 +150,6 @@ def _limit_rows(
         (reach - steps, reach + steps),
         (pull - bends, pull + bends),
     )
-    high = np.concatenate([side[way].ravel() for way in range(2) for side in room])
-    ones, before, after = np.ones(count), weights[:-1], weights[1:]
-    values = np.concatenate([ones, -ones[1:], ones[1:], before, -before - after, after])
-    order, indices, starts = _limit_places(count, n)
-    both = np.concatenate([np.repeat(values, n), -np.repeat(values, n)])
-    return csc_array((both[order], indices, starts), shape=(len(high), count * n)), high
-
-
-@lru_cache(maxsize=64)
-def _limit_places(count: int, n: int) -> tuple[IntArray, IntArray, IntArray]:
-    """Return the order of the values of `_limit_rows` in a matrix by columns, and its places."""
-    points = [np.arange(count - order) for order in (0, 1, 1, 2, 2, 2)]
-    row_starts = np.repeat([0, count, 2 * count - 1], (1, 2, 3))
-    ahead = (0, 0, 1, 0, 1, 2)
-    joint = np.arange(n)
-    rows = np.concatenate(
-        [((start + at)[:, None] * n + joint).ravel()
-         for start, at in zip(row_starts, points, strict=True)]
-    )  # fmt: skip
-    columns = np.concatenate(
-        [((at + shift)[:, None] * n + joint).ravel()
-         for shift, at in zip(ahead, points, strict=True)]
-    )  # fmt: skip
-    half = (3 * count - 3) * n
-    rows, columns = np.concatenate([rows, half + rows]), np.tile(columns, 2)
-    order = np.lexsort((rows, columns))
-    starts = np.searchsorted(columns[order], np.arange(count * n + 1))
-    return order, rows[order], starts
-
-
-def _torque_matrix(torques: TorqueRows) -> csc_array:
-    """Return the torques' slopes as a matrix of all joints' control points."""
-    count, n = torques.shares.shape
-    time, joint, near, other = np.indices(torques.slopes.shape)
-    point = time + near - DEGREE
-    inside = (point >= 0) & (point < count)
-    places = (time * n + joint)[inside], (point * n + other)[inside]
-    return coo_array((torques.slopes[inside], places), shape=(count * n, count * n)).tocsc()
+    return weights, np.stack(
+        [np.concatenate([side[way].ravel() for side in room]) for way in range(2)]
+    )

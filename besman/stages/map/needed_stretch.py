@@ -64,14 +64,15 @@ def needed_stretch(robot: Robot, spline: JointSpline) -> float:
         Below 1 if there is room. Torques do not count where gravity alone exceeds their limits.
     """
     limits = robot.limits
-    positions, velocities, accelerations = spline.at(spline.times(_FINE_HZ))
+    time = spline.times(_FINE_HZ)
+    velocities, accelerations = spline.rates_at(time)
     speed = float(np.max(np.abs(velocities) / limits.velocity))
     pull = float(np.max(np.abs(accelerations) / limits.acceleration))
     # The control points say more where a spline is rough, the samples where it is smooth.
     hull_speed = float(np.max(np.abs(spline.velocity_points()) / limits.velocity))
     hull_pull = float(np.max(np.abs(spline.acceleration_points()) / limits.acceleration))
     every = max(1, round(_FINE_HZ / COARSE_HZ))
-    coarse = [values[::every] for values in (positions, velocities, accelerations)]
+    coarse = spline.positions_at(time[::every]), velocities[::every], accelerations[::every]
     return max(
         min(RESERVE * speed, hull_speed),
         float(np.sqrt(min(RESERVE**2 * pull, hull_pull))),

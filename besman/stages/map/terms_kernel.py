@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from besman.robot.collision import nearest_parts, place_capsules
+from besman.robot.collision import first_falling, nearest_parts, place_capsules
 from besman.robot.kinematics import compiled, fill_frames, fill_jacobian, fill_tip
 
 FloatArray = npt.NDArray[np.float64]
@@ -93,6 +93,7 @@ def fill_terms(
         Written: position, orientation, singularity, collision, speed, workspace.
     """
     n_paths, n_branches, n_poses, n = positions.shape
+    falling = first_falling(placements, axes)
     rotations, origins, pose = np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((4, 4))
     jacobian, square = np.empty((6, n)), np.empty((6, 6))
     placed, last, pair = np.empty((len(joints), 2, 3)), np.empty(3), -1
@@ -112,7 +113,9 @@ def fill_terms(
                 lack = max(0.0, 1.0 - manipulability_of(jacobian, square) / usable)
                 singular += lack * lack
                 place_capsules(joints, ends, rotations, origins, placed)
-                own, floor, pair, _ = nearest_parts(joints, placed, radii, pairs, pair)
+                own, floor, pair, _ = nearest_parts(
+                    joints, placed, radii, pairs, pair, safe_m, falling
+                )
                 near += max(0.0, 1.0 - min(own, floor) / safe_m)
                 off += errors[path, branch, index, 0] ** 2
                 turned += errors[path, branch, index, 1] ** 2

@@ -19,6 +19,7 @@ from besman.stages.map.needed_stretch import (
     needed_stretch,
     torque_stretch,
 )
+from besman.stages.map.path_change import shorten
 
 _ROUNDING = 1e-10
 
@@ -85,9 +86,6 @@ def scale_path(
     inside = spline.inside(robot.limits)
     changeable = tolerance.position > 0 and tolerance.orientation > 0
     if not inside or (changeable and needed_stretch(robot, spline) > least):
-        # Not before: the solver takes longer to import than a path to scale.
-        from besman.stages.map.path_change import shorten
-
         try:
             changed = shorten(robot, spline, positions, tolerance, least)
             if not inside or _may_replace(robot, changed, spline):

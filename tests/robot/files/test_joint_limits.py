@@ -4,10 +4,11 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
+import pinocchio
 import pytest
 
 from besman.exceptions import RobotError
-from besman.robot.files.joint_limits import parse_limit_list, read_joints
+from besman.robot.files.joint_limits import assume_torques, parse_limit_list, read_joints
 
 
 def joint(kind, **limit):
@@ -61,3 +62,25 @@ def test_lists_of_the_command_line():
     assert parse_limit_list("3, 4.5", "--torque", "ab") == [3, 4.5]
     with pytest.raises(RobotError, match=r"--torque: got '1,2,3', expected one number above 0"):
         parse_limit_list("1,2,3", "--torque", "ab")
+
+
+def test_an_arm_of_unknown_strength_carries_a_load_too():
+    model = pinocchio.Model()
+    hinge = model.addJoint(
+        0, pinocchio.JointModelRY(), pinocchio.SE3.Identity(), "j",
+        np.full(1, 9.0), np.full(1, 9.0), np.full(1, -np.pi), np.full(1, np.pi),
+    )  # fmt: skip
+    link = pinocchio.Inertia(2.0, np.array([0.5, 0.0, 0.0]), np.zeros((3, 3)))
+    model.appendBodyToJoint(hinge, link, pinocchio.SE3.Identity())
+    flange = pinocchio.SE3(np.eye(3), np.array([1.0, 0.0, 0.0]))
+    model.addFrame(pinocchio.Frame("tip", hinge, 0, flange, pinocchio.FrameType.BODY))
+    joints = [{"name": "j", "torque_nm": None}]
+    (note,) = assume_torques(joints, model, [10.0], "tip", 1.0)
+    # 2 kg half a metre away, and a tenth of that 0.1 m ahead of the flange and 0.1 m beside it.
+    away = np.hypot(1.1, 0.1)
+    weight = 9.81 * (2.0 * 0.5 + 0.2 * away)
+    expected = 1.5 * (weight + 10.0 * (2.0 * 0.5**2 + 0.2 * away**2))
+    assert joints[0]["torque_nm"] == pytest.approx(expected, rel=0.03)
+    assert "the weight of the arm and of 0.2 kg" in note
+    assert model.nbodies == 2
+    assert model.inertias[1].mass == 2.0
