@@ -12,7 +12,8 @@ import numpy.typing as npt
 from besman.exceptions import OutOfReachError, PlanError
 from besman.geometry.frames import rotation_to_quaternion
 from besman.motion.adapt_task import frame_matrix
-from besman.motion.grasp_goals import GraspWay, aim_grasps
+from besman.motion.grasp_goals import aim_grasps
+from besman.motion.grasp_way import GraspWay
 from besman.planning.block_effects import BlockUse, LearntBlock
 from besman.planning.chaining import Leg, chain_leg, join_legs
 from besman.records import TaskPlan

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 
 import numpy as np
 
-from besman.exceptions import RefinementError
-from besman.motion.grasp_goals import GraspWay
+from besman.exceptions import PlanError, RefinementError
+from besman.motion.grasp_goals import lead_grasps
+from besman.motion.grasp_way import GraspWay
 from besman.motion.task_rollout import sample_task
 from besman.motion.waits import add_waits
 from besman.records import TaskPlan
@@ -18,7 +19,9 @@ from besman.robot.model import Robot
 from besman.simulation.episodes import Movements, Playback
 from besman.simulation.tasks.rearrange.arm_way import ArmWay
 from besman.simulation.tasks.rearrange.boxes import BoxFrame, box_poses, frame_of_grasps
+from besman.simulation.tasks.rearrange.clearance import Surroundings
 from besman.simulation.tasks.rearrange.sections import GraspConfig, RearrangeFields
+from besman.simulation.tasks.rearrange.ways import Led, list_aimed
 
 _RATE_HZ = 1000.0
 
@@ -91,7 +94,37 @@ class RearrangeConfig(RearrangeFields):
             grasp.up_m,
             grasp.straight_s,
             grasp.higher_m,
+            grasp.posture,
         )
+
+    def aim(
+        self,
+        plan: TaskPlan,
+        robot: Robot,
+        frame: BoxFrame,
+        failed: Callable[[GraspConfig, PlanError], None] = lambda grasp, error: None,
+        grasps: Iterable[GraspConfig] | None = None,
+    ) -> Iterator[tuple[GraspConfig, TaskPlan]]:
+        """Bring a task to its boxes in one way after the other, those first that touch nothing.
+
+        Parameters
+        ----------
+        plan : TaskPlan
+        robot : Robot
+        frame : BoxFrame
+        failed : callable
+            Is told of a way that is out of reach or limits.
+        grasps : iterable of GraspConfig, optional
+            By default the task's own, then all of `ways`.
+        """
+        around = Surroundings.of(plan, robot, self, frame)
+
+        def lead(grasp: GraspConfig) -> Led:
+            led = lead_grasps(plan, robot, self.grasp_way(frame, grasp), around.gaps)
+            return Led(led, around.clearance(led))
+
+        ways = (self.grasp, *self.ways.list(self.grasp)) if grasps is None else grasps
+        return list_aimed(ways, lead, robot, failed)
 
     def way(self, plan: TaskPlan) -> ArmWay:
         """Roll a task out, with the time that the gripper takes: the arm stands still meanwhile."""
