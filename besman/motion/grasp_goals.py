@@ -50,9 +50,7 @@ def aim_grasps(plan: TaskPlan, robot: Robot, way: GraspWay) -> TaskPlan:
     return led if led is plan else keep_task_limits(led, robot)
 
 
-def lead_grasps(
-    plan: TaskPlan, robot: Robot, way: GraspWay, gaps: Gaps | None = None
-) -> TaskPlan:
+def lead_grasps(plan: TaskPlan, robot: Robot, way: GraspWay, gaps: Gaps | None = None) -> TaskPlan:
     """Bring the goals of blocks that lead to an object, or to its place, to where a gripper has it.
 
     A person takes a thing a little differently every time, shifts it between the fingers, and has

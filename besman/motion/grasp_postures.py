@@ -70,8 +70,9 @@ def list_postures(
     """List postures at all objects and places, those first that change the blocks least.
 
     Every branch of the arm in which a straight way is reached as a whole, and nothing is touched
-    there, with every one at the next; without the postures that follow from those shown. What a block changes by is how much further or
-    less far its joints move than was shown, in the root of the sum of squares; its shape stays.
+    there, with every one at the next; without the postures that follow from those shown. What a
+    block changes by is how much further or less far its joints move than was shown, in the root of
+    the sum of squares; its shape stays.
 
     Parameters
     ----------
@@ -101,12 +102,12 @@ def list_postures(
             longer.append((cost + float(np.linalg.norm(change)), [*goals, *following]))
         orders = sorted(longer, key=lambda order: order[0])[:_MOST_ORDERS]
         shown = blocks[-1].goal
-    found = [goals for _, goals in orders]
+    listed = [goals for _, goals in orders]
     try:
         same = np.array(_follow_goals(plan, robot, way))
     except OutOfReachError:
-        return found
-    return [goals for goals in found if np.abs(np.array(goals) - same).max() > SAME_BRANCH_RAD]
+        return listed
+    return [goals for goals in listed if np.abs(np.array(goals) - same).max() > SAME_BRANCH_RAD]
 
 
 def _follow_goals(plan: TaskPlan, robot: Robot, way: GraspWay) -> list[FloatArray]:

@@ -149,7 +149,7 @@ class RefineTasks(_TaskStep):
             best = first.get(plan.name)
             if best is not None and best.trial.success:
                 return best
-            tries, faults = 0, [PlanError(f"{plan.name}: no way to try")]
+            tries, faults = 0, list[PlanError]()
             for _, moved in task.aim(plan, robot, frame, lambda _, error: faults.append(error)):
                 tries += 1
                 if best is not None and tries == 1:
@@ -161,7 +161,7 @@ class RefineTasks(_TaskStep):
                 if trial.success:
                     break
             if best is None:
-                raise faults[-1]
+                raise faults[0]
             return best if best.trial.success else replace(best, tries=tries)
 
         here = replace(work, workers=None)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import NamedTuple
@@ -70,8 +71,8 @@ class Surroundings:
     task : RearrangeFields
     before, after : array, shape (O, 7)
         Where the middles of boxes stand before and after, in the world.
-    boards : array, shape (2 O, 4, 4)
-        The middles of the boards below them.
+    boards : array, shape (N, 4, 4)
+        The middles of the boards below them, and of others.
     """
 
     robot: Robot
@@ -82,11 +83,26 @@ class Surroundings:
 
     @classmethod
     def of(
-        cls, plan: TaskPlan, robot: Robot, task: RearrangeFields, frame: BoxFrame
+        cls,
+        plan: TaskPlan,
+        robot: Robot,
+        task: RearrangeFields,
+        frame: BoxFrame,
+        places: Sequence[FloatArray] = (),
     ) -> Surroundings:
-        """Return what stands around the arm in a task whose boxes have no place in between."""
+        """Return what stands around the arm in a task whose boxes are put once at most.
+
+        Parameters
+        ----------
+        plan : TaskPlan
+        robot : Robot
+        task : RearrangeFields
+        frame : BoxFrame
+        places : sequence of array, shape (7,)
+            Where boxes may stand at other times, of their middles: there are boards, too.
+        """
         before, after = (box_poses(each, frame) for each in (plan.object_poses, plan.target_poses))
-        boards = np.stack([board_pose(pose, task) for pose in (*before, *after)])
+        boards = np.stack([board_pose(pose, task) for pose in (*before, *after, *places)])
         return cls(robot, task, before, after, boards)
 
     def gaps(self, positions: FloatArray) -> FloatArray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 
@@ -103,9 +103,10 @@ class RearrangeConfig(RearrangeFields):
         robot: Robot,
         frame: BoxFrame,
         failed: Callable[[GraspConfig, PlanError], None] = lambda grasp, error: None,
-        grasps: Iterable[GraspConfig] | None = None,
     ) -> Iterator[tuple[GraspConfig, TaskPlan]]:
         """Bring a task to its boxes in one way after the other, those first that touch nothing.
+
+        The task's own way, then all of `ways`; see `list_aimed`.
 
         Parameters
         ----------
@@ -114,17 +115,38 @@ class RearrangeConfig(RearrangeFields):
         frame : BoxFrame
         failed : callable
             Is told of a way that is out of reach or limits.
-        grasps : iterable of GraspConfig, optional
-            By default the task's own, then all of `ways`.
         """
-        around = Surroundings.of(plan, robot, self, frame)
-
-        def lead(grasp: GraspConfig) -> Led:
-            led = lead_grasps(plan, robot, self.grasp_way(frame, grasp), around.gaps)
-            return Led(led, around.clearance(led))
-
-        ways = (self.grasp, *self.ways.list(self.grasp)) if grasps is None else grasps
+        ways = (self.grasp, *self.ways.list(self.grasp))
+        lead = partial(self.lead, plan, robot, frame)
         return list_aimed(ways, lead, robot, failed)
+
+    def lead(
+        self,
+        plan: TaskPlan,
+        robot: Robot,
+        frame: BoxFrame,
+        grasp: GraspConfig,
+        places: Sequence[np.ndarray] = (),
+    ) -> Led:
+        """Bring a task to its boxes in one way, and tell how near that comes to anything.
+
+        Parameters
+        ----------
+        plan : TaskPlan
+        robot : Robot
+        frame : BoxFrame
+        grasp : GraspConfig
+        places : sequence of array, shape (7,)
+            Of other boards; see `Surroundings.of`.
+
+        Raises
+        ------
+        PlanError
+            If it is out of reach.
+        """
+        around = Surroundings.of(plan, robot, self, frame, places)
+        led = lead_grasps(plan, robot, self.grasp_way(frame, grasp), around.gaps)
+        return Led(led, around.clearance(led))
 
     def way(self, plan: TaskPlan) -> ArmWay:
         """Roll a task out, with the time that the gripper takes: the arm stands still meanwhile."""
