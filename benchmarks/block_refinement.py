@@ -53,19 +53,22 @@ def compare(plans, robot, n_tasks, budget):
             began = time.process_time()
             found = search(parts, way, trials, most, number, sigma)
             seconds = time.process_time() - began
-            (trial,) = task.try_tasks([found.plan], robot, frame)
-            told[name].append((found, trial, seconds))
+            success, said = False, "does not come to its end"
+            if found.plan is not None:
+                (trial,) = task.try_tasks([found.plan], robot, frame)
+                success, said = trial.success, trial.failure or "beside its place"
+            told[name].append((found, success, seconds))
             episodes = ", ".join(f"{part} {n}" for part, n in found.episodes.items())
             print(
                 f"{plan.name}, {name}: {episodes}; CPU {seconds:.0f} s; "
-                f"{'succeeds' if trial.success else trial.failure or 'beside its place'}",
+                f"{'succeeds' if success else said}",
                 flush=True,
             )
     for name, runs in told.items():
         episodes = [sum(found.episodes.values()) for found, _, _ in runs]
         simulated = [found.simulated_s for found, _, _ in runs]
         print(
-            f"{robot.name}, {name}: {sum(trial.success for _, trial, _ in runs)} of {len(runs)} "
+            f"{robot.name}, {name}: {sum(success for _, success, _ in runs)} of {len(runs)} "
             f"succeed; episodes: median {np.median(episodes):.0f}, sum {sum(episodes)}; simulated "
             f"seconds: median {np.median(simulated):.0f}, sum {sum(simulated):.0f}; CPU seconds: "
             f"median {np.median([s for *_, s in runs]):.0f}, sum {sum(s for *_, s in runs):.0f}"

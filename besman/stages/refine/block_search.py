@@ -66,8 +66,8 @@ class Found:
 
     Attributes
     ----------
-    plan : TaskPlan
-        The best.
+    plan : TaskPlan or None
+        The best; None if its end was never come to.
     success : bool
     episodes : dict of int
         Simulations of each part by its goal; of the whole under ``whole``.
@@ -75,7 +75,7 @@ class Found:
         Seconds of the simulated world in all of them.
     """
 
-    plan: TaskPlan
+    plan: TaskPlan | None
     success: bool
     episodes: dict[str, int]
     simulated_s: float
@@ -216,7 +216,8 @@ def search_blocks(
         state = outcome.end
         if not outcome.success:
             break
-    return Found(_join(done or [parts[0].plan]), success, episodes, seconds)
+    whole = _join(done) if len(done) == len(parts) else None
+    return Found(whole, success, episodes, seconds)
 
 
 def search_whole(
@@ -254,7 +255,7 @@ def search_whole(
         return joined, BlockOutcome(reward, success, state, seconds)
 
     (plan, outcome), n, seconds = _search(attempt, int(ends[-1]), budget, (seed,), sigma)
-    return Found(plan or parts[0].plan, outcome.success, {"whole": n}, seconds)
+    return Found(plan, outcome.success, {"whole": n}, seconds)
 
 
 Tried = tuple[TaskPlan | None, BlockOutcome]

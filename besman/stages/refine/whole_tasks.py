@@ -149,12 +149,11 @@ class RefineTasks(_TaskStep):
             best = first.get(plan.name)
             if best is not None and best.trial.success:
                 return best
-            tries, faults = 0, list[PlanError]()
+            tries, faults = int(best is not None), list[PlanError]()
             for _, moved in task.aim(plan, robot, frame, lambda _, error: faults.append(error)):
-                tries += 1
-                if best is not None and tries == 1:
-                    # That is how it was aimed.
+                if best is not None and is_same(moved, best.plan):
                     continue
+                tries += 1
                 (trial,) = task.try_tasks([moved], robot, frame)
                 if best is None or is_better(trial, best.trial):
                     best = RefinedTask(moved, trial, tries)
@@ -193,6 +192,16 @@ def is_better(trial: TaskTrial, other: TaskTrial) -> bool:
         return (not one.success, bool(one.failure), float(np.nan_to_num(one.miss, nan=np.inf)))
 
     return rank(trial) < rank(other)
+
+
+def is_same(plan: TaskPlan, other: TaskPlan) -> bool:
+    """Tell whether two tasks have the same movement."""
+    same = len(plan.blocks) == len(other.blocks) and plan.duration == other.duration
+    return same and all(
+        np.array_equal(getattr(one, part), getattr(two, part))
+        for one, two in zip(plan.blocks, other.blocks, strict=True)
+        for part in ("goal", "weights")
+    )
 
 
 def simulation_results(
