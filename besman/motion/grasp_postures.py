@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import groupby, product
 
 import numpy as np
 import numpy.typing as npt
 
-from besman.exceptions import OutOfReachError, PlanError
-from besman.motion.adapt_task import MISS_M, MISS_RAD, follow_goal, frame_matrix
+from besman.exceptions import OutOfReachError
+from besman.motion.adapt_task import MISS_M, MISS_RAD, follow_goal, frame_matrix, too_far
 from besman.motion.grasp_way import GraspWay, poses_between, poses_from
 from besman.records import BlockPlan, TaskPlan
 from besman.robot.branches import SAME_BRANCH_RAD, IkWeights, draw_starts, find_branches, follow_all
 from besman.robot.collision import distances
+from besman.robot.inverse_kinematics import solve_path
 from besman.robot.model import Robot
 
 FloatArray = npt.NDArray[np.float64]
@@ -47,8 +48,7 @@ def choose_posture(
     ------
     OutOfReachError
         If a straight way is out of reach in every posture.
-    PlanError
-        If there are not so many postures.
+        Or there are not so many postures.
     """
     if way.posture == 0:
         try:
@@ -60,7 +60,10 @@ def choose_posture(
             return found[0]
     found = list_postures(plan, robot, way, gaps)
     if len(found) < way.posture:
-        raise PlanError(f"{plan.name}: no posture {way.posture}; there are {len(found)} others")
+        label = next(block.label for block in plan.blocks if block.frame != "world")
+        raise OutOfReachError(
+            f"{plan.name}: no posture {way.posture}; there are {len(found)} others", label
+        )
     return found[way.posture - 1]
 
 
@@ -108,6 +111,38 @@ def list_postures(
     except OutOfReachError:
         return listed
     return [goals for goals in listed if np.abs(np.array(goals) - same).max() > SAME_BRANCH_RAD]
+
+
+def check_reach(
+    name: str, robot: Robot, label: str, frame: str, thing: str, poses: Sequence[FloatArray]
+) -> None:
+    """Refuse an object or a place at which the tool cannot be in any of some poses, each alone.
+
+    What is near the border of the reach passes: each way finds that out.
+
+    Parameters
+    ----------
+    name, label : str
+        Of the task, and of the block that leads there.
+    frame : "object" or "target"
+    thing : str
+        The object.
+    robot : Robot
+    poses : sequence of array, shape (4, 4)
+        Of the tool centre point, in the world.
+
+    Raises
+    ------
+    OutOfReachError
+    """
+    misses = []
+    for pose in poses:
+        found = solve_path(robot, pose[None])
+        miss = float(found.position_error[0]), float(found.orientation_error[0])
+        if miss[0] <= MISS_M and miss[1] <= MISS_RAD:
+            return
+        misses.append(miss)
+    raise too_far(name, label, frame, thing, robot.name, min(misses))
 
 
 def _follow_goals(plan: TaskPlan, robot: Robot, way: GraspWay) -> list[FloatArray]:

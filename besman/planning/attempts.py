@@ -13,12 +13,11 @@ import numpy.typing as npt
 
 from besman.exceptions import OutOfReachError, PlanError
 from besman.geometry.frames import rotation_to_quaternion
-from besman.motion.adapt_task import MISS_M, MISS_RAD, frame_matrix, too_far
+from besman.motion.adapt_task import frame_matrix
 from besman.planning.block_effects import BlockUse, LearntBlock
 from besman.planning.chaining import Leg, chain_leg, join_legs
 from besman.records import TaskPlan
 from besman.records.task_trial import TaskTrial
-from besman.robot.inverse_kinematics import solve_path
 from besman.robot.model import Robot
 from besman.simulation.tasks.rearrange.boxes import BoxFrame, box_poses
 from besman.simulation.tasks.rearrange.rearrange import RearrangeConfig
@@ -140,8 +139,7 @@ def try_legs(
     PlanError
         If a leg is out of the arm's reach or limits in every way: it names the block.
     """
-    for goal in goals:
-        _refuse_far(name, goal, objects, bench)
+    _check_reach(name, goals, objects, standing, bench)
     places = tuple(goal.poses[0] for goal in goals)
     tried: list[TriedLeg] = []
     for number, goal in enumerate(goals):
@@ -244,24 +242,28 @@ def _n_reached(error: PlanError, way: _Way) -> int:
     return len(labels)
 
 
-def _refuse_far(name: str, goal: LegGoal, objects: tuple[str, ...], bench: Bench) -> None:
-    """Refuse a place at which the gripper cannot be, however it points, before anything is tried.
-
-    What is near the border of the reach passes: that is found out by each way.
-    """
-    task = bench.task
-    pitches = dict.fromkeys((task.grasp.pitch_deg, *task.ways.pitch_deg))
-    misses = []
-    for pose, pitch in itertools.product(goal.poses, pitches):
-        grasp = task.grasp.model_copy(update={"pitch_deg": pitch})
-        tool = task.grasp_way(bench.frame, grasp).tool
-        wanted = frame_matrix(pose) @ np.linalg.inv(bench.frame.matrix) @ tool
-        found = solve_path(bench.robot, wanted[None])
-        misses.append((float(found.position_error[0]), float(found.orientation_error[0])))
-    if any(m <= MISS_M and angle <= MISS_RAD for m, angle in misses):
-        return
-    label = next(own[0].label for own in goal.blocks if own[0].frame == "target")
-    raise too_far(name, label, "target", objects[goal.thing], bench.robot.name, min(misses))
+def _check_reach(
+    name: str,
+    goals: Sequence[LegGoal],
+    objects: tuple[str, ...],
+    standing: FloatArray,
+    bench: Bench,
+) -> None:
+    """Refuse what is out of reach in every pose that it may have, before anything is tried."""
+    markers = np.linalg.inv(bench.frame.matrix)
+    seen: set[int] = set()
+    for goal in goals:
+        first = [standing[goal.thing]] if goal.thing not in seen else []
+        seen.add(goal.thing)
+        for frame, poses in (("object", first), ("target", list(goal.poses))):
+            uses = [use for own in goal.blocks for use in own[0].uses if use.frame == frame]
+            if poses and uses:
+                block = bench.plans[uses[0].task].blocks[uses[0].block]
+                block = replace(block, label=uses[0].label)
+                bench.task.check_reach(
+                    name, bench.robot, bench.frame, block, objects[goal.thing],
+                    list(_moved(np.array(poses), markers)),
+                )  # fmt: skip
 
 
 class _Leg(NamedTuple):

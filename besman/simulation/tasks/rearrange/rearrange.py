@@ -9,11 +9,13 @@ from functools import partial
 import numpy as np
 
 from besman.exceptions import PlanError, RefinementError
+from besman.motion.adapt_task import frame_matrix
 from besman.motion.grasp_goals import lead_grasps
+from besman.motion.grasp_postures import check_reach
 from besman.motion.grasp_way import GraspWay
 from besman.motion.task_rollout import sample_task
 from besman.motion.waits import add_waits
-from besman.records import TaskPlan
+from besman.records import BlockPlan, TaskPlan
 from besman.records.task_trial import TaskTrial
 from besman.robot.model import Robot
 from besman.simulation.episodes import Movements, Playback
@@ -115,10 +117,56 @@ class RearrangeConfig(RearrangeFields):
         frame : BoxFrame
         failed : callable
             Is told of a way that is out of reach or limits.
+
+        Raises
+        ------
+        OutOfReachError
+            Of the first object or place that is, before any way is tried.
         """
+        for block in plan.blocks:
+            if block.frame != "world":
+                standing = plan.object_poses if block.frame == "object" else plan.target_poses
+                pose = standing[plan.objects.index(block.thing)]
+                self.check_reach(plan.name, robot, frame, block, block.thing, [pose])
         ways = (self.grasp, *self.ways.list(self.grasp))
         lead = partial(self.lead, plan, robot, frame)
         return list_aimed(ways, lead, robot, failed)
+
+    def check_reach(
+        self,
+        name: str,
+        robot: Robot,
+        frame: BoxFrame,
+        block: BlockPlan,
+        thing: str,
+        poses: Sequence[np.ndarray],
+    ) -> None:
+        """Refuse markers' poses (7,) at none of which the gripper can have a box.
+
+        Parameters
+        ----------
+        name : str
+            Of the task.
+        robot : Robot
+        frame : BoxFrame
+        block : BlockPlan
+            That leads there.
+        thing : str
+            The box.
+        poses : sequence of array, shape (7,)
+
+        Raises
+        ------
+        OutOfReachError
+        """
+        pitches = dict.fromkeys((self.grasp.pitch_deg, *self.ways.pitch_deg))
+        tools = [
+            frame_matrix(pose)
+            @ self.grasp_way(frame, self.grasp.model_copy(update={"pitch_deg": pitch})).tool
+            for pose in poses
+            for pitch in pitches
+        ]
+        check_reach(name, robot, block.label, block.frame, thing, tools)
 
     def lead(
         self,
