@@ -250,7 +250,7 @@ def _check_reach(
     bench: Bench,
 ) -> None:
     """Refuse what is out of reach in every pose that it may have, before anything is tried."""
-    markers = np.linalg.inv(bench.frame.matrix)
+    markers: FloatArray = np.asarray(np.linalg.inv(bench.frame.matrix), dtype=np.float64)
     seen: set[int] = set()
     for goal in goals:
         first = [standing[goal.thing]] if goal.thing not in seen else []

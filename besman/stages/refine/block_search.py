@@ -38,6 +38,8 @@ _UNITS: dict[BlockGoal, FloatArray] = {
     "leave": np.array([0.04, 0.1]),
 }
 
+# Where nothing at all can be done, a search ends at once, and begins anew with more points.
+_MOST_RESTARTS = 6
 # Level, ahead along x, closing along y.
 _SQUARE = [[0.0, 0, 1, 0], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]]
 
@@ -271,7 +273,9 @@ def _search(
     """Try what was shown, then search until something succeeds; count episodes and seconds."""
     best = attempt(np.zeros(dimension))
     n, seconds = 1, best[1].seconds
-    search = CmaEs(np.zeros(dimension), sigma, None, seed)
+    search = CmaEs(
+        np.zeros(dimension), sigma, None, seed, restarts="ipop", n_restarts=_MOST_RESTARTS
+    )
     while not best[1].success and n < budget and not search.exhausted:
         points = search.ask()
         rewards = np.empty(len(points))
