@@ -98,9 +98,28 @@ def compare(found, actions, recordings, truth, box):
     return right, border_s, grasp_s, release_s
 
 
-def plan_tasks(robot_name, demonstrations, tool="gripper3"):
-    """Map actions to an arm, imitate them block by block, and say how well."""
-    robot = load_robot(robot_name, tool)
+def find_actions(folder, seed=0):
+    """Find all actions in recordings as a run does; demonstrations by the action's name."""
+    inputs = read_inputs([str(folder)])
+    recordings = tuple(bridge_gaps(name_parts(one)) for one in inputs.recordings)
+    truth = tuple(one for one in inputs.truth if one is not None)
+    segments = DefaultSegmentConfig().run(recordings)
+    recognize = RecognizeConfig(seed=seed)
+    blocks = recognize.run(recordings, segments, recognize.train(recordings, truth))
+    return {name: divide(name, recordings, blocks)[1] for name in ACTIONS}
+
+
+def divide(name, recordings, blocks):
+    """Return where actions of one name are, and their demonstrations."""
+    config = SelectConfig(action=name, actions=ACTIONS, **{"as": "blocks"})
+    actions = FindActions(config).run(recordings, blocks, ())
+    hands = config.run(recordings, actions)
+    markers = load_marker_set("right_arm")
+    return actions, DivideActions(config).run(recordings, blocks, actions, hands, markers)
+
+
+def imitate_tasks(robot, demonstrations):
+    """Map actions to an arm, and imitate them block by block; how long both took."""
     map_config = MapConfig(weights={"position": 5, "singularity": 5})
     work = Work(notes=Notes())
     started = time.perf_counter()
@@ -108,7 +127,14 @@ def plan_tasks(robot_name, demonstrations, tool="gripper3"):
     tasks = MapTasks(map_config).run(mapping, demonstrations, robot)
     mapped = time.perf_counter()
     plans = ImitateTasks(ImitateConfig()).run(tasks, robot, work)
-    seconds = time.perf_counter() - mapped
+    seconds = mapped - started, time.perf_counter() - mapped
+    return plans, tasks, (*mapping.failed, *work.notes.failures), seconds
+
+
+def plan_tasks(robot_name, demonstrations, tool="gripper3"):
+    """Map actions to an arm, imitate them block by block, and say how well."""
+    robot = load_robot(robot_name, tool)
+    plans, tasks, failures, (mapped_s, seconds) = imitate_tasks(robot, demonstrations)
     outside = 0
     slower, jumps = [], []
     by_name = {task.name: task for task in tasks}
@@ -121,8 +147,8 @@ def plan_tasks(robot_name, demonstrations, tool="gripper3"):
         slower.append(plan.duration / mapped_s)
         jumps.append(np.max(np.abs(np.diff(v, axis=0))) / (1e-3 * np.max(np.abs(a))))
     print(
-        f"{robot_name}: {len(mapping.trajectories)} of {len(demonstrations)} mapped "
-        f"({mapped - started:.0f} s), {len(plans)} imitated block by block ({seconds:.1f} s); "
+        f"{robot_name}: {len(tasks)} of {len(demonstrations)} mapped "
+        f"({mapped_s:.0f} s), {len(plans)} imitated block by block ({seconds:.1f} s); "
         f"root mean square error {max(plan.rmse for plan in plans):.4f} rad at most"
     )
     print(
@@ -130,7 +156,7 @@ def plan_tasks(robot_name, demonstrations, tool="gripper3"):
         f"mapped one: median {np.median(slower):.2f}, max {max(slower):.2f}; greatest change of "
         f"velocity in a sample over the greatest acceleration's: {max(jumps):.2f}"
     )
-    for failure in (*mapping.failed, *work.notes.failures):
+    for failure in failures:
         print(f"  left out: {failure}")
     frames = Counter(tuple(b.frame for b in plan.blocks if b.label != "idle") for plan in plans)
     for found, n in frames.most_common():
@@ -155,11 +181,12 @@ def try_tasks(plans, robot):
     work = Work(notes=Notes())
     refined = RefineTasks(config).run(aimed, trials, plans, robot, task, work)
     good = [one for one in refined if one.trial.success]
-    misses = [1e3 * one.trial.miss for one in good]
+    misses = [1e3 * one.trial.miss for one in good] or [np.nan]
+    tries = [one.tries for one in refined]
     print(
         f"  refined: {len(good)} of {len(plans)}, {np.median(misses):.1f} mm off in the median, "
-        f"{max(misses):.1f} at most; ways tried: median {np.median([one.tries for one in refined])}"
-        f", max {max(one.tries for one in refined)}; {time.perf_counter() - started:.0f} s"
+        f"{max(misses):.1f} at most; ways tried: median {np.median(tries)}, max {max(tries)}; "
+        f"{time.perf_counter() - started:.0f} s"
     )
     for failure in work.notes.failures:
         print(f"    left out: {failure}")
@@ -181,10 +208,7 @@ def main(folder, robots=()):
         blocks = recognize.run(recordings, segments, recognize.train(recordings, truth))
         rights.append(0)
         for name in ACTIONS:
-            config = SelectConfig(action=name, actions=ACTIONS, **{"as": "blocks"})
-            actions = FindActions(config).run(recordings, blocks, ())
-            hands = config.run(recordings, actions)
-            found = DivideActions(config).run(recordings, blocks, actions, hands, markers)
+            actions, found = divide(name, recordings, blocks)
             first.setdefault(name, found)
             right, *offsets = compare(found, actions, recordings, truth, markers.objects["box"])
             rights[-1] += right

@@ -153,13 +153,19 @@ def follow_goal(name: str, robot: Robot, block: BlockPlan, poses: FloatArray) ->
     )
     miss_m, miss_rad = errors[0, 0, -1]
     if miss_m > MISS_M or miss_rad > MISS_RAD:
-        raise OutOfReachError(
-            f"{name}: {block.label}: its goal at the {block.frame} {block.thing!r} is out of "
-            f"reach of {robot.name} by {1e3 * miss_m:.0f} mm and {np.degrees(miss_rad):.0f} "
-            "degrees",
-            block.label,
-        )
+        raise too_far(name, block.label, block.frame, block.thing, robot.name, (miss_m, miss_rad))
     return np.asarray(found[0, 0, -1])
+
+
+def too_far(
+    name: str, label: str, frame: str, thing: str, robot: str, miss: tuple[float, float]
+) -> OutOfReachError:
+    """Return the error of a block's goal that is missed by so many metres and radians."""
+    return OutOfReachError(
+        f"{name}: {label}: its goal at the {frame} {thing!r} is out of reach of {robot} by "
+        f"{1e3 * miss[0]:.0f} mm and {np.degrees(miss[1]):.0f} degrees",
+        label,
+    )
 
 
 def frame_matrix(pose: npt.ArrayLike) -> FloatArray:

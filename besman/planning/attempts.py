@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +14,6 @@ import numpy.typing as npt
 from besman.exceptions import OutOfReachError, PlanError
 from besman.geometry.frames import rotation_to_quaternion
 from besman.motion.adapt_task import frame_matrix
-from besman.motion.grasp_goals import GraspWay, aim_grasps
 from besman.planning.block_effects import BlockUse, LearntBlock
 from besman.planning.chaining import Leg, chain_leg, join_legs
 from besman.records import TaskPlan
@@ -20,14 +21,16 @@ from besman.records.task_trial import TaskTrial
 from besman.robot.model import Robot
 from besman.simulation.tasks.rearrange.boxes import BoxFrame, box_poses
 from besman.simulation.tasks.rearrange.rearrange import RearrangeConfig
+from besman.simulation.tasks.rearrange.sections import GraspConfig
+from besman.simulation.tasks.rearrange.ways import Led, list_aimed
 from besman.stages.refine.whole_tasks import is_better
 
 FloatArray = npt.NDArray[np.float64]
 
 # So many demonstrations of a block are tried, the nearest first.
 _MOST_SOURCES = 3
-# And so many ways of a leg at most.
-_MOST_TRIES = 60
+# And so many ways of a leg are looked at, of which so many are simulated.
+_MOST_WAYS, _MOST_TRIES = 120, 30
 _OVER_M = 0.05
 
 
@@ -136,22 +139,27 @@ def try_legs(
     PlanError
         If a leg is out of the arm's reach or limits in every way: it names the block.
     """
+    _check_reach(name, goals, objects, standing, bench)
+    places = tuple(goal.poses[0] for goal in goals)
     tried: list[TriedLeg] = []
     for number, goal in enumerate(goals):
         best: TriedLeg | None = None
         faults: list[tuple[int, PlanError]] = []
         tries, lost = 0, any(not one.trial.success for one in tried)
-        for way in _ways(goal, standing, bench):
-            if best is not None and (best.trial.success or not refine or lost):
-                break
+        leg = _Leg(name, goal, objects, standing, tuple(tried), places, bench)
+        ways = list_aimed(
+            _ways(goal, standing, bench),
+            leg.lead,
+            bench.robot,
+            partial(_note, faults),
+        )
+        for way, plan in itertools.islice(ways, _MOST_TRIES):
             tries += 1
-            try:
-                found = _try_leg(name, goal, way, objects, standing, tried, bench)
-            except PlanError as error:
-                faults.append((_n_reached(error, way), error))
-                continue
+            found = leg.simulate(way, plan)
             if best is None or is_better(found.trial, best.trial):
                 best = found
+            if best.trial.success or not refine or lost:
+                break
         if best is None:
             # Why the way failed that came farthest, the first of these.
             raise max(faults, key=lambda fault: fault[0])[1]
@@ -167,7 +175,7 @@ class _Way(NamedTuple):
 
     pose: FloatArray
     uses: tuple[BlockUse, ...]
-    grasp: GraspWay
+    grasp: GraspConfig
 
 
 def _ways(goal: LegGoal, standing: FloatArray, bench: Bench) -> Iterator[_Way]:
@@ -196,9 +204,8 @@ def _ways(goal: LegGoal, standing: FloatArray, bench: Bench) -> Iterator[_Way]:
         for source in range(min(len(sources), _MOST_SOURCES))
         for way in ((grasp, source, change, pose) for grasp in range(len(grasps)))
     ]
-    for _, (grasp, source, change, pose) in sorted(found)[:_MOST_TRIES]:
-        way = task.grasp_way(bench.frame, grasps[grasp])
-        yield _Way(goal.poses[pose], ranked[pose][change][source], way)
+    for _, (grasp, source, change, pose) in sorted(found)[:_MOST_WAYS]:
+        yield _Way(goal.poses[pose], ranked[pose][change][source], grasps[grasp])
 
 
 def rank_sources(
@@ -222,6 +229,11 @@ def rank_sources(
     return [tuple(order[min(k, len(order) - 1)] for order in orders) for k in range(most)]
 
 
+def _note(faults: list[tuple[int, PlanError]], way: _Way, error: PlanError) -> None:
+    """Note why a way failed, and how far it came."""
+    faults.append((_n_reached(error, way), error))
+
+
 def _n_reached(error: PlanError, way: _Way) -> int:
     """Return how many blocks of a leg were within reach."""
     labels = [use.label for use in way.uses]
@@ -230,28 +242,65 @@ def _n_reached(error: PlanError, way: _Way) -> int:
     return len(labels)
 
 
-def _try_leg(
+def _check_reach(
     name: str,
-    goal: LegGoal,
-    way: _Way,
+    goals: Sequence[LegGoal],
     objects: tuple[str, ...],
     standing: FloatArray,
-    tried: Sequence[TriedLeg],
     bench: Bench,
-) -> TriedLeg:
-    """Aim a leg, and simulate it after those before it."""
-    after = np.array(standing)
-    after[goal.thing] = way.pose
-    # What a plan says of objects is where their markers are.
+) -> None:
+    """Refuse what is out of reach in every pose that it may have, before anything is tried."""
     markers: FloatArray = np.asarray(np.linalg.inv(bench.frame.matrix), dtype=np.float64)
-    poses = (_moved(standing, markers), _moved(after, markers))
-    start = tried[-1].plan.blocks[-1].goal if tried else None
-    leg = chain_leg(name, Leg(way.uses, goal.thing), bench.plans, objects, poses, start)
-    plan = aim_grasps(leg, bench.robot, way.grasp)
-    joined = join_legs(name, [*(one.plan for one in tried), plan])
-    (trial,) = bench.task.try_tasks([joined], bench.robot, bench.frame)
-    sources = tuple((use.label, bench.plans[use.task].name) for use in way.uses)
-    return TriedLeg(plan, sources, standing, after, trial, 1)
+    seen: set[int] = set()
+    for goal in goals:
+        first = [standing[goal.thing]] if goal.thing not in seen else []
+        seen.add(goal.thing)
+        for frame, poses in (("object", first), ("target", list(goal.poses))):
+            uses = [use for own in goal.blocks for use in own[0].uses if use.frame == frame]
+            if poses and uses:
+                block = bench.plans[uses[0].task].blocks[uses[0].block]
+                block = replace(block, label=uses[0].label)
+                bench.task.check_reach(
+                    name, bench.robot, bench.frame, block, objects[goal.thing],
+                    list(_moved(np.array(poses), markers)),
+                )  # fmt: skip
+
+
+class _Leg(NamedTuple):
+    """A leg in one way after the other, each simulated after the legs before it."""
+
+    name: str
+    goal: LegGoal
+    objects: tuple[str, ...]
+    standing: FloatArray
+    tried: tuple[TriedLeg, ...]
+    places: tuple[FloatArray, ...]
+    bench: Bench
+
+    def after(self, way: _Way) -> FloatArray:
+        """Return where objects are to stand afterwards, shape (O, 7)."""
+        after = np.array(self.standing)
+        after[self.goal.thing] = way.pose
+        return after
+
+    def lead(self, way: _Way) -> Led:
+        """Bring the leg to its object and place."""
+        bench = self.bench
+        # What a plan says of objects is where their markers are.
+        markers: FloatArray = np.asarray(np.linalg.inv(bench.frame.matrix), dtype=np.float64)
+        poses = (_moved(self.standing, markers), _moved(self.after(way), markers))
+        start = self.tried[-1].plan.blocks[-1].goal if self.tried else None
+        leg = Leg(way.uses, self.goal.thing)
+        plan = chain_leg(self.name, leg, bench.plans, self.objects, poses, start)
+        return bench.task.lead(plan, bench.robot, bench.frame, way.grasp, self.places)
+
+    def simulate(self, way: _Way, plan: TaskPlan) -> TriedLeg:
+        """Simulate all legs with this one as the last."""
+        bench = self.bench
+        joined = join_legs(self.name, [*(one.plan for one in self.tried), plan])
+        (trial,) = bench.task.try_tasks([joined], bench.robot, bench.frame)
+        sources = tuple((use.label, bench.plans[use.task].name) for use in way.uses)
+        return TriedLeg(plan, sources, self.standing, self.after(way), trial, 1)
 
 
 def _moved(poses: FloatArray, by: FloatArray) -> FloatArray:

@@ -73,7 +73,7 @@ class RefinedTask(Record, stored_as="RefinedTask"):
     trial : TaskTrial
         What comes of it.
     tries : int
-        Ways that were looked at, that of the imitation among them; those out of reach count.
+        Ways that were simulated, that of the imitation among them.
     """
 
     plan: TaskPlan

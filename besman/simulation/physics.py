@@ -47,8 +47,9 @@ def run_physics(
     controls: FloatArray,
     finished: Callable[[SimulatedStates, slice], BoolArray],
     perturbations: Sequence[Perturbation] = (),
+    initial_qvel: FloatArray | None = None,
 ) -> SimulatedStates:
-    """Simulate a batch from rest.
+    """Simulate a batch, from rest or as it goes on.
 
     Results do not depend on the batch: every simulation starts afresh and is looked at after the
     same steps. MuJoCo works without Python's lock, so that several batches can run in threads.
@@ -58,7 +59,7 @@ def run_physics(
     model : mujoco.MjModel
         What is simulated.
     initial_qpos : array, shape (B, nq)
-        Where the simulations start, at rest.
+        Where the simulations start.
     controls : array, shape (B, T, nu)
         Controls of every step.
     finished : callable
@@ -66,6 +67,8 @@ def run_physics(
         are new, tells which simulations (B,) need not go on.
     perturbations : sequence of Perturbation
         One for each simulation; none: the world is as the model says.
+    initial_qvel : array, shape (B, nv), optional
+        How fast they are then; by default at rest.
 
     Returns
     -------
@@ -79,6 +82,8 @@ def run_physics(
     batch, steps, _ = controls.shape
     state = np.zeros((batch, mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)))
     state[:, 1 : 1 + model.nq] = initial_qpos
+    if initial_qvel is not None:
+        state[:, 1 + model.nq : 1 + model.nq + model.nv] = initial_qvel
     run = SimulatedStates(
         qpos=np.full((batch, steps, model.nq), np.nan),
         qvel=np.full((batch, steps, model.nv), np.nan),

@@ -17,12 +17,14 @@ from besman.report.run_records import ArmRecords, arm_records, load_records
 from besman.report.terminal import failures
 from besman.robot.model import Robot, load_robot
 from besman.simulation.task import Task
-from besman.simulation.tasks.kinds import load_task
+from besman.simulation.tasks.kinds import is_whole_task, load_task, load_whole_task
+from besman.simulation.tasks.rearrange.rearrange import RearrangeConfig
 from besman.stages.map.demonstration import tool_poses
 from besman.view.packing import Packer
 from besman.view.person import PersonMarkers, find_person
 from besman.view.shapes import robot_content
 from besman.view.takes import DemonstrationInPlan, mapped_take, simulated_takes
+from besman.view.whole_tasks import WholeTasks
 
 RATE_HZ = 100.0
 
@@ -78,7 +80,7 @@ class RunContent:
         self._arms = _shown_arms(self._records, self._config)
         if not any(arm.trajectories for arm in self._arms):
             raise RunError(f"{folder}: no demonstration was mapped to an arm: nothing to show")
-        self._task: Task = load_task(self._config["task"])
+        self._task, self._whole = _load_tasks(self._config["task"], self._records, self._arms)
         self._sources = [recording.source for recording in self._records["label"]]
         self.names = tuple(dict.fromkeys(name for arm in self._arms for name in arm.demonstrations))
         with run.reading():
@@ -105,6 +107,9 @@ class RunContent:
         """The demonstration to begin with: one that succeeds, of those with most to show."""
 
         def rank(index: int) -> tuple[bool, int]:
+            if self._whole is not None:
+                found = self._whole.outcome(self.names[index])
+                return (found is not None and found["status"] == "success", 0)
             motion = self._arms[0].motions.get(self.names[index])
             return (motion.success, len(motion.milestones)) if motion else (False, -1)
 
@@ -124,11 +129,16 @@ class RunContent:
         chosen = list(range(len(self.names))) if chosen is None else chosen
         first = self.first if first is None else first
         robots = [arm.robot for arm in self._arms]
+        task: Task | RearrangeConfig | None = self._task
+        radius_m = 0.0 if self._task is None else self._task.success_radius_m
+        if self._whole is not None:
+            task, radius_m = self._whole.task, self._whole.task.success.success_radius_m
+        assert task is not None
         return packer.bundle(
             {
                 "run": self._name,
-                "task": self._task.kind,
-                "radius": self._task.success_radius_m,
+                "task": task.kind,
+                "radius": radius_m,
                 "robots": [
                     robot_content(robot, packer, [one for one in robots if one is not robot])
                     for robot in robots
@@ -151,6 +161,9 @@ class RunContent:
         """Say what became of a demonstration on one arm."""
         suffix = arm.records.suffix
         motion = arm.motions.get(name)
+        whole = None if self._whole is None else self._whole.outcome(name)
+        if whole is not None:
+            return whole
         if motion is not None:
             before, miss = (
                 float(value) if np.isfinite(value) else None
@@ -191,11 +204,12 @@ class RunContent:
         name, packer = self.names[index], Packer()
         hand = next(arm for arm in self._arms if name in arm.demonstrations).demonstrations[name]
         person = self._person(hand, rate_hz)
+        boxes = [] if self._whole is None else self._whole.boxes(hand, person, packer)
         return packer.bundle(
             {
                 "name": name,
                 "duration": float(hand.time[-1]),
-                "person": person.content(packer),
+                "person": person.content(packer) | {"boxes": boxes},
                 "arms": [self._arm(name, arm, person, packer, rate_hz) for arm in self._arms],
             }
         )
@@ -221,13 +235,17 @@ class RunContent:
         takes = []
         if mapped is not None:
             takes.append(mapped_take(mapped, arm.robot, rate_hz))
-        if mapped is not None and motion is not None:
+        if self._whole is not None:
+            takes += self._whole.takes(name, rate_hz)
+        elif self._task is not None and mapped is not None and motion is not None:
             settings = self._config["imitate"]
             within = DemonstrationInPlan(
                 settings["lead_in_s"], settings["lead_out_s"], float(mapped.time[-1])
             )
             takes += simulated_takes(motion, within, arm.robot, self._task, rate_hz)
-        target = np.full(3, np.nan) if motion is None else self._task.target(motion.plan)
+        target = np.full(3, np.nan)
+        if motion is not None and self._task is not None:
+            target = self._task.target(motion.plan)
         return {
             "yaw": float(np.arctan2(placement[1, 0], placement[0, 0])),
             "shift": placement[:3, 3].tolist(),
@@ -240,6 +258,15 @@ class RunContent:
             "outcome": self._outcome(name, arm),
             "takes": [take.content(packer) for take in takes],
         }
+
+
+def _load_tasks(
+    name: str, records: dict[str, Any], arms: list[ShownArm]
+) -> tuple[Task | None, WholeTasks | None]:
+    """Load the run's task, which is one of single movements, or of whole actions."""
+    if not is_whole_task(name):
+        return load_task(name), None
+    return None, WholeTasks.of(records, arms[0].robot, load_whole_task(name))
 
 
 def _check_finished(run: StoredRun) -> None:

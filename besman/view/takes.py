@@ -12,6 +12,7 @@ from besman.exceptions import BesmanError
 from besman.pictures.scene_geoms import farthest_path, scene_geoms
 from besman.records import AnyPlan, FloatArray, JointTrajectory, RefinedMotion
 from besman.robot.model import Robot
+from besman.simulation.episodes import Playback
 from besman.simulation.task import Task
 from besman.simulation.trial import try_plans
 from besman.view.packing import Packer
@@ -75,6 +76,10 @@ class Performance:
         Of the scene; see `besman.view.shapes.scene_shapes`.
     object_path : array, shape (F, 3)
         Centre of mass of what is thrown, carried or pulled, metres; F = 0 if nothing is.
+    blocks : list of dict
+        Of a whole task: label, start and end (s) of each of its blocks; else none.
+    clock : list of two lists
+        Moments of the take and of the person that belong together, seconds; none: by `span`.
     """
 
     title: str
@@ -90,6 +95,8 @@ class Performance:
     bodies: FloatArray = field(default_factory=lambda: np.empty((0, 0, 7)))
     shapes: list[dict[str, Any]] = field(default_factory=list)
     object_path: FloatArray = field(default_factory=lambda: np.empty((0, 3)))
+    blocks: list[dict[str, Any]] = field(default_factory=list)
+    clock: list[list[float]] = field(default_factory=list)
 
     def content(self, packer: Packer) -> dict[str, Any]:
         """Return the take as a page is given it."""
@@ -104,6 +111,8 @@ class Performance:
             "success": self.success,
             "failure": self.failure,
             "shapes": self.shapes,
+            "blocks": self.blocks,
+            "clock": self.clock,
             "joints": packer.add(self.joints),
             "bodies": packer.add(self.bodies[..., :3]),
             "turns": packer.add(self.bodies[..., 3:]),
@@ -170,12 +179,34 @@ def simulated_takes(
 def _perform(plan: AnyPlan, robot: Robot, task: Task, rate_hz: float) -> Performance:
     """Simulate a plan and keep some of its states."""
     trial = try_plans(robot, task, [plan])[0]
-    playback = task.play(robot, plan)
-    model, step = playback.model, task.simulation.time_step_s
+    playback, step = task.play(robot, plan), task.simulation.time_step_s
+    if not len(playback.states):
+        raise BesmanError(f"{plan.name}: the simulation diverged at its start")
+    take = played_take(playback, step, robot, rate_hz)
+    take.success, take.failure = trial.success, trial.failure
+    return take
+
+
+def played_take(playback: Playback, step: float, robot: Robot, rate_hz: float) -> Performance:
+    """Keep some states of a simulation.
+
+    Parameters
+    ----------
+    playback : Playback
+    step : float
+        Seconds between its states.
+    robot : Robot
+    rate_hz : float
+        Frames per second, at most.
+
+    Returns
+    -------
+    Performance
+        Without title, span and outcome.
+    """
+    model = playback.model
     stride = max(round(1.0 / (rate_hz * step)), 1)
     n = len(playback.states)
-    if not n:
-        raise BesmanError(f"{plan.name}: the simulation diverged at its start")
     # The last state is where something landed.
     rows = np.arange((n - 1) % stride, n, stride)
     states = playback.states[rows]
@@ -186,8 +217,6 @@ def _perform(plan: AnyPlan, robot: Robot, task: Task, rate_hz: float) -> Perform
         start_s=float((rows[0] + 1) * step),
         interval_s=float(stride * step),
         joints=states[:, : robot.n],
-        success=trial.success,
-        failure=trial.failure,
         bodies=_body_poses(model, states, bodies),
         shapes=shapes,
         object_path=farthest_path(model, states, scene_geoms(robot, model)),

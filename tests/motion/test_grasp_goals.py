@@ -9,7 +9,8 @@ from whole_task import map_box_task
 
 from besman.exceptions import PlanError
 from besman.motion.adapt_task import frame_matrix
-from besman.motion.grasp_goals import GraspWay, aim_grasps
+from besman.motion.grasp_goals import aim_grasps
+from besman.motion.grasp_way import GraspWay
 from besman.motion.task_rollout import sample_task
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.limits import check_limits

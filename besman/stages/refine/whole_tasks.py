@@ -9,24 +9,31 @@ import numpy as np
 
 from besman.config.stage import Items, Truth, Work
 from besman.exceptions import PlanError
-from besman.motion.grasp_goals import aim_grasps
 from besman.records import RefinedTask, TaskPlan, TaskTrial
 from besman.robot.model import Robot
 from besman.simulation.tasks.rearrange.rearrange import RearrangeConfig
 from besman.stages.refine.stage import RefinementConfig
 
 
-class AimTasks:
-    """Brings the goals of whole tasks to where the task's gripper takes and puts its boxes.
+class _TaskStep:
+    """A step that takes whole tasks one by one, whose config says what becomes of those that fail.
 
     Parameters
     ----------
     config : RefinementConfig
-        Nothing of it matters here but that it leaves out what fails.
+        Nothing else of it matters here.
     """
 
     def __init__(self, config: RefinementConfig) -> None:
         self.config = config
+
+    def items(self, first: tuple[Any, ...], *records: Any) -> Items:
+        """Count the tasks."""
+        return Items(len(first), "tasks")
+
+
+class AimTasks(_TaskStep):
+    """Brings the goals of whole tasks to where the task's gripper takes and puts its boxes."""
 
     def run(
         self,
@@ -35,7 +42,10 @@ class AimTasks:
         task: RearrangeConfig,
         work: Work = Work(),
     ) -> tuple[TaskPlan, ...]:
-        """Return the plans for the gripper; see `besman.motion.grasp_goals.aim_grasps`.
+        """Return the plans for the gripper, the first way that touches nothing.
+
+        See `besman.motion.grasp_goals.lead_grasps` for what a way is. Where all of them touch
+        something, it is the one that does so least.
 
         Raises
         ------
@@ -45,15 +55,16 @@ class AimTasks:
             If no task is within the arm's reach and limits then.
         """
         task.check(plans, robot)
-        way = task.grasp_way(task.box_frame(plans, robot))
-        here = replace(work, jobs=1, workers=None)
-        return tuple(
-            here.map(lambda plan: aim_grasps(plan, robot, way), plans, name=lambda plan: plan.name)
-        )
+        frame = task.box_frame(plans, robot)
 
-    def items(self, plans: tuple[TaskPlan, ...], *records: Any) -> Items:
-        """Count the tasks."""
-        return Items(len(plans), "tasks")
+        def aim(plan: TaskPlan) -> TaskPlan:
+            faults: list[PlanError] = []
+            for _, aimed in task.aim(plan, robot, frame, lambda _, error: faults.append(error)):
+                return aimed
+            raise faults[0]
+
+        here = replace(work, jobs=1, workers=None)
+        return tuple(here.map(aim, plans, name=lambda plan: plan.name))
 
     def figures(self, aimed: tuple[TaskPlan, ...], truth: Truth, *records: Any) -> dict[str, Any]:
         """Return how many are within reach, and how long each takes."""
@@ -63,17 +74,8 @@ class AimTasks:
         }
 
 
-class SimulateTasks:
-    """Tries whole tasks in simulation, as they were imitated.
-
-    Parameters
-    ----------
-    config : RefinementConfig
-        As of `AimTasks`.
-    """
-
-    def __init__(self, config: RefinementConfig) -> None:
-        self.config = config
+class SimulateTasks(_TaskStep):
+    """Tries whole tasks in simulation, as they were imitated."""
 
     def run(
         self,
@@ -95,12 +97,7 @@ class SimulateTasks:
         task : RearrangeConfig
         work : Work
         """
-        frame = task.box_frame(plans, robot)
-        return tuple(task.try_tasks(aimed, robot, frame, work.jobs))
-
-    def items(self, aimed: tuple[TaskPlan, ...], *records: Any) -> Items:
-        """Count the tasks."""
-        return Items(len(aimed), "tasks")
+        return tuple(task.try_tasks(aimed, robot, task.box_frame(plans, robot), work.jobs))
 
     def figures(
         self,
@@ -115,17 +112,8 @@ class SimulateTasks:
         return simulation_results(trials, len(plans), task)
 
 
-class RefineTasks:
-    """Tries other ways to and from the boxes of whole tasks until each succeeds.
-
-    Parameters
-    ----------
-    config : RefinementConfig
-        As of `AimTasks`.
-    """
-
-    def __init__(self, config: RefinementConfig) -> None:
-        self.config = config
+class RefineTasks(_TaskStep):
+    """Tries other ways to and from the boxes of whole tasks until each succeeds."""
 
     def run(
         self,
@@ -159,29 +147,28 @@ class RefineTasks:
 
         def refine(plan: TaskPlan) -> RefinedTask:
             best = first.get(plan.name)
-            tries, why = 1, PlanError(f"{plan.name}: no way to try")
-            for grasp in task.ways.list(task.grasp):
-                if best is not None and best.trial.success:
-                    break
-                tries += 1
-                try:
-                    moved = aim_grasps(plan, robot, task.grasp_way(frame, grasp))
-                except PlanError as error:
-                    why = error
+            if best is not None and best.trial.success:
+                return best
+            tries, faults = int(best is not None), list[PlanError]()
+            for _, moved in task.aim(plan, robot, frame, lambda _, error: faults.append(error)):
+                if best is not None and is_same(moved, best.plan):
                     continue
+                tries += 1
                 (trial,) = task.try_tasks([moved], robot, frame)
                 if best is None or is_better(trial, best.trial):
                     best = RefinedTask(moved, trial, tries)
+                if trial.success:
+                    break
             if best is None:
-                raise why
+                raise faults[0]
             return best if best.trial.success else replace(best, tries=tries)
 
         here = replace(work, workers=None)
         return tuple(here.map(refine, plans, name=lambda plan: plan.name))
 
-    def items(self, aimed: Any, trials: Any, plans: tuple[TaskPlan, ...], *records: Any) -> Items:
+    def items(self, aimed: Any, trials: Any, *records: Any) -> Items:
         """Count the tasks."""
-        return Items(len(plans), "tasks")
+        return super().items(*records)
 
     def figures(
         self,
@@ -205,6 +192,16 @@ def is_better(trial: TaskTrial, other: TaskTrial) -> bool:
         return (not one.success, bool(one.failure), float(np.nan_to_num(one.miss, nan=np.inf)))
 
     return rank(trial) < rank(other)
+
+
+def is_same(plan: TaskPlan, other: TaskPlan) -> bool:
+    """Tell whether two tasks have the same movement."""
+    same = len(plan.blocks) == len(other.blocks) and plan.duration == other.duration
+    return same and all(
+        np.array_equal(getattr(one, part), getattr(two, part))
+        for one, two in zip(plan.blocks, other.blocks, strict=True)
+        for part in ("goal", "weights")
+    )
 
 
 def simulation_results(

@@ -64,6 +64,9 @@ export class Stage {
       hands: hands.map((hand) => this.cast.renderer.line(this.placed(hand, together))),
       thrown: this.cast.renderer.line(this.placed(this.thrownPath(), together)),
     }));
+    this.boxes = person.boxes.map(({ size, poses }) => ({
+      solid: solid(cast.renderer, { kind: "box", size, frame: -1, role: "object" }), poses,
+    }));
     this.start = 0;
     this.end = this.takes.some(Boolean)
       ? Math.max(...this.takes.map((take) => (take ? lastTime(take) : 0)))
@@ -114,9 +117,16 @@ export class Stage {
   personTime(time) {
     const take = this.takes.find(Boolean), { duration } = this.demonstration;
     if (!take) return time;
+    if (take.clock.length) return along(take.clock, time);
     const [from, to] = take.span;
     if (time < from) return time - from;
     return time > to ? duration + time - to : ((time - from) * duration) / (to - from);
+  }
+
+  /** Return the blocks of a whole task, of the arm that has any. */
+  get blocks() {
+    const take = this.takes.find((one) => one && one.blocks.length);
+    return take ? take.blocks : [];
   }
 
   /** Return how fast the person is shown, as a share of how fast they were. */
@@ -166,6 +176,13 @@ export class Stage {
       if (!seen(k) || k === person.thrown) return;
       solids.push(cast.dot(at(k), MARKER_M, colours.marker));
     });
+    for (const { solid: { mesh }, poses } of this.boxes) {
+      const row = (this.personTime(time) - person.start) / person.interval;
+      const [x, y, z, heading] = between(poses, row);
+      const half = (heading + this.mapped.yaw) / 2;
+      const place = pose(...this.placed([x, y, z], together), Math.cos(half), 0, 0, Math.sin(half));
+      solids.push({ mesh, pose: place, colour: colours.object });
+    }
     if (person.thrown >= 0 && seen(person.thrown)) {
       solids.push(cast.dot(at(person.thrown), THROWN_M, colours.object));
     }
@@ -230,7 +247,8 @@ export class Stage {
   get holds() {
     const objects = this.takes.some((take) => take && take.object.shape[0]);
     const { arms, person } = this.demonstration;
-    return { object: objects || person.thrown >= 0, target: arms.some(({ target }) => target) };
+    const object = objects || person.thrown >= 0 || person.boxes.length > 0;
+    return { object, target: arms.some(({ target }) => target) };
   }
 
   /** Return the speed of each tool, m/s. */
@@ -269,6 +287,15 @@ export class Stage {
     const { target, yaw } = this.mapped;
     return target && Math.hypot(target[0], target[1]) > 0.4 ? Math.atan2(target[1], target[0]) : yaw;
   }
+}
+
+/** Return the person's time at a time of the take: evenly between moments that belong together. */
+function along([own, person], time) {
+  const last = own.length - 1;
+  if (time <= own[0]) return person[0] + time - own[0];
+  if (time >= own[last]) return person[last] + time - own[last];
+  const k = own.findLastIndex((one) => one <= time), way = own[k + 1] - own[k];
+  return way > 0 ? person[k] + ((time - own[k]) / way) * (person[k + 1] - person[k]) : person[k];
 }
 
 function solid(renderer, shape) {

@@ -5,6 +5,7 @@ import { color, themeToggle } from "./web/theme.js";
 import { Renderer } from "./renderer.js";
 import { openSource } from "./source.js";
 import { Cast, Stage } from "./stage.js";
+import { showBlocks, tellBlock } from "./timeline.js";
 import { legend, listed, outcome, seconds, take as takeWords } from "./words.js";
 
 const FRAME_S = 0.01;
@@ -84,16 +85,17 @@ function advance(passed) {
 
 function showTime() {
   $("scrubber").value = state.time;
+  const block = tellBlock($("blocks"), stage, state.time);
   $("time").value = `${seconds(state.time)} of ${seconds(stage.end)}`;
   const own = stage.personTime(state.time), pace = stage.personPace;
-  const slower = Math.abs(pace - 1) > 0.02 ? `, shown at ${pace.toFixed(2)} of their pace` : "";
+  const slower = !stage.blocks.length && Math.abs(pace - 1) > 0.02 ? `, shown at ${pace.toFixed(2)} of their pace` : "";
   caption("person-caption", "Person",
     `${seconds(own)} into a movement of ${seconds(demonstration.duration)}${slower}`);
   const shown = stage.takes.filter(Boolean);
   const names = overview.robots.map(({ name }) => name).join(" and ");
   const speeds = stage.speeds(state.time).map((one) => one.toFixed(2)).join(", ");
   caption("robot-caption", shown.length ? `${names}: ${shown[0].title}` : names,
-    shown.length ? `tool ${speeds} m/s` : "not moved: there is no motion");
+    shown.length ? `${block ? `${block}, ` : ""}tool ${speeds} m/s` : "not moved: there is no motion");
 }
 
 function caption(id, title, line) {
@@ -170,6 +172,7 @@ function buildStage() {
   stage = new Stage(cast, demonstration, state.choice);
   Object.assign($("scrubber"), { min: stage.start, max: stage.end });
   state.time = Math.max(stage.start, Math.min(stage.end, state.time));
+  showBlocks($("blocks"), stage, seek);
   [...$("takes").children].forEach((button, k) => {
     button.setAttribute("aria-checked", String(k === state.choice));
   });

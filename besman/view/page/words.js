@@ -28,6 +28,7 @@ export function take(takes) {
   const [first] = takes;
   if (first.title === "mapped") return ["mapped", "joint angles, not simulated"];
   const came = takes.map(({ miss, failure }) => failure || `${centimetres(miss)} off`);
+  if (first.blocks.length) return [first.title, came.join("; ")];
   return [first.title, `generation ${takes.map((one) => one.generation).join(", ")} · ${came.join("; ")}`];
 }
 

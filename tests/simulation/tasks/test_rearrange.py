@@ -23,11 +23,12 @@ from besman.simulation.tasks.rearrange.rearrange import RearrangeConfig
 from besman.simulation.tasks.rearrange.rearrange_scene import rearrange_model
 from besman.simulation.tasks.rearrange.rearranging import judge, simulate_task
 from besman.simulation.tasks.rearrange.sections import GraspConfig, WaysConfig
+from besman.simulation.tasks.rearrange.ways import Led, list_aimed
 from besman.stages.imitate.task_plans import plan_task
 from besman.stages.map.stage import MapConfig
 from besman.stages.map.whole_tasks import MapTasks
 from besman.stages.refine.stage import CmaEsConfig
-from besman.stages.refine.whole_tasks import AimTasks, RefineTasks, SimulateTasks
+from besman.stages.refine.whole_tasks import AimTasks, RefineTasks, SimulateTasks, is_same
 from besman.synthetic.datasets import captures
 
 TASK = load_whole_task("rearrange")
@@ -192,9 +193,9 @@ def test_the_steps_count_what_is_out_of_reach_as_no_success():
 
 def test_other_ways_are_tried_until_one_succeeds():
     """A gripper that hardly leaves the box takes it along; the first of the ways is good."""
-    robot, plan, _, aimed = aimed_plan()
+    robot, plan, frame, aimed = aimed_plan()
     near = changed(grasp={"after_m": 0.005})
-    (shown,) = AimTasks(CmaEsConfig()).run((plan,), robot, near)
+    shown = aim_grasps(plan, robot, near.grasp_way(frame))
     before = SimulateTasks(CmaEsConfig()).run((shown,), (plan,), robot, near)
     assert not before[0].success
     step = RefineTasks(CmaEsConfig())
@@ -210,7 +211,18 @@ def test_other_ways_are_tried_until_one_succeeds():
     assert same.tries == 1
 
 
-def test_what_no_way_reaches_is_said_with_the_last_reason():
+def test_a_way_that_touches_nothing_comes_before_one_that_was_asked_for_and_does():
+    robot, plan, _, aimed = aimed_plan()
+    near = changed(grasp={"after_m": 0.005})
+    (found,) = AimTasks(CmaEsConfig()).run((plan,), robot, near)
+    assert is_same(found, aimed)
+    # Where all ways touch something, they come in the order of how much, not many of them.
+    gaps = iter([-0.02, -0.01, -0.04, -0.03] + 20 * [-0.1])
+    ways = list(list_aimed(range(24), lambda way: Led(plan, next(gaps)), robot))
+    assert [way for way, _ in ways] == [1, 0, 3, 2, 4, 5]
+
+
+def test_what_no_way_reaches_is_said_with_the_first_reason():
     robot, plan, _, _ = aimed_plan()
     far = np.array(plan.object_poses)
     far[0, :3] += 3.0
@@ -261,7 +273,9 @@ def test_every_box_has_its_boards_and_sensors():
 
 
 def test_ways_are_all_combinations_but_the_one_that_is_shown():
-    ways = WaysConfig(pitch_deg=(10.0, 0.0), after_m=(0.15,), higher_m=(0.1,), before_m=(0.1, 0.2))
+    ways = WaysConfig(
+        pitch_deg=(10.0, 0.0), after_m=(0.15,), higher_m=(0.1,), posture=(0,), before_m=(0.1, 0.2)
+    )
     shown = GraspConfig(higher_m=0.1)
     found = [(one.pitch_deg, one.before_m) for one in ways.list(shown)]
     assert found == [(10.0, 0.2), (0.0, 0.1), (0.0, 0.2)]

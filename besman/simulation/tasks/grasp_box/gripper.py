@@ -18,6 +18,8 @@ FINGERS = ("finger_1", "finger_2", "thumb")
 _SIDES, _SHARES = (-1.0, -1.0, 1.0), (0.5, 0.5, 1.0)
 # A finger reaches its force limit at this deviation.
 _SATURATION_M = 0.01
+# Half of how thick the palm is.
+_PALM_M = 0.015
 # The rotor of its motor, seen through the gears.
 _ROTOR_KG = 0.5
 
@@ -39,14 +41,15 @@ def add_gripper(
     back, tip = gripper.reach_m
     half = gripper.opening_m / 2
     radius = gripper.finger_radius_m
+    rails = _rails(gripper)
     shape = {"mass": 0.0, "contype": ARM_BIT, "conaffinity": 0, **touch}
     body.add_geom(
         type=mujoco.mjtGeom.mjGEOM_BOX,
-        pos=[0.0, 0.0, -back - 0.015],
-        size=[half + radius, gripper.spacing_m / 2 + radius, 0.015],
+        pos=[0.0, 0.0, -back - _PALM_M],
+        size=[half + radius, gripper.spacing_m / 2 + radius, _PALM_M],
         **shape,
     )
-    for name, side, share in zip(FINGERS, _SIDES, _SHARES, strict=True):
+    for name, side, share, (x, y) in zip(FINGERS, _SIDES, _SHARES, rails, strict=True):
         finger = body.add_body(name=name, gravcomp=1.0)
         joint = finger.add_joint(
             name=name,
@@ -56,8 +59,6 @@ def add_gripper(
         )
         joint.limited = mujoco.mjtLimited.mjLIMITED_TRUE
         joint.armature, joint.frictionloss = _ROTOR_KG, share * gripper.drag_n
-        y = 0.0 if side > 0 else gripper.spacing_m * (0.5 if name == FINGERS[0] else -0.5)
-        x = side * (half + radius)
         finger.add_geom(
             name=name,
             type=mujoco.mjtGeom.mjGEOM_CAPSULE,
@@ -71,6 +72,38 @@ def add_gripper(
         servo.set_to_position(kp=kp, kv=2.0 * np.sqrt(kp * (_ROTOR_KG + gripper.finger_mass_kg)))
         servo.forcelimited = True
         servo.forcerange = [-force, force]
+
+
+def gripper_capsules(gripper: GripperConfig) -> tuple[FloatArray, FloatArray]:
+    """Return capsules that have what `add_gripper` adds in them, its fingers open.
+
+    Parameters
+    ----------
+    gripper : GripperConfig
+
+    Returns
+    -------
+    ends : array, shape (C, 2, 3)
+        Of their axes, in the frame of the tool centre point, metres.
+    radii : array, shape (C,)
+    """
+    back, tip = gripper.reach_m
+    radius = gripper.finger_radius_m
+    side, wide = gripper.opening_m / 2 + radius, gripper.spacing_m / 2
+    fingers = [[[x, y, -back], [x, y, tip - radius]] for x, y in _rails(gripper)]
+    # The palm: three bars across, as thick as it is.
+    palm = [
+        [[-side, y, -back - _PALM_M], [side, y, -back - _PALM_M]]
+        for y in np.array([-1.0, 0.0, 1.0]) * (wide + radius - _PALM_M)
+    ]
+    ends = np.array([*fingers, *palm])
+    return ends, np.repeat([radius, _PALM_M * np.sqrt(2.0)], [len(fingers), len(palm)])
+
+
+def _rails(gripper: GripperConfig) -> list[tuple[float, float]]:
+    """Return where fingers are across the tool while they are open, x and y, metres."""
+    side, wide = gripper.opening_m / 2 + gripper.finger_radius_m, gripper.spacing_m / 2
+    return [(-side, wide), (-side, -wide), (side, 0.0)]
 
 
 def finger_controls(gripper: GripperConfig, since: FloatArray) -> FloatArray:

@@ -29,10 +29,12 @@ class ArmWay(NamedTuple):
     commands_s: FloatArray
     closes: npt.NDArray[np.bool_]
 
-    def finger_controls(self, gripper: GripperConfig, time: FloatArray) -> FloatArray:
-        """Return the set-points of the fingers, metres from open, shape (T, 3)."""
+    def finger_controls(
+        self, gripper: GripperConfig, time: FloatArray, first_m: float = 0.0
+    ) -> FloatArray:
+        """Return the set-points of the fingers, metres from open, shape (T, 3); before that one."""
         speed, most = gripper.speed_m_s, gripper.opening_m / 2
-        closed = np.zeros_like(time)
+        closed = np.full_like(time, first_m)
         for at, close in zip(self.commands_s, self.closes, strict=True):
             then = float(np.interp(at, time, closed))
             since = np.maximum(time - at, 0.0)

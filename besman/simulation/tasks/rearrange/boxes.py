@@ -14,6 +14,7 @@ from besman.motion.task_rollout import sample_task
 from besman.records import TaskPlan
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.model import Robot
+from besman.simulation.tasks.rearrange.sections import RearrangeFields
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -107,3 +108,15 @@ def box_poses(poses: FloatArray, frame: BoxFrame) -> FloatArray:
     """Return poses of boxes from those of their markers, both of shape (O, 7)."""
     placed = np.array([frame_matrix(pose) @ frame.matrix for pose in poses]).reshape(-1, 4, 4)
     return np.hstack([placed[:, :3, 3], rotation_to_quaternion(placed[:, :3, :3])])
+
+
+def board_pose(pose: FloatArray, task: RearrangeFields) -> FloatArray:
+    """Return where the middle of the board below a box (7,) is, shape (4, 4).
+
+    Its front edge is where the gripper comes from.
+    """
+    board, ahead = task.board, 2.0 * np.arctan2(pose[6], pose[3])
+    placed = frame_matrix([*pose[:3], np.cos(ahead / 2), 0.0, 0.0, np.sin(ahead / 2)])
+    placed[:3, 3] += (board.depth_m / 2 - board.front_m) * placed[:3, 0]
+    placed[2, 3] -= task.box.size_m[2] / 2 + board.thickness_m / 2
+    return placed

@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 
 import numpy as np
 
-from besman.exceptions import RefinementError
-from besman.motion.grasp_goals import GraspWay
+from besman.exceptions import PlanError, RefinementError
+from besman.motion.adapt_task import frame_matrix
+from besman.motion.grasp_goals import lead_grasps
+from besman.motion.grasp_postures import check_reach
+from besman.motion.grasp_way import GraspWay
 from besman.motion.task_rollout import sample_task
 from besman.motion.waits import add_waits
-from besman.records import TaskPlan
+from besman.records import BlockPlan, TaskPlan
 from besman.records.task_trial import TaskTrial
 from besman.robot.model import Robot
 from besman.simulation.episodes import Movements, Playback
 from besman.simulation.tasks.rearrange.arm_way import ArmWay
 from besman.simulation.tasks.rearrange.boxes import BoxFrame, box_poses, frame_of_grasps
+from besman.simulation.tasks.rearrange.clearance import Surroundings
 from besman.simulation.tasks.rearrange.sections import GraspConfig, RearrangeFields
+from besman.simulation.tasks.rearrange.ways import Led, list_aimed
 
 _RATE_HZ = 1000.0
 
@@ -91,7 +96,105 @@ class RearrangeConfig(RearrangeFields):
             grasp.up_m,
             grasp.straight_s,
             grasp.higher_m,
+            grasp.posture,
         )
+
+    def aim(
+        self,
+        plan: TaskPlan,
+        robot: Robot,
+        frame: BoxFrame,
+        failed: Callable[[GraspConfig, PlanError], None] = lambda grasp, error: None,
+    ) -> Iterator[tuple[GraspConfig, TaskPlan]]:
+        """Bring a task to its boxes in one way after the other, those first that touch nothing.
+
+        The task's own way, then all of `ways`; see `list_aimed`.
+
+        Parameters
+        ----------
+        plan : TaskPlan
+        robot : Robot
+        frame : BoxFrame
+        failed : callable
+            Is told of a way that is out of reach or limits.
+
+        Raises
+        ------
+        OutOfReachError
+            Of the first object or place that is, before any way is tried.
+        """
+        for block in plan.blocks:
+            if block.frame != "world":
+                standing = plan.object_poses if block.frame == "object" else plan.target_poses
+                pose = standing[plan.objects.index(block.thing)]
+                self.check_reach(plan.name, robot, frame, block, block.thing, [pose])
+        ways = (self.grasp, *self.ways.list(self.grasp))
+        lead = partial(self.lead, plan, robot, frame)
+        return list_aimed(ways, lead, robot, failed)
+
+    def check_reach(
+        self,
+        name: str,
+        robot: Robot,
+        frame: BoxFrame,
+        block: BlockPlan,
+        thing: str,
+        poses: Sequence[np.ndarray],
+    ) -> None:
+        """Refuse markers' poses (7,) at none of which the gripper can have a box.
+
+        Parameters
+        ----------
+        name : str
+            Of the task.
+        robot : Robot
+        frame : BoxFrame
+        block : BlockPlan
+            That leads there.
+        thing : str
+            The box.
+        poses : sequence of array, shape (7,)
+
+        Raises
+        ------
+        OutOfReachError
+        """
+        pitches = dict.fromkeys((self.grasp.pitch_deg, *self.ways.pitch_deg))
+        tools = [
+            frame_matrix(pose)
+            @ self.grasp_way(frame, self.grasp.model_copy(update={"pitch_deg": pitch})).tool
+            for pose in poses
+            for pitch in pitches
+        ]
+        check_reach(name, robot, block.label, block.frame, thing, tools)
+
+    def lead(
+        self,
+        plan: TaskPlan,
+        robot: Robot,
+        frame: BoxFrame,
+        grasp: GraspConfig,
+        places: Sequence[np.ndarray] = (),
+    ) -> Led:
+        """Bring a task to its boxes in one way, and tell how near that comes to anything.
+
+        Parameters
+        ----------
+        plan : TaskPlan
+        robot : Robot
+        frame : BoxFrame
+        grasp : GraspConfig
+        places : sequence of array, shape (7,)
+            Of other boards; see `Surroundings.of`.
+
+        Raises
+        ------
+        PlanError
+            If it is out of reach.
+        """
+        around = Surroundings.of(plan, robot, self, frame, places)
+        led = lead_grasps(plan, robot, self.grasp_way(frame, grasp), around.gaps)
+        return Led(led, around.clearance(led))
 
     def way(self, plan: TaskPlan) -> ArmWay:
         """Roll a task out, with the time that the gripper takes: the arm stands still meanwhile."""

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.robot.model import Robot
-from besman.robot.mujoco_model import ARM_BIT, arm_spec
+from besman.robot.mujoco_model import ARM_BIT, arm_spec, matrix_to_quaternion
 from besman.simulation.scenes import (
     add_tool_body,
     add_tool_capsule,
@@ -19,6 +19,7 @@ from besman.simulation.scenes import (
 )
 from besman.simulation.tasks.grasp_box.grasp_scene import add_touch
 from besman.simulation.tasks.grasp_box.gripper import FINGERS, add_gripper
+from besman.simulation.tasks.rearrange.boxes import board_pose
 from besman.simulation.tasks.rearrange.sections import RearrangeFields
 
 FloatArray = npt.NDArray[np.float64]
@@ -81,19 +82,13 @@ def _add_board(
     pose: FloatArray,
     on_board: dict[str, list[float]],
 ) -> None:
-    """Add the board that a box stands on; its front is where the gripper comes from."""
-    board, (x, y, z) = task.board, pose[:3]
-    ahead = 2.0 * np.arctan2(pose[6], pose[3])
-    out = board.depth_m / 2 - board.front_m
+    """Add the board that a box stands on."""
+    board, placed = task.board, board_pose(pose, task)
     spec.worldbody.add_geom(
         name=name,
         type=mujoco.mjtGeom.mjGEOM_BOX,
-        pos=[
-            x + out * np.cos(ahead),
-            y + out * np.sin(ahead),
-            z - task.box.size_m[2] / 2 - board.thickness_m / 2,
-        ],
-        quat=[np.cos(ahead / 2), 0.0, 0.0, np.sin(ahead / 2)],
+        pos=placed[:3, 3],
+        quat=matrix_to_quaternion(placed[:3, :3]),
         size=[board.depth_m / 2, board.width_m / 2, board.thickness_m / 2],
         contype=0,
         conaffinity=ARM_BIT | _FOOT_BIT,

@@ -86,7 +86,7 @@ def judge(
     first = n + len(FINGERS)
     boxes = _to_the_floor(run.qpos[0, :, first:].reshape(run.qpos.shape[1], -1, 7))
     outcomes = boxes[-1]
-    angles = _angles(outcomes, wanted)
+    angles = pose_angles(outcomes, wanted)
     misses = np.linalg.norm(outcomes[:, :3] - wanted[:, :3], axis=1)
     last = np.array([run.qpos.shape[1] - 1])
     tracking = float(tracking_errors(run.qpos[:, :, :n], expected, last)[0])
@@ -120,7 +120,16 @@ def _to_the_floor(boxes: FloatArray) -> FloatArray:
     return found
 
 
-def _angles(outcomes: FloatArray, wanted: FloatArray) -> FloatArray:
+def read_touches(
+    run: SimulatedStates, n_boxes: int
+) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
+    """Return which finger touches which box, (T, O, 3), and which board is touched, (T, N)."""
+    columns = run.sensors[0, :, _FIRST_TOUCH:] > 0
+    fingers, boards = columns[:, : 3 * n_boxes], columns[:, 3 * n_boxes :]
+    return fingers.reshape(len(columns), n_boxes, 3), boards
+
+
+def pose_angles(outcomes: FloatArray, wanted: FloatArray) -> FloatArray:
     """Return how far poses are turned, about the vertical or away from it: the greater of both."""
     turns = [
         quaternion_to_rotation(want).T @ quaternion_to_rotation(got)
@@ -141,10 +150,8 @@ def _failure(
 ) -> str:
     """Name the first thing that went wrong; "" if nothing did."""
     n_boxes = boxes.shape[1]
-    touches = run.sensors[0, :, _FIRST_TOUCH : _FIRST_TOUCH + 3 * n_boxes] > 0
-    touches = touches.reshape(len(touches), n_boxes, 3)
+    touches, boards = read_touches(run, n_boxes)
     held = (touches[:, :, 0] | touches[:, :, 1]) & touches[:, :, 2]
-    boards = run.sensors[0, :, _FIRST_TOUCH + 3 * n_boxes :] > 0
     greatest = task.failure.greatest_tracking_error_rad
     if not np.isfinite(tracking):
         return arm_failure(tracking, greatest)

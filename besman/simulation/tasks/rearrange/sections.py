@@ -73,6 +73,9 @@ class GraspConfig(Config):
         How long each takes.
     higher_m : float
         How much higher the arm goes in the middle of all other ways.
+    posture : int
+        0: the arm's postures at box and place follow from those that were shown; k: the k-th of
+        all there are, those first that change the blocks least.
     """
 
     pitch_deg: Annotated[float, Field(ge=-45, le=45)] = 10.0
@@ -81,22 +84,26 @@ class GraspConfig(Config):
     up_m: Positive = 0.05
     straight_s: Positive = 1.0
     higher_m: NotNegative = 0.0
+    posture: Annotated[int, Field(ge=0)] = 0
 
 
 class WaysConfig(Config):
-    """Which other ways are tried, one after the other, where a task does not succeed as it is.
+    """Which other ways there are, where a task does not succeed as it is.
 
     All combinations, the first values first, the last key fastest; see `GraspConfig`.
 
     Attributes
     ----------
-    pitch_deg, after_m, higher_m, before_m : tuple of float
+    pitch_deg, after_m, higher_m : tuple of float
+    posture : tuple of int
+    before_m : tuple of float
         Values of these keys.
     """
 
     pitch_deg: Annotated[tuple[float, ...], Field(min_length=1)] = (10.0, 20.0, 0.0)
     after_m: Annotated[tuple[Positive, ...], Field(min_length=1)] = (0.15, 0.2)
     higher_m: Annotated[tuple[NotNegative, ...], Field(min_length=1)] = (0.0, 0.08, 0.16)
+    posture: Annotated[tuple[Annotated[int, Field(ge=0)], ...], Field(min_length=1)] = (0, 1, 2, 3)
     before_m: Annotated[tuple[Positive, ...], Field(min_length=1)] = (0.1, 0.2)
 
     def list(self, shown: GraspConfig) -> list[GraspConfig]:

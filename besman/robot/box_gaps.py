@@ -1,0 +1,93 @@
+"""Distances of an arm's capsules to boxes that stand in its world."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from besman.robot.kinematics import compiled
+
+FloatArray = npt.NDArray[np.float64]
+
+# The distance of a point on a segment from a box is convex along it: halving by the golden section,
+# to a ten-thousandth of its length.
+_GOLDEN, _ROUNDS = 0.6180339887498949, 20
+
+
+@compiled
+def box_gaps(
+    placed: FloatArray, radii: FloatArray, boxes: FloatArray, halves: FloatArray
+) -> FloatArray:
+    """Compute how near capsules are to boxes.
+
+    Parameters
+    ----------
+    placed : array, shape (B, C, 2, 3)
+        Ends of the capsules' axes in the world at B moments, metres.
+    radii : array, shape (C,)
+        Metres.
+    boxes : array, shape (O, 4, 4)
+        Poses of the boxes' middles in the world.
+    halves : array, shape (O, 3)
+        Half their sizes, metres.
+
+    Returns
+    -------
+    array, shape (B, O)
+        Least distance of a capsule, metres; minus its radius where its axis is within a box.
+    """
+    gaps = np.full((len(placed), len(boxes)), np.inf)
+    middles, ends = np.empty(3), np.empty((2, 3))
+    for box in range(len(boxes)):
+        reach = np.sqrt(np.sum(halves[box] ** 2))
+        for index in range(len(placed)):
+            for capsule in range(len(radii)):
+                one, other = placed[index, capsule, 0], placed[index, capsule, 1]
+                length, away = 0.0, 0.0
+                for row in range(3):
+                    length += (other[row] - one[row]) ** 2
+                    middles[row] = 0.5 * (one[row] + other[row])
+                    away += (middles[row] - boxes[box, row, 3]) ** 2
+                least = np.sqrt(away) - reach - 0.5 * np.sqrt(length) - radii[capsule]
+                if least >= gaps[index, box]:
+                    continue
+                for end in range(2):
+                    for row in range(3):
+                        ends[end, row] = 0.0
+                        for k in range(3):
+                            ends[end, row] += boxes[box, k, row] * (
+                                placed[index, capsule, end, k] - boxes[box, k, 3]
+                            )
+                gap = _segment_gap(ends[0], ends[1], halves[box]) - radii[capsule]
+                gaps[index, box] = min(gaps[index, box], gap)
+    return gaps
+
+
+@compiled
+def _segment_gap(one: FloatArray, other: FloatArray, half: FloatArray) -> float:
+    """Return the distance of a segment from a box about the origin along the axes, metres."""
+    low, high = 0.0, 1.0
+    a, b = high - _GOLDEN, low + _GOLDEN
+    at_a, at_b = _point_square(one, other, a, half), _point_square(one, other, b, half)
+    least = min(_point_square(one, other, 0.0, half), _point_square(one, other, 1.0, half))
+    for _ in range(_ROUNDS):
+        if at_a <= at_b:
+            high, b, at_b = b, a, at_a
+            a = high - _GOLDEN * (high - low)
+            at_a = _point_square(one, other, a, half)
+        else:
+            low, a, at_a = a, b, at_b
+            b = low + _GOLDEN * (high - low)
+            at_b = _point_square(one, other, b, half)
+    return float(np.sqrt(min(least, at_a, at_b)))
+
+
+@compiled
+def _point_square(one: FloatArray, other: FloatArray, share: float, half: FloatArray) -> float:
+    """Return the squared distance from the box of a point on the segment."""
+    square = 0.0
+    for row in range(3):
+        out = abs(one[row] + share * (other[row] - one[row])) - half[row]
+        if out > 0.0:
+            square += out * out
+    return square

@@ -1,0 +1,172 @@
+"""Parts of a task, each simulated from the state in which the one before has ended."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+
+from besman.records import TaskPlan
+from besman.robot.model import Robot
+from besman.simulation.episodes import tracking_errors
+from besman.simulation.physics import run_physics
+from besman.simulation.setpoints import expected_movements, servo_setpoints
+from besman.simulation.tasks.grasp_box.gripper import FINGERS
+from besman.simulation.tasks.rearrange.boxes import BoxFrame, box_poses
+from besman.simulation.tasks.rearrange.rearrange import RearrangeConfig
+from besman.simulation.tasks.rearrange.rearrange_scene import rearrange_model
+from besman.simulation.tasks.rearrange.rearranging import pose_angles, read_touches
+
+FloatArray = npt.NDArray[np.float64]
+
+BlockGoal = Literal["take", "put", "leave"]
+"""What a part is for: the box in the hand, at its place, the hand away and at rest."""
+
+_WORST, _FOULED = -2.0, -0.5
+# However far a box has fallen; and how much worse one is that does not stay where it is let go.
+_FARTHEST_M, _FALLEN_M = 0.9, 0.05
+# What a turn counts beside a way, and how far off a box that hangs in the hand is at most.
+_M_PER_RAD, _HANGS_M = 0.1, 0.03
+
+
+class BlockState(NamedTuple):
+    """A state between two parts.
+
+    Attributes
+    ----------
+    qpos : array, shape (nq,)
+    qvel : array, shape (nv,)
+    closed_m : float
+        Where the fingers are sent.
+    """
+
+    qpos: FloatArray
+    qvel: FloatArray
+    closed_m: float
+
+
+class BlockOutcome(NamedTuple):
+    """What came of a part.
+
+    Attributes
+    ----------
+    reward : float
+        Minus metres that its box is off at the end, 0.9 at most, a radian counting as 10 cm; of one
+        that does not stay where it is let go, off there, and 5 cm. Less by a half each if the arm
+        did not follow or touched a board. -2 if it cannot be done.
+    success : bool
+    end : BlockState
+    seconds : float
+        That were simulated.
+    """
+
+    reward: float
+    success: bool
+    end: BlockState | None
+    seconds: float
+
+
+IMPOSSIBLE = BlockOutcome(_WORST, False, None, 0.0)
+"""Of a part that is out of the arm's reach or limits."""
+
+
+@dataclass(frozen=True, eq=False)
+class BlockTrials:
+    """The scene of a task in which one box is taken and put.
+
+    Attributes
+    ----------
+    robot : Robot
+    task : RearrangeConfig
+    model : mujoco.MjModel
+    before, after : array, shape (O, 7)
+        Where the middles of boxes stand, and are to stand.
+    thing : int
+        The box.
+    """
+
+    robot: Robot
+    task: RearrangeConfig
+    model: mujoco.MjModel
+    before: FloatArray
+    after: FloatArray
+    thing: int
+
+    @classmethod
+    def of(
+        cls, plan: TaskPlan, robot: Robot, task: RearrangeConfig, frame: BoxFrame, thing: int
+    ) -> BlockTrials:
+        """Return the scene of a task."""
+        before, after = (box_poses(each, frame) for each in (plan.object_poses, plan.target_poses))
+        model = rearrange_model(robot, task, before, after)
+        return cls(robot, task, model, before, after, thing)
+
+    def first(self, joints: FloatArray) -> BlockState:
+        """Return the state before anything is done: the arm at rest, its gripper open."""
+        qpos = np.concatenate([joints, np.zeros(len(FINGERS)), self.before.ravel()])
+        return BlockState(qpos, np.zeros(self.model.nv), 0.0)
+
+    def attempt(self, part: TaskPlan, state: BlockState, goal: BlockGoal) -> BlockOutcome:
+        """Simulate a part from a state.
+
+        Parameters
+        ----------
+        part : TaskPlan
+            Within the arm's limits; begins where the arm is.
+        state : BlockState
+        goal : "take", "put" or "leave"
+        """
+        task, step, n = self.task, self.task.simulation.time_step_s, self.robot.n
+        way = task.way(part)
+        arm = servo_setpoints(self.robot, way.movements, step)
+        time = step * np.arange(arm.shape[1], dtype=np.float64)
+        fingers = way.finger_controls(task.gripper, time, state.closed_m)
+        run = run_physics(
+            self.model,
+            state.qpos[None],
+            np.concatenate([arm, fingers[None]], axis=2),
+            lambda run, span: np.array([False]),
+            initial_qvel=state.qvel[None],
+        )
+        if not np.isfinite(run.qpos).all():
+            return IMPOSSIBLE
+        expected = expected_movements(self.robot, way.movements, step)
+        lag = tracking_errors(run.qpos[:, :, :n], expected, np.array([run.qpos.shape[1] - 1]))
+        touches, boards = read_touches(run, len(self.before))
+        fouls = int(lag[0] > task.failure.greatest_tracking_error_rad) + int(boards.any())
+        boxes = run.qpos[0, :, n + len(FINGERS) :].reshape(len(time), -1, 7)[:, self.thing]
+        off_m, fine = self._judge(boxes, touches[:, self.thing], way.commands_s, goal)
+        end = BlockState(run.qpos[0, -1], run.qvel[0, -1], float(fingers[-1, 0]))
+        return BlockOutcome(-off_m + _FOULED * fouls, fine and not fouls, end, float(time[-1]))
+
+    def _judge(
+        self,
+        boxes: FloatArray,
+        touches: npt.NDArray[np.bool_],
+        commands_s: FloatArray,
+        goal: BlockGoal,
+    ) -> tuple[float, bool]:
+        """Return how far off the box is at the end, metres, and whether that will do."""
+        success, wanted = self.task.success, np.array(self.after[self.thing])
+        if goal == "take":
+            wanted = np.array(self.before[self.thing])
+            wanted[2] += self.task.grasp.up_m
+        miss = float(np.linalg.norm(boxes[-1, :3] - wanted[:3]))
+        angle = float(pose_angles(boxes[-1:], wanted[None])[0])
+        off_m = min(miss + _M_PER_RAD * angle, _FARTHEST_M)
+        turned = angle <= np.radians(success.success_angle_deg)
+        if goal == "take":
+            held = (touches[-1, 0] | touches[-1, 1]) & touches[-1, 2]
+            return off_m, bool(held and turned and miss <= _HANGS_M)
+        fine = turned and miss <= success.success_radius_m
+        if goal == "put":
+            # Where it was let go tells more than where it has fallen to.
+            at = min(int(commands_s[-1] / self.task.simulation.time_step_s), len(boxes) - 1)
+            fine &= boxes[at, 2] - boxes[-1, 2] <= self.task.failure.greatest_fall_m
+            near = float(np.linalg.norm(boxes[at, :3] - wanted[:3]))
+            near += _M_PER_RAD * float(pose_angles(boxes[at : at + 1], wanted[None])[0])
+            off_m = min(off_m, near + _FALLEN_M) if not fine else off_m
+        return off_m, bool(fine)
