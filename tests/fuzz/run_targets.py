@@ -135,6 +135,7 @@ def of_touchdowns(folder, found):
     return [*problems, *["digits that are none" for cell in cells if sense.odd_digits(cell)][:1]]
 
 
+@cache
 def transfer_state():
     from besman.records.files import load_record
     from besman.transfer.approach import TransferConfig
@@ -164,6 +165,7 @@ def of_state(folder, state):
     return problems
 
 
+@cache
 def stored_run():
     from besman.pipeline.run_record import checksum
 
