@@ -295,7 +295,12 @@ a.tsv:1,2,,,no,fell
 a.tsv:1,3,,,,
 b.tsv:2,1,-0.4,2.1,,"a, b"
 """
-_BAGS = ((".mcap", "joints", 3), (".db3", "joints", 2), (".bag", "joints", 2), (".mcap", "poses", 2))
+_BAGS = (
+    (".mcap", "joints", 3),
+    (".db3", "joints", 2),
+    (".bag", "joints", 2),
+    (".mcap", "poses", 2),
+)
 
 OF_RUNS = {
     "goals": Target(
@@ -350,9 +355,7 @@ OF_RUNS = {
     ),
     "annotation page": Target(page_rows, {"a.json": mutations.json_file}, save_page, of_page, 2),
     "template options": Target(
-        lambda: {
-            "a.txt": b"x=2.3,y=0.4\nx=0.8:1.8,y=0.2:1.2\npopulation=25\nsigma=0.5"
-        },
+        lambda: {"a.txt": b"x=2.3,y=0.4\nx=0.8:1.8,y=0.2:1.2\npopulation=25\nsigma=0.5"},
         {"a.txt": mutations.text},
         parse_options,
         of_options,

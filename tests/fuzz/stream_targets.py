@@ -104,7 +104,9 @@ class Announced:
         self._about = about
         self._n = len(streams.texts(about.get("labels")))
         rows = about.get("samples")
-        self._rows = [row for row in rows if isinstance(row, list)] if isinstance(rows, list) else []
+        self._rows = (
+            [row for row in rows if isinstance(row, list)] if isinstance(rows, list) else []
+        )
         self._rows.reverse()
 
     def _texts(self, key):
@@ -201,7 +203,9 @@ def follow_told(folder):
 
 
 def follow_qtm(folder):
-    return follow(FromBytes((folder / "a.xml").read_bytes(), (folder / "a.bin").read_bytes()), folder)
+    return follow(
+        FromBytes((folder / "a.xml").read_bytes(), (folder / "a.bin").read_bytes()), folder
+    )
 
 
 def follow_lsl(folder):
@@ -292,7 +296,9 @@ STREAMS = {
         of_stream,
         4,
     ),
-    "stream of LSL": Target(streams.lsl, {"a.json": streams.break_stream}, follow_lsl, of_stream, 4),
+    "stream of LSL": Target(
+        streams.lsl, {"a.json": streams.break_stream}, follow_lsl, of_stream, 4
+    ),
     "address qtm": _address("qtm://192.168.0.7:22223?version=1.19&wait=3"),
     "address lsl": _address("lsl:besman?source_id=left&wait=5"),
     "address file": _address("file://a.tsv?pace=0.5"),

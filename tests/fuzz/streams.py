@@ -48,7 +48,9 @@ def qtm():
     packets = []
     for row, frame in enumerate(positions):
         body = (1e3 * frame).astype("<f4").tobytes()
-        head = struct.pack("<qIIIIIhh", 20_000 * row, row + 1, 1, 16 + len(body), 1, len(names), 0, 0)
+        head = struct.pack(
+            "<qIIIIIhh", 20_000 * row, row + 1, 1, 16 + len(body), 1, len(names), 0, 0
+        )
         packets.append(struct.pack("<II", 8 + len(head + body), 3) + head + body)
     return {"a.xml": settings.encode(), "a.bin": b"".join(packets)}
 

@@ -20,8 +20,8 @@ from besman.io.recordings.number_rows import Cells, read_rows
 from besman.io.recordings.text_lines import TextLines
 from besman.records import FloatArray
 
-_NAMES = ("keypoint", "marker", "landmark", "body_part", "bodypart", "part", "point", "joint", "name",
-          "label", "keypoint_name", "marker_name", "landmark_name", "joint_name")  # fmt: skip
+_NAMES = ("keypoint", "marker", "landmark", "body_part", "bodypart", "part", "point", "joint",
+          "name", "label", "keypoint_name", "marker_name", "landmark_name", "joint_name")  # fmt: skip
 _PEOPLE = ("person", "person_id", "subject", "track_id", "individual", "animal")
 _AXIS = re.compile(
     r"(?:pos(?:ition)?[ _.]?)?([xyz])(?:[ _]?(m|cm|mm|in|ft)|\s*[(\[]\s*(m|cm|mm|in|ft)\s*[)\]])?"
@@ -158,11 +158,14 @@ def _names(
     names, people = [], []
     for at, line in enumerate(islice(lines, first, first + n_rows)):
         found = cells.split(line)
-        name = found[columns.name] if columns.name < len(found) else ""
+        name, person = (
+            found[one] if one is not None and one < len(found) else ""
+            for one in (columns.name, columns.person)
+        )
         if not name:
             raise RecordingError(f"{path}:{first + at + 1}: got no name of a keypoint")
         names.append(name)
-        people.append("" if columns.person is None else (found + [""])[columns.person])
+        people.append(person)
     if len(set(people)) < 2:
         return names
     return [f"{person}:{name}" for person, name in zip(people, names, strict=True)]

@@ -82,9 +82,7 @@ def read_keypoints_csv(path: Path, units: Units | None = None, partial: bool = F
     frame = next((k for k, one in enumerate(lowered) if one in _FRAMES), None)
     time = next((k for k, one in enumerate(lowered) if one in _TIMES), None)
     if in_rows is not None:
-        found = read_keypoint_rows(
-            lines, at, labels, in_rows, (frame, time), cells, path, partial
-        )
+        found = read_keypoint_rows(lines, at, labels, in_rows, (frame, time), cells, path, partial)
         found_names, positions, frames, times = found
         unit = in_rows.unit
     else:

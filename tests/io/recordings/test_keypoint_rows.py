@@ -48,7 +48,9 @@ def test_rows_in_any_order_are_what_pandas_pivots(tmp_path, seed):
     table.insert(2, "note", "seen well")
     table.to_csv(tmp_path / "b.csv", index=False)
     found = read(tmp_path / "b.csv")
-    pivoted = table.pivot_table(index="time", columns="marker", values=["x", "y", "z"], dropna=False)
+    pivoted = table.pivot_table(
+        index="time", columns="marker", values=["x", "y", "z"], dropna=False
+    )
     for column, name in enumerate(found.names):
         expected = np.column_stack([pivoted[axis, name] for axis in "xyz"])
         np.testing.assert_allclose(found.positions[:, column], expected, atol=1e-6)
