@@ -126,8 +126,8 @@ class StreamChecks:
         ):
             raise RecordingError(
                 f"{self._stream.source}: half of the coordinates of the required markers are "
-                f"beyond {_FARTHEST_MEDIAN_M:g} m: is the stream in another unit than it says? --units "
-                "tells what it is in"
+                f"beyond {_FARTHEST_MEDIAN_M:g} m: is the stream in another unit than it says? "
+                "--units tells what it is in"
             )
 
     def _check_extent(self, positions: FloatArray) -> None:

@@ -21,7 +21,8 @@ from besman.io.recordings.text_lines import TextLines
 from besman.records import FloatArray
 
 _NAMES = ("keypoint", "marker", "landmark", "body_part", "bodypart", "part", "point", "joint",
-          "name", "label", "keypoint_name", "marker_name", "landmark_name", "joint_name")  # fmt: skip
+          "name", "label", "keypoint_name", "marker_name", "landmark_name",
+          "joint_name")  # fmt: skip
 _PEOPLE = ("person", "person_id", "subject", "track_id", "individual", "animal")
 _AXIS = re.compile(
     r"(?:pos(?:ition)?[ _.]?)?([xyz])(?:[ _]?(m|cm|mm|in|ft)|\s*[(\[]\s*(m|cm|mm|in|ft)\s*[)\]])?"
