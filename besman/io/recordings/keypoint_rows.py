@@ -53,7 +53,7 @@ class RowColumns(NamedTuple):
     unit: str
 
 
-class Rows(NamedTuple):
+class KeypointRows(NamedTuple):
     """Keypoints of all frames.
 
     Attributes
@@ -98,7 +98,7 @@ def read_keypoint_rows(
     cells: Cells,
     path: Path,
     partial: bool,
-) -> Rows:
+) -> KeypointRows:
     """Read a table with a row a keypoint.
 
     Parameters
@@ -113,7 +113,7 @@ def read_keypoint_rows(
 
     Returns
     -------
-    Rows
+    KeypointRows
 
     Raises
     ------
@@ -149,7 +149,7 @@ def read_keypoint_rows(
     positions = np.full((len(starts), len(places), 3), np.nan)
     positions[rows, which] = values[:, list(columns.places)]
     frames, times = (None if one is None else values[starts, one] for one in clock)
-    return Rows(list(places), positions, frames, times)
+    return KeypointRows(list(places), positions, frames, times)
 
 
 def _names(
