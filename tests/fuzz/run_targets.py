@@ -159,7 +159,7 @@ def of_state(folder, state):
     for one in state.tries:
         if not 0 <= one.row < len(state.archive.points):
             problems.append("a try of no plan")
-        if not (np.abs([*one.expected_m, *(one.outcome_m or ())]) < 1000).all():
+        if not (np.abs([*one.expected_m, *(one.outcome_m or ())]) <= 1000).all():
             problems.append("a place that no camera sees")
     if any(type(one) is not str or sense.odd_text(one) for one in (state.motion, state.key)):
         problems.append("a name that is none")
