@@ -1,10 +1,10 @@
 """Free throws as real files may have them: which still tell their targets, and how well.
 
-Run as ``python benchmarks/free_throw_variants.py [--throw N] [NAME ...]``. Ten *synthetic* throws in the layout
-of the SPL open data, spoilt in one way a row; read, labelled, recognized and selected as the recipe
-`ur5_free_throw` says. A target counts as told if it was by the ball; its error is how far it lies
-from that of the same throw unspoilt, before it is brought nearer. With ``--throw N`` the first N of
-each row go through the whole recipe: how many are mapped and hit, and what it took.
+Run as ``python benchmarks/free_throw_variants.py [--throw N] [NAME ...]``. Ten *synthetic* throws
+in the layout of the SPL open data, spoilt in one way a row; read, labelled, recognized and selected
+as the recipe `ur5_free_throw` says. A target counts as told if it was by the ball; its error is how
+far it lies from that of the same throw unspoilt, before it is brought nearer. With ``--throw N``
+the first N of each row go through the whole recipe: how many are mapped and hit, and what it took.
 """
 
 from __future__ import annotations

@@ -76,7 +76,11 @@ def with_grasps(recording: LabelledRecording, marker: str) -> np.ndarray:
         peak = min(speed[low : at + 1].max(), speed[at:high].max(initial=0.0))
         fast = np.flatnonzero(speed[low:high] >= SLOW_AT_GRASP * peak) + low
         first, last = fast[fast < at].max(initial=low) + 1, fast[fast > at].min(initial=high) - 1
-        begins = moves[last + 10 : last + 40].mean() > 0.5 > moves[max(first - 40, 0) : first - 10].mean()
+        begins = (
+            moves[last + 10 : last + 40].mean()
+            > 0.5
+            > moves[max(first - 40, 0) : first - 10].mean()
+        )
         turns = not found.rests[k - 1 : k + 1].any() and speed[at] < SLOW_AT_GRASP * peak
         is_pause = turns and begins and (last - first) / GRID_HZ >= LEAST_AT_GRASP_S
         borders += [first / GRID_HZ, last / GRID_HZ] if is_pause else [found.borders_s[k]]

@@ -161,7 +161,8 @@ def _content(request: Request) -> dict[str, Any]:
 def _names(content: Any) -> dict[int, str]:
     """Check names of fragments."""
     if not isinstance(content, dict) or not all(
-        key.isascii() and key.isdecimal() and len(key) < 9 and isinstance(name, str) for key, name in content.items()
+        key.isascii() and key.isdecimal() and len(key) < 9 and isinstance(name, str)
+        for key, name in content.items()
     ):
         raise AnnotationError(f"names: got {content!r:.80}, expected a name for each fragment")
     return {int(key): name for key, name in content.items()}

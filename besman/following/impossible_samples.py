@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from besman.geometry.gaps import BoolArray
 from besman.geometry.spikes import IMPOSSIBLE_M_S, LONGEST, SMALLEST_M
 from besman.records import FloatArray
 from besman.records.recordings import FARTHEST_M
@@ -51,12 +52,12 @@ class SampleGate:
             What a body can do: NaN in jumps as well.
         """
         self._row += 1
-        near = (np.abs(positions) <= FARTHEST_M).all(axis=1)
+        near: BoolArray = np.all(np.abs(positions) <= FARTHEST_M, axis=1)
         known = positions
         if not near.all():
             known = np.where(near[:, None], positions, np.nan)
             self._hide(~near & ~np.isnan(positions).all(axis=1), "no place")
-        fast = near & self._jumped(self._kept, self._kept_at, known)
+        fast: BoolArray = near & self._jumped(self._kept, self._kept_at, known)
         if fast.any():
             again = fast & ~self._jumped(self._seen, self._seen_at, known)
             self._n_alike = np.where(again, self._n_alike + 1, 1)
@@ -67,12 +68,12 @@ class SampleGate:
         self._kept[sure], self._kept_at[sure], self._n_alike[sure] = known[sure], self._row, 0
         return known, np.where(fast[:, None], np.nan, known) if fast.any() else known
 
-    def _jumped(self, places: FloatArray, rows: FloatArray, now: FloatArray) -> FloatArray:
+    def _jumped(self, places: FloatArray, rows: FloatArray, now: FloatArray) -> BoolArray:
         """Tell which markers are farther from a place than anything gets."""
         steps = np.linalg.norm(now - places, axis=1)
-        return steps > np.maximum(SMALLEST_M, self._step_m * (self._row - rows))
+        return np.asarray(steps > np.maximum(SMALLEST_M, self._step_m * (self._row - rows)))
 
-    def _hide(self, which: FloatArray, why: str) -> None:
+    def _hide(self, which: BoolArray, why: str) -> None:
         """Count samples that become gaps, and say of the first what it is."""
         count = int(which.sum())
         if count and not self.hidden:

@@ -120,11 +120,14 @@ class StreamChecks:
         """
         distances = np.abs(positions[self._labels.required])
         known = distances[~np.isnan(distances)]
-        if known.size and np.partition(known, known.size // 2)[known.size // 2] > _FARTHEST_MEDIAN_M:
+        if (
+            known.size
+            and np.partition(known, known.size // 2)[known.size // 2] > _FARTHEST_MEDIAN_M
+        ):
             raise RecordingError(
-                f"{self._stream.source}: half of the coordinates of the required markers are beyond "
-                f"{_FARTHEST_MEDIAN_M:g} m: is the stream in another unit than it says? --units "
-                "tells what it is in"
+                f"{self._stream.source}: half of the coordinates of the required markers are "
+                f"beyond {_FARTHEST_MEDIAN_M:g} m: is the stream in another unit than it says? "
+                "--units tells what it is in"
             )
 
     def _check_extent(self, positions: FloatArray) -> None:

@@ -7,7 +7,6 @@ from pathlib import Path
 from urllib.parse import parse_qsl, unquote, urlsplit
 
 from besman.exceptions import ConfigError, nearest
-from besman.foreign.names import fault_of_name
 from besman.foreign.numbers import parse_number
 from besman.io.recordings.format import READING
 from besman.live.stream import Source

@@ -16,6 +16,8 @@ from besman.records import FloatArray
 _DRIFT = 0.02
 # A packet that is nearer than so many frames to the one that is due is that one.
 _SHAKEN = 0.8
+# No clock counts farther, not even from 1970 on.
+_LATEST_S = 1e12
 # So many rows are remembered, to tell packets that come twice from those that come too late.
 _REMEMBERED = 1000
 
@@ -174,7 +176,7 @@ class Aligner:
 
     def _count(self, time_s: float) -> int:
         """Return the number of a frame by its time; the clock follows what drifts slowly."""
-        if not math.isfinite(time_s):
+        if not abs(time_s) <= _LATEST_S:
             # A clock that says nothing: the packet is the next one.
             self._last_number += 1
             return self._last_number

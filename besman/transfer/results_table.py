@@ -141,9 +141,9 @@ def _try_number(where: str, row: dict[str, str], tries: Mapping[str, int]) -> in
     except ValueError:
         number = 0
     if not 1 <= number <= n:
+        were = "was" if n == 1 else "were"
         raise TransferError(
-            f"{where}: try: got {text!r:.60}; of {motion} {n} {'was' if n == 1 else 'were'} suggested, "
-            f"1 to {n}"
+            f"{where}: try: got {text!r:.60}; of {motion} {n} {were} suggested, 1 to {n}"
         )
     return number
 

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from besman.exceptions import TransferError
-from besman.foreign.names import fault_of_name
 from besman.foreign.json_text import parse_json
+from besman.foreign.names import fault_of_name
 from besman.io.atomic_files import make_folder, write_json, write_record
 from besman.records import RefinedMotion
 from besman.records.files import digest, load_record

@@ -103,7 +103,9 @@ def bag(rng, content):
         if kind == 0:
             changed[at] = rng.randrange(256)
         elif kind == 1:
-            changed[at : at + 4] = rng.choice((0, 1, 255, 2**20, 2**31, 2**32 - 1)).to_bytes(4, "little")
+            changed[at : at + 4] = rng.choice((0, 1, 255, 2**20, 2**31, 2**32 - 1)).to_bytes(
+                4, "little"
+            )
         elif kind == 2:
             changed[at : at + 8] = rng.choice((0, 2**40, 2**63, 2**64 - 1)).to_bytes(8, "little")
         elif kind == 3:

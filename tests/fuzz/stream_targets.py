@@ -6,6 +6,7 @@ import time
 import warnings
 from functools import cache
 from pathlib import Path
+from unittest import mock
 
 import numpy as np
 from fuzz import mutations, sense, streams, whole_files
@@ -103,7 +104,9 @@ class Announced:
         self._about = about
         self._n = len(streams.texts(about.get("labels")))
         rows = about.get("samples")
-        self._rows = [row for row in rows if isinstance(row, list)] if isinstance(rows, list) else []
+        self._rows = (
+            [row for row in rows if isinstance(row, list)] if isinstance(rows, list) else []
+        )
         self._rows.reverse()
 
     def _texts(self, key):
@@ -181,7 +184,9 @@ def follow(source, folder):
     follower = LiveFollower(source, _plan())
     found = follower.open(lambda names, rate_hz: CaptureFile(capture, names, rate_hz))
     follower.follower = frames = _Frames(follower.follower)
-    lines = list(follower.run())
+    with mock.patch("besman.following.live.gc"):
+        # To collect garbage before each stream takes longer than to follow it.
+        lines = list(follower.run())
     for line in lines:
         if line.get("kind") == "notice":
             warnings.warn(line["text"], RecordingWarning, stacklevel=1)
@@ -198,7 +203,9 @@ def follow_told(folder):
 
 
 def follow_qtm(folder):
-    return follow(FromBytes((folder / "a.xml").read_bytes(), (folder / "a.bin").read_bytes()), folder)
+    return follow(
+        FromBytes((folder / "a.xml").read_bytes(), (folder / "a.bin").read_bytes()), folder
+    )
 
 
 def follow_lsl(folder):
@@ -289,7 +296,9 @@ STREAMS = {
         of_stream,
         4,
     ),
-    "stream of LSL": Target(streams.lsl, {"a.json": streams.break_stream}, follow_lsl, of_stream, 4),
+    "stream of LSL": Target(
+        streams.lsl, {"a.json": streams.break_stream}, follow_lsl, of_stream, 4
+    ),
     "address qtm": _address("qtm://192.168.0.7:22223?version=1.19&wait=3"),
     "address lsl": _address("lsl:besman?source_id=left&wait=5"),
     "address file": _address("file://a.tsv?pace=0.5"),

@@ -6,6 +6,7 @@ A stream is a file of JSON; what its sources make of any number is what the wire
 import json
 import math
 import struct
+from functools import cache
 
 import numpy as np
 from fuzz.mutations import LEAVES, cut, flip, splice, tree
@@ -15,6 +16,7 @@ from places import SAMPLE
 N_FRAMES, RATE_HZ = 70, 50.0
 
 
+@cache
 def sample():
     """Return names and positions (T, M, 3), metres, of a person who is about to throw."""
     from besman.io.recordings.formats import read_recording
@@ -23,6 +25,7 @@ def sample():
     return recording.names, recording.positions[100 : 100 + 2 * N_FRAMES : 2]
 
 
+@cache
 def stream():
     names, positions = sample()
     packets = [
@@ -32,6 +35,7 @@ def stream():
     return {"a.json": json.dumps(content).encode()}
 
 
+@cache
 def qtm():
     """Return what QTM says of itself, and packets of the protocol as they come."""
     names, positions = sample()
@@ -44,11 +48,14 @@ def qtm():
     packets = []
     for row, frame in enumerate(positions):
         body = (1e3 * frame).astype("<f4").tobytes()
-        head = struct.pack("<qIIIIIhh", 20_000 * row, row + 1, 1, 16 + len(body), 1, len(names), 0, 0)
+        head = struct.pack(
+            "<qIIIIIhh", 20_000 * row, row + 1, 1, 16 + len(body), 1, len(names), 0, 0
+        )
         packets.append(struct.pack("<II", 8 + len(head + body), 3) + head + body)
     return {"a.xml": settings.encode(), "a.bin": b"".join(packets)}
 
 
+@cache
 def lsl():
     names, positions = sample()
     content = {

@@ -122,7 +122,7 @@ def test_a_schedule_loses_and_delays_as_asked():
         schedule_frames(10, RATE_HZ, lose=1.0)
 
 
-@pytest.mark.parametrize("odd", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("odd", [np.nan, np.inf, -np.inf, 1e300, -1e308])
 @pytest.mark.parametrize("at", [0, 3])
 def test_a_clock_that_says_nothing_moves_nothing(odd, at):
     packets = [packet(row, counted=False) for row in range(8)]

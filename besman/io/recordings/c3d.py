@@ -38,8 +38,9 @@ def read_c3d(path: Path, units: Units | None = None, partial: bool = False) -> R
     """Read the points of a C3D file.
 
     A gap is a point with residual -1 or with coordinates that are no numbers. Names are found as
-    `besman.io.recordings.c3d_names` says. Points that are listed as angles, forces, moments, powers,
-    scalars, reactions or outputs of a user's model (USERMOS) are left out. X_SCREEN and Y_SCREEN tell which way is up. Events become notes.
+    `besman.io.recordings.c3d_names` says. Points that are listed as angles, forces, moments,
+    powers, scalars, reactions or outputs of a user's model (USERMOS) are left out. X_SCREEN and
+    Y_SCREEN tell which way is up. Events become notes.
 
     Variants seen: Intel, DEC and SGI/MIPS; floats and integers; frames from 0 and from 1; LABELS2
     and on; labels of four letters with whole names as descriptions; parameters without the byte of

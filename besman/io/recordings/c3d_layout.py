@@ -121,11 +121,8 @@ def _read_layout(content: bytes, processor: int, path: Path) -> tuple[Layout, fl
     n_points, n_analog, first, last = struct.unpack_from(f"{order}4H", content, 2)
     data_block, n_samples = struct.unpack_from(f"{order}2H", content, 16)
     if n_points == 0:
-        raise RecordingError(
-            f"{path}: the header counts no points"
-            f"{', but analog channels (of force plates, muscles, ...)' if n_analog else ''}; expected "
-            "at least one"
-        )
+        rest = ", but analog channels (of force plates, muscles, ...)" if n_analog else ""
+        raise RecordingError(f"{path}: the header counts no points{rest}; expected at least one")
     if last < first:
         raise RecordingError(
             f"{path}: frames {first} to {last}; expected frames that count up, at most {MAX_FRAMES}"

@@ -20,8 +20,9 @@ from besman.io.recordings.number_rows import Cells, read_rows
 from besman.io.recordings.text_lines import TextLines
 from besman.records import FloatArray
 
-_NAMES = ("keypoint", "marker", "landmark", "body_part", "bodypart", "part", "point", "joint", "name",
-          "label", "keypoint_name", "marker_name", "landmark_name", "joint_name")  # fmt: skip
+_NAMES = ("keypoint", "marker", "landmark", "body_part", "bodypart", "part", "point", "joint",
+          "name", "label", "keypoint_name", "marker_name", "landmark_name",
+          "joint_name")  # fmt: skip
 _PEOPLE = ("person", "person_id", "subject", "track_id", "individual", "animal")
 _AXIS = re.compile(
     r"(?:pos(?:ition)?[ _.]?)?([xyz])(?:[ _]?(m|cm|mm|in|ft)|\s*[(\[]\s*(m|cm|mm|in|ft)\s*[)\]])?"
@@ -52,7 +53,7 @@ class RowColumns(NamedTuple):
     unit: str
 
 
-class Rows(NamedTuple):
+class KeypointRows(NamedTuple):
     """Keypoints of all frames.
 
     Attributes
@@ -97,7 +98,7 @@ def read_keypoint_rows(
     cells: Cells,
     path: Path,
     partial: bool,
-) -> Rows:
+) -> KeypointRows:
     """Read a table with a row a keypoint.
 
     Parameters
@@ -112,7 +113,7 @@ def read_keypoint_rows(
 
     Returns
     -------
-    Rows
+    KeypointRows
 
     Raises
     ------
@@ -148,7 +149,7 @@ def read_keypoint_rows(
     positions = np.full((len(starts), len(places), 3), np.nan)
     positions[rows, which] = values[:, list(columns.places)]
     frames, times = (None if one is None else values[starts, one] for one in clock)
-    return Rows(list(places), positions, frames, times)
+    return KeypointRows(list(places), positions, frames, times)
 
 
 def _names(
@@ -158,11 +159,14 @@ def _names(
     names, people = [], []
     for at, line in enumerate(islice(lines, first, first + n_rows)):
         found = cells.split(line)
-        name = found[columns.name] if columns.name < len(found) else ""
+        name, person = (
+            found[one] if one is not None and one < len(found) else ""
+            for one in (columns.name, columns.person)
+        )
         if not name:
             raise RecordingError(f"{path}:{first + at + 1}: got no name of a keypoint")
         names.append(name)
-        people.append("" if columns.person is None else (found + [""])[columns.person])
+        people.append(person)
     if len(set(people)) < 2:
         return names
     return [f"{person}:{name}" for person, name in zip(people, names, strict=True)]

@@ -32,8 +32,8 @@ from besman.io.recordings.keypoint_frames import (
 )
 from besman.io.recordings.lengths import Length, body_length, find_length, parse_unit
 from besman.records import Axis, FloatArray, Origin, Recording
-from besman.records.recordings import RATES_HZ
 from besman.records.frozen import hand_over
+from besman.records.recordings import RATES_HZ
 
 _RATES = ("rate_hz", "fps", "frame_rate", "framerate", "sampling_rate", "sample_rate", "rate")
 _TIMES = ("time", "time_s", "timestamp", "t")

@@ -9,6 +9,7 @@ or, with a rate in the first lines (``# fps: 30``), neither; further columns. Al
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,9 +20,13 @@ from besman.io.recordings.c3d_names import keep_single_names
 from besman.io.recordings.clock import read_rate, settle_clock
 from besman.io.recordings.format import Units
 from besman.io.recordings.keypoint_columns import find_columns, join_header
-from besman.io.recordings.keypoint_rows import find_row_columns, read_keypoint_rows
+from besman.io.recordings.keypoint_rows import (
+    KeypointRows,
+    find_row_columns,
+    read_keypoint_rows,
+)
 from besman.io.recordings.keypoints import find_keypoint_length
-from besman.io.recordings.number_rows import find_cells, is_blank, read_rows
+from besman.io.recordings.number_rows import Cells, find_cells, is_blank, read_rows
 from besman.io.recordings.text_lines import TextLines, open_lines
 from besman.records import Origin, Recording
 from besman.records.frozen import hand_over
@@ -64,40 +69,18 @@ def read_keypoints_csv(path: Path, units: Units | None = None, partial: bool = F
     """
     lines = open_lines(path, "keypoints in a table")
     at, about = _read_comments(lines)
-    header = lines[at]
-    cells = find_cells(header)
+    cells = find_cells(lines[at])
     head = [cells.split(lines[k]) for k in range(at, min(at + 3, len(lines)))]
     labels, n_header = join_header(head)
     while labels and not labels[-1]:
         labels.pop()
-    # ``x_mm`` of a row is no keypoint called mm.
-    in_rows = find_row_columns(labels)
-    found_names, columns, unit = find_columns(() if in_rows else labels)
-    if not found_names and in_rows is None:
-        raise RecordingError(f"{path}:{at + 1}: no keypoint with three columns, x, y and z")
     at += n_header
     if cells.separator == b";" and at < len(lines) and "," in lines[at]:
         cells = replace(cells, has_decimal_commas=True)
-    lowered = [label.lower() for label in labels]
-    frame = next((k for k, one in enumerate(lowered) if one in _FRAMES), None)
-    time = next((k for k, one in enumerate(lowered) if one in _TIMES), None)
-    if in_rows is not None:
-        found = read_keypoint_rows(
-            lines, at, labels, in_rows, (frame, time), cells, path, partial
-        )
-        found_names, positions, frames, times = found
-        unit = in_rows.unit
-    else:
-        values = read_rows(lines, at, len(labels), cells, path, partial=partial)
-        frames = None if frame is None else values[:, frame]
-        times = None if time is None else values[:, time]
-        positions = np.take(values, np.array(columns), axis=1)
-    names: list[str | None] = list(found_names)
-    if frames is None and in_rows is None:
-        frames = np.arange(1.0, len(positions) + 1)
-    times = None if times is None or time is None else times * _TIMES[lowered[time]]
-    clock = settle_clock(frames, times, _rate(about), path, at + 1)
-    positions = clock.spread(positions)
+    found, unit = _read_table(lines, at, labels, cells, path, partial)
+    names: list[str | None] = list(found.names)
+    clock = settle_clock(found.frames, found.times, _rate(about), path, at + 1)
+    positions = clock.spread(found.positions)
     length = find_keypoint_length(about.get("units") or unit or None, names, positions, units, path)
     positions *= length.metres
     return Recording(
@@ -109,6 +92,34 @@ def read_keypoints_csv(path: Path, units: Units | None = None, partial: bool = F
         first_frame=clock.first_frame,
         origin=Origin(units=length.name, units_by=length.told_by),
     )
+
+
+def _read_table(
+    lines: TextLines, at: int, labels: Sequence[str], cells: Cells, path: Path, partial: bool
+) -> tuple[KeypointRows, str]:
+    """Read what stands below a header, and the unit that it says: a row a frame, or a keypoint."""
+    lowered = [label.lower() for label in labels]
+    frame = next((k for k, one in enumerate(lowered) if one in _FRAMES), None)
+    time = next((k for k, one in enumerate(lowered) if one in _TIMES), None)
+    # ``x_mm`` of a row is no keypoint called mm.
+    in_rows = find_row_columns(labels)
+    if in_rows is not None:
+        found = read_keypoint_rows(lines, at, labels, in_rows, (frame, time), cells, path, partial)
+        unit = in_rows.unit
+    else:
+        names, columns, unit = find_columns(labels)
+        if not names:
+            raise RecordingError(f"{path}:{at}: no keypoint with three columns, x, y and z")
+        values = read_rows(lines, at, len(labels), cells, path, partial=partial)
+        found = KeypointRows(
+            names,
+            np.take(values, np.array(columns), axis=1),
+            np.arange(1.0, len(values) + 1) if frame is None else values[:, frame],
+            None if time is None else values[:, time],
+        )
+    if found.times is None or time is None:
+        return found, unit
+    return found._replace(times=found.times * _TIMES[lowered[time]]), unit
 
 
 def _read_comments(lines: TextLines) -> tuple[int, dict[str, str]]:

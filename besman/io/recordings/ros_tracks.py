@@ -17,6 +17,8 @@ IntArray = npt.NDArray[np.int64]
 # A body is not seen where its messages are farther apart than so many of its usual steps.
 _USUAL_STEPS = 5.5
 _LONGEST_GRID = 50_000_000
+# A bag of few messages is not that long: of so many samples one at least was told.
+_MOST_EMPTY, _FEW = 20, 100_000
 
 
 @dataclass
@@ -103,9 +105,10 @@ def find_grid(tracks: Iterable[Track], where: str) -> Grid:
     rate_hz = whole_if_near(1e9 / step_ns)
     seconds = (end - start) * 1e-9
     count = seconds * rate_hz
-    if not count < _LONGEST_GRID:
+    most = max(len(stamps) for stamps in moving)
+    if not count < min(_LONGEST_GRID, _FEW + _MOST_EMPTY * most):
         raise RecordingError(
-            f"{where}: messages at {rate_hz:.4g} Hz over {seconds:.4g} s; are the times right?"
+            f"{where}: {most} messages at {rate_hz:.4g} Hz over {seconds:.4g} s; are the times right?"
         )
     return Grid(start, np.arange(int(count + 1e-3) + 1) / rate_hz, rate_hz)
 

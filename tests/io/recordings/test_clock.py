@@ -60,7 +60,10 @@ def test_rates_of_headers():
         ({"frames": [1, 2]}, "neither the header nor a column of times"),
         ({"frames": [1, 2], "rate_hz": 0.0}, "the header has 0 frames a second, and no times show"),
         ({"frames": [1, 2], "rate_hz": -30.0}, "the header has -30 frames a second, and no times"),
-        ({"frames": [1, 2], "rate_hz": np.nan}, "has no number where the rate stands, and no times"),
+        (
+            {"frames": [1, 2], "rate_hz": np.nan},
+            "has no number where the rate stands, and no times",
+        ),
         ({"frames": [1, 9, 10], "rate_hz": 9.0}, "frame 9 follows frame 1; expected .* evenly"),
         ({"frames": [1, np.nan], "rate_hz": 9.0}, "a.x:6: frame is nan; expected a whole number"),
         ({"times": [0.1, np.nan]}, "a.x:6: time is nan s after 0.1 s; expected rising times"),

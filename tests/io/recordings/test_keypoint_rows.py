@@ -7,6 +7,7 @@ from foreign_recordings import write_keypoint_rows, write_keypoint_table
 
 from besman.exceptions import RecordingError
 from besman.io.recordings.formats import read_recording
+from besman.io.recordings.keypoint_rows import find_row_columns
 from besman.records import Recording
 
 NAMES = ("head", "hips", "foot")
@@ -48,7 +49,9 @@ def test_rows_in_any_order_are_what_pandas_pivots(tmp_path, seed):
     table.insert(2, "note", "seen well")
     table.to_csv(tmp_path / "b.csv", index=False)
     found = read(tmp_path / "b.csv")
-    pivoted = table.pivot_table(index="time", columns="marker", values=["x", "y", "z"], dropna=False)
+    pivoted = table.pivot_table(
+        index="time", columns="marker", values=["x", "y", "z"], dropna=False
+    )
     for column, name in enumerate(found.names):
         expected = np.column_stack([pivoted[axis, name] for axis in "xyz"])
         np.testing.assert_allclose(found.positions[:, column], expected, atol=1e-6)
@@ -93,3 +96,18 @@ HEAD = "time,marker,x,y,z\n"
 def test_what_cannot_be_a_table_of_rows_is_one_line(tmp_path, text, message):
     with pytest.raises(RecordingError, match=message):
         read(tmp_path / "a.csv", text)
+
+
+@pytest.mark.parametrize(
+    ("labels", "expected"),
+    [
+        ("frame keypoint x y z", (1, (2, 3, 4), None, "")),
+        ("z_cm y_cm x_cm person_id name t", (4, (2, 1, 0), 3, "cm")),
+        ("time Landmark pos_x pos_y pos_z", (1, (2, 3, 4), None, "")),
+        ("time nose_x nose_y nose_z", None),
+        ("time marker x y", None),
+        ("recording x_m y_m z_m", None),
+    ],
+)
+def test_columns_of_rows_are_told_from_others(labels, expected):
+    assert find_row_columns(labels.split()) == expected

@@ -78,3 +78,12 @@ def test_a_tree_is_the_product_of_its_turns():
             pose = pose @ step
             np.testing.assert_allclose(found[name][0][k], pose[:3, :3], atol=1e-9)
             np.testing.assert_allclose(found[name][1][k], pose[:3, 3], atol=1e-9)
+
+
+def test_few_messages_are_no_long_bag():
+    stamps = [T0 + 20_000_000 * row for row in range(30)]
+    paused = Track([*stamps, T0 + 1000 * 10**9], [0.0] * 31)
+    assert find_grid([paused], "a").time[-1] == pytest.approx(1000.0)
+    damaged = Track([*stamps, T0 + 10_000 * 10**9], [0.0] * 31)
+    with pytest.raises(RecordingError, match=r"31 messages at 50 Hz over 1e\+04 s; are the times"):
+        find_grid([damaged], "a")
