@@ -146,6 +146,22 @@ def test_a_mjcf_that_cannot_be_used_leaves_nothing_behind(tmp_path, change, mess
     assert sorted(one.name for one in tmp_path.iterdir()) == ["bench.xml", "parts"]
 
 
+def test_meshes_of_the_package_are_read_and_others_where_they_may_be(tmp_path):
+    package = tmp_path / "maker" / "mjcf" / "bench"
+    package.mkdir(parents=True)
+    path = write(package, ARM.replace('meshdir="parts"', 'meshdir="../../meshes/bench"', 1))
+    meshes = tmp_path / "maker" / "meshes"
+    meshes.mkdir()
+    (package / "parts").rename(meshes / "bench")
+    assert any(name for name in read_mjcf(path).meshes)
+    elsewhere = tmp_path / "elsewhere"
+    meshes.rename(elsewhere)
+    path.write_text(path.read_text().replace("../../meshes", "../../../elsewhere"))
+    with pytest.raises(RobotError, match=r"is outside .*maker; .*--package NAME=FOLDER"):
+        read_mjcf(path)
+    assert add_robot(path, packages={"parts": elsewhere}).is_file()
+
+
 def test_nothing_is_overwritten_and_nothing_of_it_stays(tmp_path):
     path = write(tmp_path)
     (tmp_path / "bench.urdf").write_text("mine")
