@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from besman.exceptions import RobotError, in_one_line
 from besman.robot.files.mesh_folders import folders_above, home_of
+from besman.robot.files.mjcf_meshes import compile_without
 from besman.robot.mujoco_log import silence_mujoco
 
 FloatArray = npt.NDArray[np.float64]
@@ -74,13 +75,21 @@ def read_mjcf(path: Path, allowed: Collection[Path] = ()) -> CompiledArm:
     import mujoco
 
     _refuse_files_outside(path, allowed)
+    notes: list[str] = []
+    silence_mujoco()
     try:
-        silence_mujoco()
         model = mujoco.MjModel.from_xml_path(str(path))
     except ValueError as error:
-        raise RobotError(f"{path}: cannot be used as MJCF: {in_one_line(error)}") from None
+        try:
+            model, notes = compile_without(path)
+        except ValueError:
+            notes = []
+        if not notes:
+            raise RobotError(f"{path}: cannot be used as MJCF: {in_one_line(error)}") from None
     name = ElementTree.fromstring(path.read_bytes()).get("model", path.stem)  # noqa: S314
-    return _Writer(model, name).write()
+    arm = _Writer(model, name).write()
+    arm.notes += notes
+    return arm
 
 
 def _refuse_files_outside(path: Path, allowed: Collection[Path]) -> None:
