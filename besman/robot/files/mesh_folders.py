@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 
 from besman.exceptions import RobotError
 from besman.foreign.names import fault_of_characters
-from besman.foreign.paths import is_file, is_folder
+from besman.foreign.paths import file_alike, is_file, is_folder
 
 _SCHEMES = ("package://", "model://")
 # Characters: no path is longer.
@@ -97,7 +97,7 @@ def mesh_path(
             f"{urdf}: mesh {address!r} is outside {home}; expected it below that folder "
             "(robots add --out: a folder that holds URDF and meshes; --package NAME=FOLDER)"
         )
-    return found
+    return found if is_file(found) else file_alike(found) or found
 
 
 def find_mesh_folders(

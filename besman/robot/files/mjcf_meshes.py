@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from besman.foreign.paths import is_file, is_folder
+from besman.foreign.paths import file_alike, is_file
 
 
 def compile_without(path: Path) -> tuple[Any, list[str]]:
@@ -37,7 +37,7 @@ def compile_without(path: Path) -> tuple[Any, list[str]]:
     for mesh in list(spec.meshes):
         if not mesh.file or is_file(folder / mesh.file):
             continue
-        alike = _alike(folder / mesh.file)
+        alike = file_alike(folder / mesh.file)
         if alike is not None:
             notes.append(f"mesh {mesh.file}: {alike.name} is taken for it")
             mesh.file = str(Path(mesh.file).with_name(alike.name))
@@ -51,13 +51,3 @@ def compile_without(path: Path) -> tuple[Any, list[str]]:
         if (mesh.name or Path(mesh.file).stem) in gone:
             spec.delete(mesh)
     return spec.compile(), notes
-
-
-def _alike(file: Path) -> Path | None:
-    """Return the one file of the same name but for capitals, None if there is none or more."""
-    if not is_folder(file.parent):
-        return None
-    found = [one for one in file.parent.iterdir() if one.name.lower() == file.name.lower()]
-    # No link that leads elsewhere.
-    here = [one for one in found if one.resolve().parent == file.parent.resolve()]
-    return here[0] if len(found) == 1 and here and is_file(here[0]) else None
