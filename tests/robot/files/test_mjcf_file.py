@@ -8,6 +8,7 @@ import yaml
 from besman.exceptions import RobotError
 from besman.robot.dynamics import inverse_dynamics
 from besman.robot.files.mjcf_file import is_mjcf, read_mjcf
+from besman.robot.files.mjcf_meshes import compile_without
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.model import load_robot
 from besman.robot.new_robot import add_robot
@@ -155,6 +156,8 @@ def test_a_mjcf_that_cannot_be_used_leaves_nothing_behind(tmp_path, change, mess
 )
 def test_without_a_mesh_an_arm_comes_in_as_far_as_it_is_there(tmp_path, name, note, count):
     path = write(tmp_path, ARM.replace("rock.obj", name, 1))
+    model, notes = compile_without(path)
+    assert (len(notes), model.nmesh) == (1, count)
     compiled = read_mjcf(path)
     assert sum(one.startswith(note) for one in compiled.notes) == 1
     assert len(compiled.meshes) == count
