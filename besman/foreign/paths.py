@@ -19,3 +19,16 @@ def is_folder(path: Path) -> bool:
         return path.is_dir()
     except (OSError, ValueError):
         return False
+
+
+def file_alike(file: Path) -> Path | None:
+    """Return the one file of the same name but for capitals, beside where one is missing.
+
+    Other systems do not tell capitals apart. A link that leads elsewhere is not taken.
+    """
+    if not is_folder(file.parent):
+        return None
+    found = [one for one in file.parent.iterdir() if one.name.lower() == file.name.lower()]
+    if len(found) != 1 or found[0].resolve().parent != file.parent.resolve():
+        return None
+    return found[0] if is_file(found[0]) else None

@@ -81,6 +81,10 @@ def follow_all(
     rounds, tolerance : int, float
         Greatest number of steps a pose, and the relative improvement that ends them.
 
+    enough : float
+        A pose is met where the error's six entries (m and rad) are no longer than this; what it
+        leaves open is then settled less exactly. 0: to the tolerance.
+
     Returns
     -------
     positions : array, shape (D, K, T, n)
@@ -90,7 +94,6 @@ def follow_all(
     """
     chain = robot.chain
     low, high = joint_box(robot)
-    # Fresh copies are writable; read-only arrays would be compiled for once more.
     return follow_paths(
         chain.placements,
         chain.axes,
@@ -100,12 +103,20 @@ def follow_all(
         np.array(robot.home),
         weights.as_array(),
         free_spin,
-        np.array(targets, order="C"),
-        np.array(starts, order="C"),
+        _writable(targets),
+        _writable(starts),
         anchor,
         rounds,
         tolerance,
         enough,
+    )
+
+
+def _writable(values: FloatArray) -> FloatArray:
+    """Return an array that is writable: a read-only one would be compiled for once more."""
+    fits = values.flags.c_contiguous and values.flags.writeable
+    return (
+        values if fits and values.dtype == np.float64 else np.array(values, np.float64, order="C")
     )
 
 

@@ -167,7 +167,7 @@ def _compile(file: Path, wishes: Wishes) -> tuple[CompiledArm | None, Wishes]:
     """Read what is no URDF yet; return None for one that is, and the packages that were found."""
     content = file.read_bytes()
     if is_mjcf(content[:_HEAD_BYTES]):
-        return read_mjcf(file), wishes
+        return read_mjcf(file, (wishes.packages or {}).values()), wishes
     if not is_xacro(file, content):
         if wishes.arguments:
             raise RobotError(f"{file}: --arg: a URDF takes no arguments; expected a xacro")

@@ -6,12 +6,13 @@ import os
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from xml.etree import ElementTree
 
 from besman.exceptions import RobotError
 from besman.foreign.names import fault_of_characters
-from besman.foreign.paths import is_file, is_folder
+from besman.foreign.paths import file_alike, is_file, is_folder
 
 _SCHEMES = ("package://", "model://")
 # Characters: no path is longer.
@@ -96,7 +97,7 @@ def mesh_path(
             f"{urdf}: mesh {address!r} is outside {home}; expected it below that folder "
             "(robots add --out: a folder that holds URDF and meshes; --package NAME=FOLDER)"
         )
-    return found
+    return found if is_file(found) else file_alike(found) or found
 
 
 def find_mesh_folders(
@@ -156,7 +157,11 @@ def home_of(above: list[Path], packages: Collection[Path] = ()) -> Path:
     for one in above[:5]:
         if one in packages or is_file(one / "package.xml"):
             return one
-    return above[1] if len(above) > 1 and above[0].name.lower() in _URDF_FOLDERS else above[0]
+    # Of a maker's arms each may have a folder of its own: mjcf/ARM/arm.xml, meshes/ARM/link1.stl.
+    for one, parent in pairwise(above[:3]):
+        if one.name.lower() in _URDF_FOLDERS:
+            return parent
+    return above[0]
 
 
 def find_package(name: str, above: list[Path]) -> Path | None:

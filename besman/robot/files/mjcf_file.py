@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.exceptions import RobotError, in_one_line
+from besman.robot.files.mesh_folders import folders_above, home_of
+from besman.robot.files.mjcf_meshes import compile_without
 from besman.robot.mujoco_log import silence_mujoco
 
 FloatArray = npt.NDArray[np.float64]
@@ -53,13 +56,16 @@ def is_mjcf(content: bytes) -> bool:
     return found is not None and b"mujoco" in found.group(0)
 
 
-def read_mjcf(path: Path) -> CompiledArm:
+def read_mjcf(path: Path, allowed: Collection[Path] = ()) -> CompiledArm:
     """Compile a MJCF and describe what hangs on its world as a URDF.
 
     Parameters
     ----------
     path : Path
-        The file; what it includes must be in its folder or below.
+        The file; what it includes must be in its folder or below, or in its package
+        (`besman.robot.files.mesh_folders.home_of`).
+    allowed : collection of Path
+        Further folders that may be read, those of ``--package``.
 
     Raises
     ------
@@ -68,19 +74,29 @@ def read_mjcf(path: Path) -> CompiledArm:
     """
     import mujoco
 
-    _refuse_files_outside(path)
+    _refuse_files_outside(path, allowed)
+    notes: list[str] = []
+    silence_mujoco()
     try:
-        silence_mujoco()
         model = mujoco.MjModel.from_xml_path(str(path))
     except ValueError as error:
-        raise RobotError(f"{path}: cannot be used as MJCF: {in_one_line(error)}") from None
+        try:
+            model, notes = compile_without(path)
+        except ValueError:
+            notes = []
+        if not notes:
+            raise RobotError(f"{path}: cannot be used as MJCF: {in_one_line(error)}") from None
     name = ElementTree.fromstring(path.read_bytes()).get("model", path.stem)  # noqa: S314
-    return _Writer(model, name).write()
+    arm = _Writer(model, name).write()
+    arm.notes += notes
+    return arm
 
 
-def _refuse_files_outside(path: Path) -> None:
-    """Refuse a MJCF that has entities, or reads what is not below its folder."""
+def _refuse_files_outside(path: Path, allowed: Collection[Path]) -> None:
+    """Refuse a MJCF that has entities, or reads what is not below its folders."""
     home = path.resolve().parent
+    package = home_of(folders_above(path))
+    roots = [home, package, *(one.resolve() for one in allowed)]
     waiting, seen = [path.resolve()], set[Path]()
     while waiting:
         file = waiting.pop()
@@ -88,10 +104,11 @@ def _refuse_files_outside(path: Path) -> None:
             continue
         seen.add(file)
         for one in _files_of(file, home, path):
-            if not one.is_relative_to(home):
+            if not any(one.is_relative_to(root) for root in roots):
                 raise RobotError(
-                    f"{path}: the file {str(one)!r:.200} is outside {home}; expected what a MJCF "
-                    "includes in its folder or below"
+                    f"{path}: the file {str(one)!r:.200} is outside {package}; expected what a "
+                    "MJCF includes below that folder (robots add --package NAME=FOLDER: another "
+                    "folder that may be read)"
                 )
             if one.suffix.lower() in (".xml", ".mjcf") and one.is_file():
                 waiting.append(one)

@@ -8,6 +8,7 @@ import yaml
 from besman.exceptions import RobotError
 from besman.robot.dynamics import inverse_dynamics
 from besman.robot.files.mjcf_file import is_mjcf, read_mjcf
+from besman.robot.files.mjcf_meshes import compile_without
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.model import load_robot
 from besman.robot.new_robot import add_robot
@@ -133,7 +134,7 @@ def test_a_home_that_touches_is_not_taken(tmp_path):
         (('file="rock.obj"', 'file="../../rock.obj"'), "rock.obj' is outside"),
         (('meshdir="parts"', 'meshdir="/usr"'), "/usr/rock.obj' is outside"),
         (("<mujoco model", "<!DOCTYPE a [<!ENTITY b 'c'>]><mujoco model"), "entities are not"),
-        (('file="rock.obj"', 'file="none.obj"'), "cannot be used as MJCF: "),
+        (("<worldbody>", "<worldbody><geom type='mesh'/>"), "cannot be used as MJCF: "),
         (("<worldbody>", "<worldbody"), "not valid XML"),
     ],
 )
@@ -144,6 +145,48 @@ def test_a_mjcf_that_cannot_be_used_leaves_nothing_behind(tmp_path, change, mess
     assert str(caught.value).startswith(str(path))
     assert "\n" not in str(caught.value)
     assert sorted(one.name for one in tmp_path.iterdir()) == ["bench.xml", "parts"]
+
+
+@pytest.mark.parametrize(
+    ("name", "note", "count"),
+    [
+        ("none.obj", "mesh none.obj: no such file in ", 0),
+        ("Rock.OBJ", "mesh Rock.OBJ: rock.obj is taken for it", 1),
+    ],
+)
+def test_without_a_mesh_an_arm_comes_in_as_far_as_it_is_there(tmp_path, name, note, count):
+    path = write(tmp_path, ARM.replace("rock.obj", name, 1))
+    model, notes = compile_without(path)
+    assert (len(notes), model.nmesh) == (1, count)
+    compiled = read_mjcf(path)
+    assert sum(one.startswith(note) for one in compiled.notes) == 1
+    assert len(compiled.meshes) == count
+    content = yaml.safe_load(add_robot(path).read_text())
+    assert any(one.startswith(note) for one in content["assumed"])
+
+
+def test_a_mesh_that_is_a_link_to_elsewhere_is_not_taken(tmp_path):
+    path = write(tmp_path, ARM.replace("rock.obj", "other.obj", 1))
+    away = tmp_path / "away.obj"
+    (tmp_path / "parts" / "rock.obj").rename(away)
+    (tmp_path / "parts" / "OTHER.obj").symlink_to(away)
+    assert not read_mjcf(path).meshes
+
+
+def test_meshes_of_the_package_are_read_and_others_where_they_may_be(tmp_path):
+    package = tmp_path / "maker" / "mjcf" / "bench"
+    package.mkdir(parents=True)
+    path = write(package, ARM.replace('meshdir="parts"', 'meshdir="../../meshes/bench"', 1))
+    meshes = tmp_path / "maker" / "meshes"
+    meshes.mkdir()
+    (package / "parts").rename(meshes / "bench")
+    assert any(name for name in read_mjcf(path).meshes)
+    elsewhere = tmp_path / "elsewhere"
+    meshes.rename(elsewhere)
+    path.write_text(path.read_text().replace("../../meshes", "../../../elsewhere"))
+    with pytest.raises(RobotError, match=r"is outside .*maker; .*--package NAME=FOLDER"):
+        read_mjcf(path)
+    assert add_robot(path, packages={"parts": elsewhere}).is_file()
 
 
 def test_nothing_is_overwritten_and_nothing_of_it_stays(tmp_path):
