@@ -318,7 +318,8 @@ def test_the_person_does_what_the_arm_does_block_by_block(asked):
             const { Stage } = await import("./stage.js");
             const take = { clock: [[0, 2, 3, 3, 5], [0, 1, 1, 1, 4]], span: [0, 5] };
             const stage = { takes: [take], demonstration: { duration: 4 } };
-            return [-1, 1, 2.5, 3, 4, 6].map((time) => Stage.prototype.personTime.call(stage, time));
+            const own = (time) => Stage.prototype.personTime.call(stage, time);
+            return [-1, 1, 2.5, 3, 4, 6].map(own);
         }"""
     )
     assert times == [-1, 0.5, 1, 1, 2.5, 5]
