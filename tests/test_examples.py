@@ -60,7 +60,7 @@ def figures(pattern: str, text: str) -> list[float]:
 
 def test_all_examples_are_tested_and_in_the_tutorial():
     names = sorted(path.name for path in EXAMPLES.glob("*.py"))
-    assert len(names) == 6
+    assert len(names) == 7
     page = (TOP / "docs/tutorial.md").read_text()
     here = Path(__file__).read_text()
     for name in names:
@@ -115,3 +115,11 @@ def test_own_robot_task_and_template():
     assert max(figures(r"misses by ([\d.]+) cm", text)[:2]) < 15
     assert "outside the region that was learnt" in text
     assert text.index("outside") > text.index("target 1.8")
+
+
+@pytest.mark.slow
+def test_whole_task():
+    text = run("07_whole_task.py")
+    assert "to_shelf: approach_right, move_obj_shelf, move_to_rest_down; box held" in text
+    assert len(figures(r"box ([\d.]+) mm beside its place", text)) == 2
+    assert figures(r"succeeds, ([\d.]+) mm off", text)[0] < 20

@@ -52,6 +52,19 @@ def map_box_task():
 
 
 @functools.cache
+def carry_box():
+    """Return robot with gripper, demonstration, and the task as imitated, of another person."""
+    (capture,) = captures("pick_and_place", 1, 1, seed=1)
+    take = name_parts(capture.recording), building_blocks(capture.segments)
+    (demonstration,) = divide_actions(*take, make_select())
+    robot = load_robot("ur5", "gripper3")
+    config = MapConfig(evaluations=40, weights={"position": 5, "singularity": 5})
+    mapping = config.run((demonstration.hand,), robot)
+    (task,) = MapTasks(config).run(mapping, (demonstration,), robot)
+    return robot, demonstration, plan_task(task, robot, 20, leads_s=(0.1, 0.2))
+
+
+@functools.cache
 def learn_both():
     """What an iiwa 7 learns of one person who puts a box on a table and back."""
     (capture,) = captures("pick_and_place", 1, 1, seed=1)

@@ -22,6 +22,7 @@ from besman.report.page_style import SORT_SCRIPT, STYLE
 from besman.report.recordings import action_section, recording_section
 from besman.report.run_records import ArmRecords, arm_records, load_records
 from besman.report.stage_tables import stage_tables
+from besman.report.task_table import task_table
 from besman.report.terminal import failures, outcome_lines
 from besman.report.timing import seconds
 from besman.report.verification import verification_section
@@ -98,6 +99,7 @@ def _figures(run: StoredRun, results: dict[str, Any], config: dict[str, Any]) ->
     arms = arm_records(records, config)
     overview = "".join(_overview(folder, records, config, arm) for arm in arms)
     rest = recording_section(records, results) + action_section(records)
+    rest += task_table(records)
     rest += "".join(motion_sections(arm, results) for arm in arms)
     rest += "".join(demonstration_table(arm, folder) for arm in arms)
     write_json(kept, {"key": key, "overview": overview, "rest": rest})

@@ -19,6 +19,7 @@ from besman.pipeline.check_run import check_run
 from besman.pipeline.config import load_pipeline, pipeline_yaml
 from besman.pipeline.plan_folders import FOLDER, PLAN
 from besman.pipeline.run_folder import Run
+from besman.planning import attempts
 from besman.planning.goals import parse_goals, parse_start
 from besman.planning.learnt import read_learnt
 from besman.planning.planned_run import plan_goals, plan_run

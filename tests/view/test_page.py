@@ -280,3 +280,46 @@ def test_triangles_are_filled_where_the_camera_sees_them(asked):
         np.testing.assert_allclose(one["centre"], one["at"], atol=1.0)
         assert one["behind"]
         assert not one["front"]
+
+
+def test_the_blocks_of_a_whole_task_are_a_time_line(asked):
+    """Blocks that follow each other with one label are one; a click goes to its beginning."""
+    told = asked.evaluate(
+        """async () => {
+            const { showBlocks, tellBlock } = await import("./timeline.js");
+            const list = document.createElement("ol"), sought = [];
+            const labels = ["reach", "idle", "idle", "put"];
+            const blocks = labels.map((label, k) => ({ label, start: k, end: k + 1 }));
+            const stage = { blocks, start: 0, end: 4 };
+            showBlocks(list, stage, (time) => sought.push(time));
+            list.children[1].click();
+            const spans = [...list.children].map(({ style }) => [style.left, style.width]);
+            const label = tellBlock(list, stage, 2.5);
+            const now = [...list.children].map(({ className }) => className);
+            const backs = [...list.children].map(({ style }) => style.background);
+            showBlocks(list, { blocks: [], start: 0, end: 4 }, () => {});
+            return { spans, sought, label, now, colours: new Set(backs).size, hidden: list.hidden };
+        }"""
+    )
+    assert told == {
+        "spans": [["0%", "25%"], ["25%", "50%"], ["75%", "25%"]],
+        "sought": [1],
+        "label": "idle",
+        "now": ["", "now", ""],
+        "colours": 3,
+        "hidden": True,
+    }
+
+
+def test_the_person_does_what_the_arm_does_block_by_block(asked):
+    """Evenly between moments that belong together; before and after at their own pace."""
+    times = asked.evaluate(
+        """async () => {
+            const { Stage } = await import("./stage.js");
+            const take = { clock: [[0, 2, 3, 3, 5], [0, 1, 1, 1, 4]], span: [0, 5] };
+            const stage = { takes: [take], demonstration: { duration: 4 } };
+            const own = (time) => Stage.prototype.personTime.call(stage, time);
+            return [-1, 1, 2.5, 3, 4, 6].map(own);
+        }"""
+    )
+    assert times == [-1, 0.5, 1, 1, 2.5, 5]

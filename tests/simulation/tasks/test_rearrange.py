@@ -5,14 +5,12 @@ import functools
 
 import numpy as np
 import pytest
-from whole_task import divide_actions, make_select
+from whole_task import carry_box
 
-from besman.evaluation.recognition_data import name_parts
 from besman.exceptions import ConfigError, PlanError, RefinementError
 from besman.motion.adapt_task import frame_matrix
 from besman.motion.grasp_goals import aim_grasps
 from besman.records.files import load_record, save_record
-from besman.records.layers import building_blocks
 from besman.records.task_trial import RefinedTask
 from besman.robot.model import load_robot
 from besman.simulation.tasks.kinds import WHOLE_KINDS, is_whole_task, load_task, load_whole_task
@@ -24,26 +22,15 @@ from besman.simulation.tasks.rearrange.rearrange_scene import rearrange_model
 from besman.simulation.tasks.rearrange.rearranging import judge, simulate_task
 from besman.simulation.tasks.rearrange.sections import GraspConfig, WaysConfig
 from besman.simulation.tasks.rearrange.ways import Led, list_aimed
-from besman.stages.imitate.task_plans import plan_task
-from besman.stages.map.stage import MapConfig
-from besman.stages.map.whole_tasks import MapTasks
 from besman.stages.refine.stage import CmaEsConfig
 from besman.stages.refine.whole_tasks import AimTasks, RefineTasks, SimulateTasks, is_same
-from besman.synthetic.datasets import captures
 
 TASK = load_whole_task("rearrange")
 
 
 @functools.cache
 def aimed_plan():
-    (capture,) = captures("pick_and_place", 1, 1, seed=1)
-    take = name_parts(capture.recording), building_blocks(capture.segments)
-    (demonstration,) = divide_actions(*take, make_select())
-    robot = load_robot("ur5", "gripper3")
-    config = MapConfig(evaluations=40, weights={"position": 5, "singularity": 5})
-    mapping = config.run((demonstration.hand,), robot)
-    (task,) = MapTasks(config).run(mapping, (demonstration,), robot)
-    plan = plan_task(task, robot, 20, leads_s=(0.1, 0.2))
+    robot, _, plan = carry_box()
     frame = TASK.box_frame([plan], robot)
     return robot, plan, frame, aim_grasps(plan, robot, TASK.grasp_way(frame))
 
