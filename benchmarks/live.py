@@ -5,9 +5,10 @@ client; this process follows it. The time is that from when a frame was due in t
 that follows from it was taken: transport, waiting and label. Synthetic: the embedded sample, with
 copies of its markers up to 13. And a finished run as MCAP: size, and time to write.
 
-    python benchmarks/live.py RUN [--seconds 60]
+    python benchmarks/live.py [RUN] [--seconds 60] [--soak SECONDS]
 
-RUN is a finished run of ``besman run``, whose model is followed.
+RUN is a finished run of ``besman run``, whose model is followed; ``ur5_stick_throw`` is run if there
+is none. The soak is simulated: as many seconds of frames as are said, as fast as they are taken.
 """
 
 from __future__ import annotations
@@ -23,18 +24,21 @@ from pathlib import Path
 import numpy as np
 import psutil
 
-from besman.config.resources import resource_folder
+from besman.config.resources import find_resource, resource_folder
 from besman.following.live import LiveFollower
 from besman.following.plans import make_plan
 from besman.io.recordings.formats import read_recording, write_recording
 from besman.io.ros_logs import write_mcap
 from besman.live.qtm_source import QtmSource
 from besman.live.stream import Packet, StreamFormat
+from besman.pipeline.config import load_pipeline
+from besman.pipeline.pipeline import run_pipeline
 from besman.pipeline.run_log import read_log
 from besman.pipeline.stored_run import open_run
 
 N_MARKERS, RATE_HZ, PORT = 13, 100.0, 22299
 MARGIN_S = 0.1
+RECIPE = find_resource("pipelines", "ur5_stick_throw")
 SAMPLE = resource_folder("data") / "stick_throw" / "subject1.tsv"
 
 
@@ -89,15 +93,13 @@ class Flood:
 
     def __init__(self, n_markers: int, rate_hz: float, seconds: float) -> None:
         sample = read_recording(SAMPLE)
-        self.time = np.arange(round(seconds * rate_hz)) / rate_hz
-        there_and_back = np.mod(self.time, 2 * sample.time[-1])
-        at = np.minimum(there_and_back, 2 * sample.time[-1] - there_and_back)
-        rows = np.clip(np.round(at * sample.rate_hz).astype(int), 0, len(sample.time) - 1)
         more = np.arange(n_markers - len(sample.names)) % len(sample.names)
-        positions = sample.positions[rows]
-        self.positions = np.concatenate([positions, positions[:, more] + 0.05], axis=1)
+        extra = sample.positions[:, more] + 0.05
+        self.positions = np.concatenate([sample.positions, extra], axis=1)
+        self.sample_hz, self.last_s = sample.rate_hz, sample.time[-1] - sample.time[0]
         names = (*sample.names, *(f"extra {k}" for k in range(len(more))))
         self.format, self.row, self.ended = StreamFormat("flood", names, rate_hz), 0, False
+        self.n = round(seconds * rate_hz)
 
     def open(self) -> StreamFormat:
         return self.format
@@ -110,8 +112,12 @@ class Flood:
 
     def read(self, timeout_s: float) -> Packet:
         row, self.row = self.row, self.row + 1
-        self.ended = self.row == len(self.time)
-        return Packet(self.time[row], self.positions[row], time.perf_counter(), row)
+        self.ended = self.row == self.n
+        at_s = row / self.format.rate_hz
+        there_and_back = at_s % (2 * self.last_s)
+        place = min(there_and_back, 2 * self.last_s - there_and_back)
+        frame = self.positions[min(round(place * self.sample_hz), len(self.positions) - 1)]
+        return Packet(at_s, frame, time.perf_counter(), row)
 
 
 def flood(plan, n_markers: int, rate_hz: float, seconds: float) -> None:
@@ -121,22 +127,29 @@ def flood(plan, n_markers: int, rate_hz: float, seconds: float) -> None:
     process, begun = psutil.Process(), time.process_time()
     before = 0
     for _ in follower.run():
-        before = before or process.memory_info().rss
-    spent_s, n = time.process_time() - begun, follower.summary()["frames"]
+        settled = follower.summary()["frames"] >= min(30.0, seconds / 2) * rate_hz
+        before = before or settled * process.memory_info().rss
+    spent_s, found = time.process_time() - begun, follower.summary()
     grown = (process.memory_info().rss - before) / 1e6
     print(
-        f"{n_markers} markers at {rate_hz:g} Hz, {seconds:g} s: {n / spent_s:.0f} frames a second "
-        f"of computing, {grown:.1f} MB more memory"
+        f"{n_markers} markers at {rate_hz:g} Hz, {seconds:g} s: {found['frames'] / spent_s:.0f} "
+        f"frames a second of computing, {found['lost']} lost, {grown:.1f} MB more memory"
     )
 
 
 def main() -> None:
     parser = argparse.ArgumentParser()
-    parser.add_argument("run", type=Path)
+    parser.add_argument("run", type=Path, nargs="?")
     parser.add_argument("--seconds", type=float, default=60.0)
+    parser.add_argument("--soak", type=float, help="so many seconds of frames, and nothing else")
     asked = parser.parse_args()
-    plan = make_plan(asked.run, [])
     with tempfile.TemporaryDirectory() as folder:
+        run = asked.run or run_pipeline(load_pipeline(RECIPE), Path(folder) / "run", jobs=2)
+        plan = make_plan(run, [])
+        if asked.soak:
+            flood(plan, 13, 500.0, asked.soak)
+            flood(plan, 60, 240.0, asked.soak)
+            return
         path = make_recording(Path(folder), asked.seconds)
         clean = follow(path, plan)
         found = clean.summary()
@@ -158,7 +171,7 @@ def main() -> None:
         )
         flood(plan, 13, 500.0, 120.0)
         flood(plan, 60, 240.0, 120.0)
-        log = read_log(open_run(asked.run))
+        log = read_log(open_run(run))
         target = Path(folder) / "run.mcap"
         times = []
         for _ in range(3):
