@@ -7,8 +7,8 @@ copies of its markers up to 13. And a finished run as MCAP: size, and time to wr
 
     python benchmarks/live.py [RUN] [--seconds 60] [--soak SECONDS]
 
-RUN is a finished run of ``besman run``, whose model is followed; ``ur5_stick_throw`` is run if there
-is none. The soak is simulated: as many seconds of frames as are said, as fast as they are taken.
+RUN is a finished run of ``besman run``, whose model is followed; ``ur5_stick_throw`` is run if
+there is none. The soak is simulated: as many seconds of frames as are said, as fast as can be.
 """
 
 from __future__ import annotations

@@ -14,6 +14,7 @@ from besman.exceptions import ConfigError, RunError
 from besman.following.arms import FollowedArm
 from besman.following.follower import Follower
 from besman.following.foresight import Foresight
+from besman.following.stream_names import LearnNames
 from besman.geometry.row_blocks import by_rows
 from besman.person.body import find_body
 from besman.person.marker_set import MarkerSet, load_marker_set
@@ -28,7 +29,10 @@ from besman.stages.compose.actions import LevelModel
 from besman.stages.compose.borders import measure_brisk
 from besman.stages.label.derive_markers import derive_markers
 from besman.stages.label.methods import DefaultLabelConfig, LabelMethod
-from besman.stages.label.stage import LabelConfig
+from besman.stages.label.model import MarkerModel
+from besman.stages.label.model_from_pose import model_from_pose
+from besman.stages.label.stage import LabelConfig, NamingBase
+from besman.stages.label.trajectories import learn_from_recording
 from besman.stages.recognize.model import RecognitionModel
 from besman.stages.recognize.model_files import load_model
 from besman.stages.recognize.one_throw import OneThrowConfig
@@ -166,6 +170,27 @@ def label_stream(plan: FollowPlan, recording: Recording) -> LabelledRecording:
         labelled: LabelledRecording = plan.label.run((recording,), marker_set, *teachers)[0]
         return labelled
     return label_by_names(recording, marker_set)
+
+
+def learn_names_of(plan: FollowPlan) -> LearnNames:
+    """Return how points without a name are named: as in the first of the earlier movements.
+
+    Where there are none, as in the recording that the label stage learns from; where it names none,
+    as in the marker set's own pose.
+    """
+
+    def learn(marker_set: MarkerSet) -> MarkerModel:
+        for one in plan.earlier:
+            if set(marker_set.required) <= set(one.markers):
+                named = Recording(one.time, one.positions, one.markers, one.rate_hz, one.source)
+                return learn_from_recording(named, marker_set)
+        if plan.teacher is not None and isinstance(plan.label, NamingBase):
+            from besman.io.recordings.formats import read_recording
+
+            return plan.label.learn(marker_set, read_recording(Path(plan.teacher)))
+        return model_from_pose(marker_set)
+
+    return learn
 
 
 def label_by_names(recording: Recording, marker_set: MarkerSet) -> LabelledRecording:
