@@ -44,7 +44,7 @@ def test_names_that_were_taken_away_are_found_within_a_second(person):
     positions, stick = person[2], person[0].markers.index("stick")
     order = np.random.default_rng(0).permutation(positions.shape[1])
     said, changes = name(person, positions[:, order])
-    assert (said[300:500, order == stick] == stick).all()
+    assert (said[300:450, order == stick] == stick).all()
     body = order != stick
     np.testing.assert_array_equal(said[100:, body], np.tile(order[body], (700, 1)))
     assert ((said == order) | (said == GHOST)).all()
