@@ -5,7 +5,10 @@ client; this process follows it. The time is that from when a frame was due in t
 that follows from it was taken: transport, waiting and label. Synthetic: the embedded sample, with
 copies of its markers up to 13. And a finished run as MCAP: size, and time to write.
 
+With --names: how much of recordings whose names were taken away is named right while they come.
+
     python benchmarks/live.py [RUN] [--seconds 60] [--soak SECONDS]
+    python benchmarks/live.py --names FOLDER
 
 RUN is a finished run of ``besman run``, whose model is followed; ``ur5_stick_throw`` is run if
 there is none. The soak is simulated: as many seconds of frames as are said, as fast as can be.
@@ -25,16 +28,22 @@ import numpy as np
 import psutil
 
 from besman.config.resources import find_resource, resource_folder
+from besman.evaluation.degradation import GHOST, Degraded, DegradeRecipe, degrade_recording
+from besman.evaluation.takes import make_protocols
 from besman.following.live import LiveFollower
 from besman.following.plans import make_plan
+from besman.following.stream_names import LOOK_BACK_S
+from besman.geometry.gaps import find_runs
 from besman.io.recordings.formats import read_recording, write_recording
 from besman.io.ros_logs import write_mcap
 from besman.live.qtm_source import QtmSource
 from besman.live.stream import Packet, StreamFormat
+from besman.person.marker_set import load_marker_set
 from besman.pipeline.config import load_pipeline
 from besman.pipeline.pipeline import run_pipeline
 from besman.pipeline.run_log import read_log
 from besman.pipeline.stored_run import open_run
+from besman.stages.label.online import OnlineNaming
 
 N_MARKERS, RATE_HZ, PORT = 13, 100.0, 22299
 MARGIN_S = 0.1
@@ -120,6 +129,83 @@ class Flood:
         return Packet(at_s, frame, time.perf_counter(), row)
 
 
+def exchanged(positions: np.ndarray, rate_hz: float) -> Degraded:
+    """Exchange two points of a frame, and of all behind it, once a second."""
+    random, n = np.random.default_rng(0), positions.shape[1]
+    orders = np.tile(np.arange(n), (len(positions), 1))
+    for row in range(round(rate_hz / 2), len(positions), round(rate_hz)):
+        one, two = random.choice(n, 2, replace=False)
+        orders[row:, [one, two]] = orders[row:, [two, one]]
+    truth = np.where(np.isfinite(positions[:, :, 0]), np.arange(n), GHOST)
+    mixed = np.take_along_axis(positions, orders[:, :, None], axis=1)
+    return Degraded(mixed, np.take_along_axis(truth, orders, axis=1))
+
+
+def name_live(naming: OnlineNaming, positions: np.ndarray):
+    """Return the names of each frame as it came, when they began, and the time of the thread."""
+    said = np.full(positions.shape[:2], GHOST)
+    begun, seconds = len(positions), np.zeros(len(positions))
+    for row, frame in enumerate(positions):
+        start = time.thread_time()
+        naming.take(frame)
+        seconds[row] = time.thread_time() - start
+        if naming.has_begun:
+            begun = min(begun, row)
+            said[row] = naming.names
+    return said, begun, seconds[begun:]
+
+
+def look_back(said: np.ndarray, seen: np.ndarray, rows: int) -> np.ndarray:
+    """Return the names as they were so many frames later, or when their trajectory ended."""
+    later = said.copy()
+    for column in range(said.shape[1]):
+        for start, stop in find_runs(seen[:, column]):
+            at = np.minimum(np.arange(start, stop) + rows, stop - 1)
+            later[start:stop, column] = said[at, column]
+    return later
+
+
+def names(folder: Path) -> None:
+    """Say how much is named right and wrong, at once and after half a second."""
+    marker_set = load_marker_set("right_arm")
+    ways = {
+        "as recorded": lambda take: degrade_recording(*take, DegradeRecipe(0.0), 0),
+        "two exchanged a second": lambda take: exchanged(*take),
+        "2 % hidden": lambda take: degrade_recording(*take, DegradeRecipe(0.02), 0),
+        "5 % hidden, 0.5 ghosts": lambda take: degrade_recording(
+            *take, DegradeRecipe(0.05, 0.5), 0
+        ),
+    }
+    for protocol in make_protocols(folder):
+        own = marker_set.find(protocol.model.markers, protocol.dataset)
+        required = np.array([own[name] for name in marker_set.required])
+        for way, spoil in ways.items():
+            counts, waits, costs = np.zeros((2, 2)), [], []
+            for take in protocol.takes:
+                spoilt = spoil((take.positions, take.rate_hz))
+                n = spoilt.truth.shape[1]
+                naming = OnlineNaming(protocol.model, required, n, take.rate_hz)
+                said, begun, seconds = name_live(naming, spoilt.positions)
+                seen = np.isfinite(spoilt.positions[:, :, 0])
+                later = look_back(said, seen, round(LOOK_BACK_S * take.rate_hz))
+                truth, n_true = spoilt.truth[begun:], (spoilt.truth[begun:] != GHOST).sum()
+                for k, given in enumerate((said[begun:], later[begun:])):
+                    named = given != GHOST
+                    right = (given == truth) & named
+                    counts[k] += right.sum() / n_true, (named & ~right).sum() / n_true
+                waits.append(begun / take.rate_hz)
+                costs.append(seconds)
+            (right, wrong), (right_later, wrong_later) = 100 * counts / len(protocol.takes)
+            median, high = 1e3 * np.percentile(np.concatenate(costs), (50, 99.9))
+            print(
+                f"{len(protocol.takes)} of {protocol.takes[0].person}, model of the "
+                f"{protocol.learnt_from}, {way}: right {right:.2f} wrong {wrong:.3f} % at once, "
+                f"{right_later:.2f} and {wrong_later:.3f} % after {LOOK_BACK_S:g} s; begun after "
+                f"{np.median(waits):.2f} s ({max(waits):.2f} at most); {median:.2f} ms a frame, "
+                f"{high:.1f} ms 99.9 % (thread)"
+            )
+
+
 def flood(plan, n_markers: int, rate_hz: float, seconds: float) -> None:
     """Say how many frames a second of computing takes, and what it leaves in memory."""
     follower = LiveFollower(Flood(n_markers, rate_hz, seconds), plan)
@@ -142,7 +228,11 @@ def main() -> None:
     parser.add_argument("run", type=Path, nargs="?")
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--soak", type=float, help="so many seconds of frames, and nothing else")
+    parser.add_argument("--names", type=Path, help="name the recordings of it, and nothing else")
     asked = parser.parse_args()
+    if asked.names:
+        names(asked.names)
+        return
     with tempfile.TemporaryDirectory() as folder:
         run = asked.run or run_pipeline(load_pipeline(RECIPE), Path(folder) / "run", jobs=2)
         plan = make_plan(run, [])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -34,7 +35,7 @@ ToNetwork = Annotated[
 
 
 def play(
-    recording: Annotated[Path, typer.Argument(help="A recording with names.")],
+    recording: Annotated[Path, typer.Argument(help="A recording.")],
     system: Annotated[str, typer.Option("--as", metavar="qtm|lsl", help="Which system it plays.")],
     pace: Annotated[float, typer.Option(help="Seconds of it in a second.")] = 1.0,
     port: Annotated[
@@ -46,6 +47,9 @@ def play(
         float, typer.Option(help="Seconds by which one frame in twenty is late at most.")
     ] = 0.0,
     seed: Annotated[int, typer.Option(min=0, help="Of what is lost and late.")] = 0,
+    unnamed: Annotated[
+        bool, typer.Option("--unnamed", help="Without the names of its markers.")
+    ] = False,
     to_network: Annotated[
         bool, typer.Option("--to-network", help="Let lsl listen at all addresses, as it must.")
     ] = False,
@@ -63,6 +67,8 @@ def play(
             "on loopback; expected --to-network, which permits it, or --as qtm"
         )
     found, delays = read_recording(recording), Delays(pace, lose, late, seed)
+    if unnamed:
+        found = replace(found, names=(None,) * len(found.names))
     if system == "qtm":
         play_as_qtm(found, delays, port, say)
     else:

@@ -127,9 +127,14 @@ class LslSource:
             f"{self._name}?source_id=ID"
         )
 
-    def _read_channels(self, about: Any) -> tuple[tuple[str, ...], list[list[int]], float]:
+    def _read_channels(self, about: Any) -> tuple[tuple[str | None, ...], list[list[int]], float]:
         """Return the names of markers, the channels of their x, y, z, and metres a unit."""
         labels = about.get_channel_labels() or []
+        n_points, rest = divmod(about.channel_count(), 3)
+        if not any(labels) and not rest:
+            # No channel says what it is: x, y, z of one point after the other, if it is a length.
+            scale = self._find_scale({unit or "" for unit in about.get_channel_units() or [""]})
+            return (None,) * n_points, np.arange(3 * n_points).reshape(-1, 3).tolist(), scale
         types = about.get_channel_types() or [None] * len(labels)
         units = about.get_channel_units() or [None] * len(labels)
         places: dict[str, dict[str, int]] = {}
