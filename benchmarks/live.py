@@ -129,8 +129,8 @@ class Flood:
         return Packet(at_s, frame, time.perf_counter(), row)
 
 
-def exchanged(positions: np.ndarray, rate_hz: float) -> Degraded:
-    """Exchange two points of a frame, and of all behind it, once a second."""
+def exchange(positions: np.ndarray, rate_hz: float) -> tuple[Degraded, np.ndarray]:
+    """Exchange two points of a frame, and of all behind it, once a second; return the order too."""
     random, n = np.random.default_rng(0), positions.shape[1]
     orders = np.tile(np.arange(n), (len(positions), 1))
     for row in range(round(rate_hz / 2), len(positions), round(rate_hz)):
@@ -138,7 +138,14 @@ def exchanged(positions: np.ndarray, rate_hz: float) -> Degraded:
         orders[row:, [one, two]] = orders[row:, [two, one]]
     truth = np.where(np.isfinite(positions[:, :, 0]), np.arange(n), GHOST)
     mixed = np.take_along_axis(positions, orders[:, :, None], axis=1)
-    return Degraded(mixed, np.take_along_axis(truth, orders, axis=1))
+    return Degraded(mixed, np.take_along_axis(truth, orders, axis=1)), orders
+
+
+def degrade(positions: np.ndarray, rate_hz: float, recipe: DegradeRecipe):
+    """Break trajectories; they keep their columns."""
+    spoilt = degrade_recording(positions, rate_hz, recipe, 0)
+    n = spoilt.truth.shape[1]
+    return spoilt, np.tile(np.arange(n), (len(positions), 1))
 
 
 def name_live(naming: OnlineNaming, positions: np.ndarray):
@@ -169,25 +176,27 @@ def names(folder: Path) -> None:
     """Say how much is named right and wrong, at once and after half a second."""
     marker_set = load_marker_set("right_arm")
     ways = {
-        "as recorded": lambda take: degrade_recording(*take, DegradeRecipe(0.0), 0),
-        "two exchanged a second": lambda take: exchanged(*take),
-        "2 % hidden": lambda take: degrade_recording(*take, DegradeRecipe(0.02), 0),
-        "5 % hidden, 0.5 ghosts": lambda take: degrade_recording(
-            *take, DegradeRecipe(0.05, 0.5), 0
-        ),
+        "as recorded": lambda *take: degrade(*take, DegradeRecipe(0.0)),
+        "two exchanged a second": exchange,
+        "2 % hidden": lambda *take: degrade(*take, DegradeRecipe(0.02)),
+        "5 % hidden, 0.5 ghosts": lambda *take: degrade(*take, DegradeRecipe(0.05, 0.5)),
     }
     for protocol in make_protocols(folder):
-        own = marker_set.find(protocol.model.markers, protocol.dataset)
-        required = np.array([own[name] for name in marker_set.required])
+        places = marker_set.find(protocol.model.markers, protocol.dataset)
+        required = np.array([places[name] for name in marker_set.required])
         for way, spoil in ways.items():
             counts, waits, costs = np.zeros((2, 2)), [], []
             for take in protocol.takes:
-                spoilt = spoil((take.positions, take.rate_hz))
+                spoilt, orders = spoil(take.positions, take.rate_hz)
                 n = spoilt.truth.shape[1]
                 naming = OnlineNaming(protocol.model, required, n, take.rate_hz)
                 said, begun, seconds = name_live(naming, spoilt.positions)
+                # Of each trajectory, wherever its points came.
+                own = np.argsort(orders, axis=1)
                 seen = np.isfinite(spoilt.positions[:, :, 0])
-                later = look_back(said, seen, round(LOOK_BACK_S * take.rate_hz))
+                kept = (np.take_along_axis(one, own, axis=1) for one in (said, seen))
+                later = look_back(*kept, round(LOOK_BACK_S * take.rate_hz))
+                later = np.take_along_axis(later, orders, axis=1)
                 truth, n_true = spoilt.truth[begun:], (spoilt.truth[begun:] != GHOST).sum()
                 for k, given in enumerate((said[begun:], later[begun:])):
                     named = given != GHOST
