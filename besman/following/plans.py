@@ -11,7 +11,7 @@ import numpy as np
 
 from besman.classifiers.novelty import UNKNOWN
 from besman.exceptions import ConfigError, RunError
-from besman.following.arms import FollowedArm
+from besman.following.arms import FollowedArm, OnlineSegmentation
 from besman.following.follower import Follower
 from besman.following.foresight import Foresight
 from besman.following.stream_names import LearnNames
@@ -38,7 +38,13 @@ from besman.stages.recognize.model_files import load_model
 from besman.stages.recognize.one_throw import OneThrowConfig
 from besman.stages.segment.sampling import sample_paths
 from besman.stages.segment.signals import Scaling, measure_scaling, pool_scalings
-from besman.stages.segment.stage import SegmentConfig, VmciOnlineConfig
+from besman.stages.segment.stage import (
+    SegmentConfig,
+    ValleyOnlineConfig,
+    ValleyVmciConfig,
+    VmciOnlineConfig,
+)
+from besman.stages.segment.valley_online import Pace, pool_paces
 
 
 @dataclass(frozen=True)
@@ -54,7 +60,7 @@ class FollowPlan:
         How trajectories become markers.
     teacher : str, optional
         Recording that the label stage learns from.
-    segment : VmciOnlineConfig
+    segment : VmciOnlineConfig or ValleyOnlineConfig
         How to segment.
     levels : tuple of LevelModel
         Actions, the lowest level first.
@@ -71,7 +77,7 @@ class FollowPlan:
     models: tuple[tuple[RecognitionModel, tuple[str, ...]], ...]
     label: LabelMethod = field(default_factory=DefaultLabelConfig)
     teacher: str | None = None
-    segment: VmciOnlineConfig = field(default_factory=VmciOnlineConfig)
+    segment: OnlineSegmentation = field(default_factory=VmciOnlineConfig)
     levels: tuple[LevelModel, ...] = ()
     longest_blocks: int | None = None
     slow_hands: tuple[str, ...] = ()
@@ -132,7 +138,9 @@ def _plan_of_run(run: Path) -> FollowPlan:
         )
     given = config.recognize.model
     model = trained_model(run) if given is None else load_model(Path(given))
-    segment = VmciOnlineConfig()
+    segment: OnlineSegmentation = VmciOnlineConfig()
+    if isinstance(config.segment, ValleyVmciConfig | ValleyOnlineConfig):
+        segment = ValleyOnlineConfig(longest_s=config.segment.longest_s)
     if isinstance(config.segment, SegmentConfig | VmciOnlineConfig):
         values = config.segment.model_dump(exclude={"method"}, exclude_none=True)
         segment = VmciOnlineConfig(**values)
@@ -290,12 +298,15 @@ def _learn_foresight(plan: FollowPlan, model: RecognitionModel) -> Foresight | N
 
 def _measure_scaling(
     plan: FollowPlan, hands: tuple[str, ...], sample_rate_hz: float
-) -> Scaling | None:
+) -> Scaling | Pace | None:
     """Measure the scaling on earlier movements, where these hands were recorded."""
-    if plan.segment.calibration_s is not None:
+    segment = plan.segment
+    if segment.calibration_s is not None:
         return None
-    rate_hz = min(plan.segment.rate_hz, sample_rate_hz)
     known = [one for one in plan.earlier if set(hands) <= set(one.markers)]
     if not known:
         return None
+    if isinstance(segment, ValleyOnlineConfig):
+        return pool_paces([segment.measure(one, hands) for one in known])
+    rate_hz = min(segment.rate_hz, sample_rate_hz)
     return pool_scalings([measure_scaling(sample_paths(one, hands, rate_hz)[0]) for one in known])

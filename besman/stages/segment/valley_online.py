@@ -54,11 +54,13 @@ from besman.stages.segment.valleys import (
 FloatArray = npt.NDArray[np.float64]
 
 _STEP_S = 0.1
-# What the low-pass and the differences reach into what is to come; the straightness goes on farther.
+# How far low-pass and differences look ahead; the straightness looks on from there.
 _REACH_S, _BEND_S = 0.22, 0.2
-# What a stretch needs before it, so that it begins as in the whole: a spline forgets in 16 samples.
+# What a stretch needs before it, to begin as in the whole: a spline forgets in 16 samples.
 _BEFORE_S, _BEFORE_SAMPLES = 1.0, 24
 _LONG_REST_S = 0.7
+# Of a rest that lasts no more than this is looked at again and again.
+_STILL_S = 5.0
 # Who stirs without a sure valley is cut where it is most probable, so that memory stays bounded.
 _LONGEST_S = 60.0
 
@@ -153,6 +155,7 @@ class OnlineMovements:
         self._step = max(1, round(_STEP_S * sample_rate_hz))
         # On the grid: where the stretch begins, and up to where borders are final.
         self._first, self._final = 0, 0
+        self._ahead = np.empty(0)
         self.pending: list[int] = []
         self._done = False
 
@@ -196,9 +199,7 @@ class OnlineMovements:
             If fewer than two samples were given.
         """
         if self._n_given < 2:
-            raise SegmentationError(
-                f"a segmentation needs at least 2 samples, got {self._n_given}"
-            )
+            raise SegmentationError(f"a segmentation needs at least 2 samples, got {self._n_given}")
         self._done = True
         return self._segment()
 
@@ -206,16 +207,16 @@ class OnlineMovements:
         """Segment the stretch since the last final border; return what became final."""
         found = self._find_ways()
         if found is None:
+            self._forget(None)
             return []
-        borders = [one + self._first for one in found.borders()[0]]
-        # It is settled by a valley at the end that is a rest, or the one that has another behind it.
+        borders = [one + self._first for one in found.borders()[0] if one > 0]
         limit = self._n_grid if self._done else self._find_limit(found)
         borders = [one for one in borders if one > self._final]
         final = [one for one in borders if one <= limit]
         self.pending = self._to_rows([one for one in borders if one > limit])
         self._final = max([self._final, *final])
         if not self._done:
-            self._begin_later(found)
+            self._forget(found)
         return self._to_rows(final)
 
     @property
@@ -236,7 +237,7 @@ class OnlineMovements:
         # Of the last one it is not known yet where its rest ends.
         known = np.flatnonzero(sure[: max(0, n_whole - 1)])
         if len(known):
-            return valleys[known[-1]].last + self._first
+            return int(valleys[known[-1]].last + self._first)
         return found.n_grid + self._first if found.n_grid > _LONGEST_S * GRID_HZ else 0
 
     def _is_behind(self, valley: Valley) -> bool:
@@ -247,34 +248,42 @@ class OnlineMovements:
         peak = known[valley.last :].max(initial=0.0)
         return bool(peak >= least and floor < self._shape.depth * peak)
 
-    def _begin_later(self, found: WaysThrough) -> None:
-        """Let the next stretch begin at the valley before the last one that is final."""
-        passed = [
-            one
-            for one, is_sure in zip(found.valleys, found.sure, strict=True)
-            if one.last + self._first <= self._final and one.first > 0
-        ]
-        if len(passed) > 1:
-            valley = passed[-2]
-            ahead = self._ahead[valley.first : valley.last + 1]
-            self._first += valley.first + len(ahead) - 1 - int(np.argmin(ahead[::-1]))
-        elif len(self._ahead) > 2 * _LONGEST_S * GRID_HZ:
-            self._first = max(self._first, self._final)
+    def _forget(self, found: WaysThrough | None) -> None:
+        """Let the next stretch begin later, and forget the samples that it does not need."""
+        self._first += self._find_beginning(found)
         before_s = max(_BEFORE_S, _BEFORE_SAMPLES / self._rate_hz)
         n_gone = int((self._first / GRID_HZ - before_s) * self._rate_hz) - self._n_gone
         if n_gone > 0:
             del self._samples[:n_gone]
             self._n_gone += n_gone
 
+    def _find_beginning(self, found: WaysThrough | None) -> int:
+        """Return where in the stretch the next one begins."""
+        n = len(self._ahead)
+        valleys = [] if found is None else found.valleys
+        # Within a rest it does not matter where it begins.
+        still = n if found is None else 0
+        if valleys and valleys[-1].last == n and valleys[-1].first + self._first <= self._final:
+            still = n - valleys[-1].first
+        if still > 2 * _STILL_S * GRID_HZ:
+            return n - round(_STILL_S * GRID_HZ)
+        passed = [one for one in valleys if one.first > 0 and one.last + self._first <= self._final]
+        if len(passed) > 1:
+            first, last = passed[-2]
+            return last - int(np.argmin(self._ahead[first : last + 1][::-1]))
+        return n - round(_STILL_S * GRID_HZ) if n > 2 * _LONGEST_S * GRID_HZ else 0
+
     def _find_ways(self) -> WaysThrough | None:
         """Find the ways through what is known of the stretch; None if that is too little."""
         paths = np.stack(self._samples)
         rows = np.arange(self._n_gone, self._n_given) / self._rate_hz
         grid = int(np.ceil(rows[0] * GRID_HZ - 1e-6)) if self._n_gone else 0
-        path = self._to_grid(rows, paths, np.arange(grid, self._n_grid))
+        path = self._to_grid(rows, paths, np.arange(grid, self._n_grid, dtype=np.float64))
         speed = path_speed(path)
         ahead = speed_ahead(path, speed, GRID_HZ)
-        cut = slice(self._first - grid, len(path) - (0 if self._done else round(_REACH_S * GRID_HZ)))
+        cut = slice(
+            self._first - grid, len(path) - (0 if self._done else round(_REACH_S * GRID_HZ))
+        )
         speed, self._ahead = speed[cut], ahead[cut]
         if len(speed) < 2 or speed.max() < self._shape.least:
             return None
