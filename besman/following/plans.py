@@ -18,7 +18,7 @@ from besman.following.stream_names import LearnNames
 from besman.geometry.row_blocks import by_rows
 from besman.person.body import find_body
 from besman.person.marker_set import MarkerSet, load_marker_set
-from besman.person.mirror import MIRROR, MIRROR_TURN
+from besman.person.mirror import MIRROR, MIRROR_TURN, mirror_name
 from besman.pipeline.config import learn_from
 from besman.pipeline.finished_run import read_recipe, trained_model
 from besman.pipeline.stored_run import open_run
@@ -190,7 +190,10 @@ def learn_names_of(plan: FollowPlan) -> LearnNames:
     def learn(marker_set: MarkerSet) -> MarkerModel:
         for one in plan.earlier:
             if set(marker_set.required) <= set(one.markers):
-                named = Recording(one.time, one.positions, one.markers, one.rate_hz, one.source)
+                # They were turned round if the person is left-handed, and their names with them.
+                is_left = marker_set.side == "left"
+                names = tuple(map(mirror_name, one.markers)) if is_left else one.markers
+                named = Recording(one.time, one.positions, names, one.rate_hz, one.source)
                 return learn_from_recording(named, marker_set)
         if plan.teacher is not None and isinstance(plan.label, NamingBase):
             from besman.io.recordings.formats import read_recording

@@ -10,7 +10,7 @@ import numpy as np
 
 from besman.live.stream import StreamFormat
 from besman.person.marker_set import MarkerSet
-from besman.person.mirror import mirror_positions
+from besman.person.mirror import mirror_name, mirror_positions
 from besman.records import FloatArray
 from besman.stages.label.model import MarkerModel
 from besman.stages.label.online import NameChange, OnlineNaming
@@ -51,7 +51,9 @@ class StreamNames:
     """
 
     def __init__(self, stream: StreamFormat, marker_set: MarkerSet, model: MarkerModel) -> None:
-        self.format = replace(stream, names=model.markers)
+        # As a left-handed person wears them: what reads the format turns them round again.
+        worn = map(mirror_name, model.markers) if marker_set.side == "left" else model.markers
+        self.format = replace(stream, names=tuple(worn))
         self.waits_for = "markers are told by their distances"
         self._set, self._model = marker_set, model
         self._required = np.array([model.markers.index(name) for name in marker_set.required])
