@@ -135,6 +135,11 @@ class Follower:
         self._done = False
 
     @property
+    def arms(self) -> tuple[FollowedArm, ...]:
+        """What is followed."""
+        return tuple(stream.arm for stream in self._arms)
+
+    @property
     def state(self) -> FollowState:
         """All blocks and actions so far."""
         actions = self._actions

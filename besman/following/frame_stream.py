@@ -215,6 +215,11 @@ class FrameStream:
         return self._times[:, : min(self._n_timed, _KEPT)]
 
     @property
+    def confidence(self) -> dict[str, float]:
+        """How sure the name of each marker is, where names were not given but found."""
+        return {} if self._names is None else self._names.confidence
+
+    @property
     def last_delay_s(self) -> float:
         """Seconds from the arrival of the last frame until `take` had returned."""
         return float(self._times[0, (self._n_timed - 1) % _KEPT])

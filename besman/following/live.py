@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from besman.exceptions import BesmanError
 from besman.following.follower import Follower
@@ -15,6 +18,33 @@ from besman.live.stream import Source, StreamFormat
 from besman.records import FloatArray
 
 _WARM_S = 8.0
+_SPEED_OVER_S = 0.1
+
+
+class Present(NamedTuple):
+    """What is shown of the present.
+
+    Attributes
+    ----------
+    time_s : float
+        Of the stream.
+    names : tuple of str, length M
+    markers : array, shape (M, 3)
+        Laboratory frame, metres; NaN where not seen.
+    confidence : dict of str to float
+        How sure each name is, where names were found.
+    speed_m_s : float
+        Of the hands that are segmented; NaN where one is not seen.
+    delay_ms : float
+        How long the packet before took to become what was told.
+    """
+
+    time_s: float
+    names: tuple[str, ...]
+    markers: FloatArray
+    confidence: dict[str, float]
+    speed_m_s: float
+    delay_ms: float
 
 
 class LiveFollower:
@@ -45,6 +75,8 @@ class LiveFollower:
             source, plan.label.markers, earlier, patience_s, learn_names=learn_names_of(plan)
         )
         self.follower: Follower | None = None
+        self._places: deque[FloatArray] = deque(maxlen=2)
+        self._present = Present(0.0, (), np.empty((0, 3)), {}, 0.0, float("nan"))
 
     def open(self, make_capture: MakeCapture | None = None) -> StreamFormat:
         """Connect to the source.
@@ -63,6 +95,9 @@ class LiveFollower:
         self._format = self._stream.open(make_capture)
         blank = self._stream.blank
         self.follower = make_follower(self._plan, blank, self._horizon, self._steady_s)
+        hands = [name for arm in self.follower.arms for name in arm.hands]
+        self._hands = [blank.markers.index(name) for name in hands]
+        self._places = deque(maxlen=1 + max(1, round(_SPEED_OVER_S * self._format.rate_hz)))
         self._stream.begin_recording()
         return self._format
 
@@ -97,6 +132,10 @@ class LiveFollower:
         """Return what became of the packets, and how long each frame took."""
         return self._stream.summary()
 
+    def look(self) -> Present:
+        """Return the present, from any thread."""
+        return self._present
+
     def _tell_end(self) -> Iterator[dict[str, Any]]:
         yield {"kind": "end", **self.summary()}
         self._stream.raise_failure()
@@ -106,6 +145,17 @@ class LiveFollower:
         assert self.follower is not None
         told = self._tell_changes(self.follower.push(frame.markers))
         rate_hz = self._format.rate_hz
+        self._places.append(frame.markers[self._hands])
+        way_m = self._places[-1] - self._places[0]
+        seconds = (len(self._places) - 1) / rate_hz
+        self._present = Present(
+            self._stream.n_frames / rate_hz,
+            self._stream.blank.markers,
+            frame.markers,
+            self._stream.confidence,
+            float(np.linalg.norm(way_m)) / seconds if seconds else 0.0,
+            1e3 * self._stream.last_delay_s,
+        )
         for forecast in self.follower.look_ahead():
             told.append({"kind": "next", **content_of_forecast(forecast, rate_hz)})
         return told

@@ -91,6 +91,16 @@ class StreamNames:
         named[naming.names[there]] = positions[there]
         return named, [self._describe(one) for one in changes]
 
+    @property
+    def confidence(self) -> dict[str, float]:
+        """How sure each name of the last frame is."""
+        sure = self._naming.confidence
+        return {
+            self._model.markers[marker]: round(float(one), 3)
+            for marker, one in zip(self._naming.names, sure, strict=True)
+            if marker != GHOST
+        }
+
     def _begin(self) -> None:
         self._naming = OnlineNaming(
             self._model, self._required, self._n_columns, self.format.rate_hz

@@ -133,6 +133,11 @@ class OnlineNaming:
         named = np.flatnonzero(self.names != GHOST)
         return [self._describe(column, nothing) for column in named.tolist()]
 
+    @property
+    def confidence(self) -> FloatArray:
+        """Probability that each of `names` is right, shape (C,)."""
+        return np.asarray(np.where(self._slots >= 0, self._sure[self._slots], 0.0))
+
     def window(self) -> tuple[FloatArray, IntArray]:
         """Return the places of the last two seconds and the markers that these are now.
 
