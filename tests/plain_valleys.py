@@ -77,7 +77,7 @@ def weigh(movement, rest):
     return np.minimum(np.exp(forward + backward - forward[-1]), 1.0)
 
 
-def find_valleys(speed, shape, ahead=None):
+def find_valleys(speed, shape, ahead=None, typical=None):
     """Find the valleys; of all hills and minima that are left, the one to go is looked for anew."""
     steady, speed = speed, speed if ahead is None else ahead
     inner = (speed[1:-1] <= speed[:-2]) & (speed[1:-1] < speed[2:])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,6 +13,7 @@ import typer
 
 from besman.cli.terminal import complain, say
 from besman.exceptions import ConfigError, FileError, StoppedError, one_of
+from besman.web.push import Broadcast
 
 if TYPE_CHECKING:
     from besman.following.live import LiveFollower
@@ -19,6 +21,7 @@ if TYPE_CHECKING:
     from besman.following.plans import FollowPlan
     from besman.live.capture import WholeLines
     from besman.live.lsl_events import LslEvents
+    from besman.web.loopback import LoopbackServer
 
 _SYSTEMS = ("qtm", "lsl")
 # Too many; and an address that is for this machine alone.
@@ -32,9 +35,16 @@ ToNetwork = Annotated[
     bool, typer.Option("--to-network", help="Let --lsl listen at all addresses, as it must.")
 ]
 
+Page = Annotated[
+    bool, typer.Option("--page", help="Show it in the browser: its address is the first line.")
+]
+PagePort = Annotated[
+    int | None, typer.Option(min=1, max=65535, help="Of the page; a free one if not given.")
+]
+
 
 def play(
-    recording: Annotated[Path, typer.Argument(help="A recording with names.")],
+    recording: Annotated[Path, typer.Argument(help="A recording.")],
     system: Annotated[str, typer.Option("--as", metavar="qtm|lsl", help="Which system it plays.")],
     pace: Annotated[float, typer.Option(help="Seconds of it in a second.")] = 1.0,
     port: Annotated[
@@ -46,6 +56,9 @@ def play(
         float, typer.Option(help="Seconds by which one frame in twenty is late at most.")
     ] = 0.0,
     seed: Annotated[int, typer.Option(min=0, help="Of what is lost and late.")] = 0,
+    unnamed: Annotated[
+        bool, typer.Option("--unnamed", help="Without the names of its markers.")
+    ] = False,
     to_network: Annotated[
         bool, typer.Option("--to-network", help="Let lsl listen at all addresses, as it must.")
     ] = False,
@@ -63,6 +76,8 @@ def play(
             "on loopback; expected --to-network, which permits it, or --as qtm"
         )
     found, delays = read_recording(recording), Delays(pace, lose, late, seed)
+    if unnamed:
+        found = replace(found, names=(None,) * len(found.names))
     if system == "qtm":
         play_as_qtm(found, delays, port, say)
     else:
@@ -77,15 +92,26 @@ def follow_live(
     record: Path | None,
     json_file: Path | None,
     events: LslEvents | None = None,
+    page: bool = False,
+    port: int | None = None,
 ) -> None:
-    """Follow a source; print and record lines of JSON. Ctrl-C ends it in order."""
+    """Follow a source; print and record lines of JSON. Ctrl-C ends it in order.
+
+    With `page` it is shown in the browser, too.
+    """
     from besman.following.live import LiveFollower
     from besman.io.atomic_files import write_json
     from besman.live.addresses import find_source
 
     follower = LiveFollower(find_source(address), plan, horizon_blocks, steady_s)
     teller = _Teller(keeps=json_file is not None, events=events)
-    _tell_all(follower, teller, record)
+    if page:
+        from besman.view.follow_live import open_follow_page
+
+        teller.news = Broadcast()
+        _show_page(open_follow_page(follower, teller.news, port), follower, teller, record)
+    else:
+        _tell_all(follower, teller, record)
     if json_file is not None:
         write_json(json_file, teller.told)
     teller.close()
@@ -117,12 +143,8 @@ def mirror(
         Path | None,
         typer.Option(help="Record the stream, NAME.tsv; what is printed as NAME.jsonl."),
     ] = None,
-    page: Annotated[
-        bool, typer.Option("--page", help="Show it in the browser: its address is the first line.")
-    ] = False,
-    port: Annotated[
-        int | None, typer.Option(min=1, max=65535, help="Of the page; a free one if not given.")
-    ] = None,
+    page: Page = False,
+    port: PagePort = None,
     lsl: Lsl = None,
     to_network: ToNetwork = False,
 ) -> None:
@@ -136,8 +158,7 @@ def mirror(
     if (run is None) == (robot is None):
         raise ConfigError("besman mirror: expected either --run RUN or --robot NAME")
     _refuse_useless(run is not None, tool, learn)
-    if port is not None and not page:
-        raise ConfigError("--port: is of --page; expected both, or neither")
+    check_port(page, port)
     source = find_source(live)
     if run is not None:
         plan = mirror_as_in_run(run, markers)
@@ -147,10 +168,18 @@ def mirror(
     teller = _Teller(keeps=False, events=announce_events(lsl, to_network))
     twin = Mirror(source, plan, 10.0 if learn is None else learn, by_frames)
     if page:
-        _show_page(twin, teller, record, port)
+        from besman.view.mirror_live import open_mirror_page
+
+        _show_page(open_mirror_page(twin, port), twin, teller, record)
     else:
         _tell_all(twin, teller, record)
     teller.close()
+
+
+def check_port(page: bool, port: int | None) -> None:
+    """Refuse a port of nothing."""
+    if port is not None and not page:
+        raise ConfigError("--port: is of --page; expected both, or neither")
 
 
 def _refuse_useless(has_run: bool, tool: str | None, learn: float | None) -> None:
@@ -161,16 +190,17 @@ def _refuse_useless(has_run: bool, tool: str | None, learn: float | None) -> Non
         raise ConfigError("--learn: is of --robot; with --run the hand's place is the run's")
 
 
-def _show_page(twin: Mirror, teller: _Teller, record: Path | None, port: int | None) -> None:
+def _show_page(
+    server: LoopbackServer, follower: LiveFollower | Mirror, teller: _Teller, record: Path | None
+) -> None:
     """Serve a page of it to this machine while the stream comes."""
-    from besman.view.mirror_live import open_mirror_page
-
-    server = open_mirror_page(twin, port)
     teller.tell({"kind": "page", "url": server.url})
     server.start()
     try:
-        _tell_all(twin, teller, record)
+        _tell_all(follower, teller, record)
     finally:
+        if teller.news is not None:
+            teller.news.end()
         server.stop()
 
 
@@ -226,6 +256,7 @@ class _Teller:
         self._keeps, self._events = keeps, events
         self.lines: WholeLines | None = None
         self.told: list[dict[str, Any]] = []
+        self.news: Broadcast | None = None
         self._failed: FileError | None = None
 
     def tell(self, one: dict[str, Any]) -> None:
@@ -235,6 +266,8 @@ class _Teller:
         sys.stdout.flush()
         if self._events is not None and one.get("kind") not in _NO_EVENTS:
             self._events.send(text.rstrip())
+        if self.news is not None:
+            self.news.send(text)
         if self._keeps:
             self.told.append(one)
         if self.lines is None:

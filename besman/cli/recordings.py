@@ -8,7 +8,15 @@ from typing import Annotated
 
 import typer
 
-from besman.cli.live import Lsl, ToNetwork, announce_events, follow_live
+from besman.cli.live import (
+    Lsl,
+    Page,
+    PagePort,
+    ToNetwork,
+    announce_events,
+    check_port,
+    follow_live,
+)
 from besman.cli.options import Json, Recordings, target_file, target_folder
 from besman.cli.terminal import say
 from besman.exceptions import ConfigError, one_of
@@ -105,6 +113,8 @@ def follow(
         float | None,
         typer.Option(help="Scale by the first seconds; default by the run's recordings, or 10."),
     ] = None,
+    page: Page = False,
+    port: PagePort = None,
     lsl: Lsl = None,
     to_network: ToNetwork = False,
     json_file: Json = None,
@@ -118,11 +128,15 @@ def follow(
     from besman.following.plans import make_plan
     from besman.io.atomic_files import write_json
 
-    _check_followed(recording, live, {"--record": record, "--lsl": lsl})
+    _check_followed(
+        recording, live, {"--record": record, "--lsl": lsl, "--page": "" if page else None}
+    )
+    check_port(page, port)
     plan = make_plan(run, models or [], markers, calibration)
     if recording is None:
         events = announce_events(lsl, to_network)
-        follow_live(str(live), plan, horizon or None, steady, record, json_file, events)
+        horizon_blocks, shown = horizon or None, (page, port)
+        follow_live(str(live), plan, horizon_blocks, steady, record, json_file, events, *shown)
         return
     replay = Replay(recording, plan, speed, horizon or None, steady)
     rate_hz = replay.recording.rate_hz

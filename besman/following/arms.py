@@ -19,13 +19,18 @@ from besman.following.steadiness import SteadyBorders
 from besman.stages.recognize.features import needed_markers
 from besman.stages.recognize.model import RecognitionModel, name_segments
 from besman.stages.segment.signals import Scaling, measure_scaling, resample
-from besman.stages.segment.stage import VmciOnlineConfig
+from besman.stages.segment.stage import HAND_SHAPE, ValleyOnlineConfig, VmciOnlineConfig
+from besman.stages.segment.valley_online import OnlineMovements, Pace, measure_pace
+from besman.stages.segment.valley_vmci import EVIDENCE_HZ
 from besman.stages.segment.vmci import VmciModel
 from besman.stages.segment.vmci_online import OnlineVmci
 
 FloatArray = npt.NDArray[np.float64]
 
 _CALIBRATION_S = 10.0
+
+OnlineSegmentation = VmciOnlineConfig | ValleyOnlineConfig
+"""The methods that go on sample by sample."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,9 +44,10 @@ class FollowedArm:
         Markers whose speed is bell-shaped; their movement is segmented.
     model : RecognitionModel
         Names the blocks.
-    scaling : Scaling, optional
-        Of earlier movements of `hands`, at the rate of the segmentation. If not given, it is
-        measured on the first seconds of the stream, which are segmented once they are over.
+    scaling : Scaling or Pace, optional
+        Of earlier movements of `hands`, at the rate of the segmentation: a pace where movements and
+        rests are found (`ValleyOnlineConfig`). If not given, it is measured on the first seconds of
+        the stream, which are segmented once they are over.
     foresight : Foresight, optional
         Tells what comes next; nothing is foreseen if not given.
     """
@@ -49,7 +55,7 @@ class FollowedArm:
     name: str
     hands: tuple[str, ...]
     model: RecognitionModel
-    scaling: Scaling | None = None
+    scaling: Scaling | Pace | None = None
     foresight: Foresight | None = None
 
 
@@ -59,7 +65,7 @@ class ArmStream:
     Parameters
     ----------
     arm : FollowedArm
-    segment : VmciOnlineConfig
+    segment : VmciOnlineConfig or ValleyOnlineConfig
         How to segment; its markers do not matter. Without a border probability one border a second
         is expected, without `calibration_s` the scaling is measured on 10 s.
     frames : FrameBuffer
@@ -76,7 +82,7 @@ class ArmStream:
     """
 
     def __init__(
-        self, arm: FollowedArm, segment: VmciOnlineConfig, frames: FrameBuffer, steady_s: float
+        self, arm: FollowedArm, segment: OnlineSegmentation, frames: FrameBuffer, steady_s: float
     ) -> None:
         self.arm, self._segment, self._frames = arm, segment, frames
         recipe = arm.model.recipe
@@ -84,7 +90,8 @@ class ArmStream:
         self.needed = tuple(dict.fromkeys((*arm.hands, *body)))
         self._hands = [frames.markers.index(n) for n in arm.hands if n in frames.markers]
         self._columns = [frames.markers.index(n) for n in self.needed if n in frames.markers]
-        self._rate_hz = min(segment.rate_hz, frames.rate_hz)
+        wanted_hz = segment.rate_hz if isinstance(segment, VmciOnlineConfig) else EVIDENCE_HZ
+        self._rate_hz = min(wanted_hz, frames.rate_hz)
         self._early: list[FloatArray] = []
         self._online = None if arm.scaling is None else self._start(arm.scaling)
         self._names: dict[tuple[int, int], tuple[str, float]] = {}
@@ -173,15 +180,19 @@ class ArmStream:
             self._names[start, end] = (label, uncertainty)
         return Piece("block", self.arm.name, start, end, *self._names[start, end], final)
 
-    def _start(self, scaling: Scaling) -> OnlineVmci:
-        return OnlineVmci(
-            scaling,
-            self._segment.border_probability or 1.0 / max(self._rate_hz, 2.0),
-            self._frames.rate_hz,
-            self._rate_hz,
-            self._segment.longest_s,
-            VmciModel(n_centres=self._segment.n_centres),
-        )
+    def _start(self, scaling: Scaling | Pace) -> OnlineVmci | OnlineMovements:
+        if isinstance(self._segment, VmciOnlineConfig):
+            assert isinstance(scaling, Scaling)
+            return OnlineVmci(
+                scaling,
+                self._segment.border_probability or 1.0 / max(self._rate_hz, 2.0),
+                self._frames.rate_hz,
+                self._rate_hz,
+                self._segment.longest_s,
+                VmciModel(n_centres=self._segment.n_centres),
+            )
+        assert isinstance(scaling, Pace)
+        return OnlineMovements(scaling, self._frames.rate_hz, self._segment.longest_s, HAND_SHAPE)
 
     @property
     def _calibration_rows(self) -> int:
@@ -200,8 +211,10 @@ class ArmStream:
                 f"{source}: lasts {n / self._frames.rate_hz:.3g} s, which is 1 sample at "
                 f"{self._rate_hz:g} Hz; expected at least 2"
             )
-        scaling = measure_scaling(samples)
-        if not np.isfinite(scaling.step).any():
+        scaling: Scaling | Pace = measure_scaling(samples)
+        if isinstance(self._segment, ValleyOnlineConfig):
+            scaling = measure_pace(np.arange(n) / self._frames.rate_hz, paths, HAND_SHAPE)
+        if not np.isfinite(scaling.change).any():
             raise SegmentationError(
                 f"{source}: {', '.join(self.arm.hands)} did not move in the first "
                 f"{n / self._frames.rate_hz:.3g} s, on which the scaling is measured; expected "

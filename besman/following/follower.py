@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from besman.exceptions import RecognitionError, RecordingError, nearest
 from besman.following.actions import ActionStream
-from besman.following.arms import ArmStream, FollowedArm
+from besman.following.arms import ArmStream, FollowedArm, OnlineSegmentation
 from besman.following.foreseeing import BlockForecast
 from besman.following.frames import FrameBuffer
 from besman.following.pieces import Change, Piece
@@ -47,9 +47,10 @@ class FollowState:
 class Follower:
     """Takes samples; keeps borders, labels and actions current.
 
-    Each arm is segmented by online vMCI; what is most probable is known at once and may change,
-    and becomes final when no sample to come can change it. With the scaling of the whole recording
-    and without a horizon, the pieces after `finish` are those of exact vMCI, `name_segments`,
+    Each arm is segmented by online vMCI, or into movements and rests; what is most probable is
+    known at once and may change, and becomes final when no sample to come can change it. With the
+    scaling of the whole recording and without a horizon, the pieces after `finish` are those of
+    exact vMCI (or of `besman.stages.segment.valley_vmci.find_movements`), `name_segments`,
     `candidate_borders` and `compose_levels` for the whole recording.
 
     Short gaps are bridged by holding the last sighting. Where a marker that is needed is not seen
@@ -65,7 +66,7 @@ class Follower:
         What is segmented and named.
     levels : sequence of LevelModel
         Actions, the lowest first; none: blocks alone.
-    segment : VmciOnlineConfig, optional
+    segment : VmciOnlineConfig or ValleyOnlineConfig, optional
         How to segment; see `besman.following.arms.ArmStream`.
     brisk_m_s : mapping of str to float
         Where one of these hands is slow an action may begin or end too, not only at the borders of
@@ -99,7 +100,7 @@ class Follower:
         rate_hz: float,
         arms: Sequence[FollowedArm],
         levels: Sequence[LevelModel] = (),
-        segment: VmciOnlineConfig | None = None,
+        segment: OnlineSegmentation | None = None,
         *,
         brisk_m_s: Mapping[str, float] | None = None,
         longest_blocks: int | None = None,
@@ -132,6 +133,11 @@ class Follower:
         self._gaps = GapHolder(markers, required, longest, source, self._frames.width)
         self._n_given = 0
         self._done = False
+
+    @property
+    def arms(self) -> tuple[FollowedArm, ...]:
+        """What is followed."""
+        return tuple(stream.arm for stream in self._arms)
 
     @property
     def state(self) -> FollowState:

@@ -8,13 +8,17 @@ from pathlib import Path
 import numpy as np
 
 from besman.exceptions import RunError
+from besman.following.plans import FollowPlan, learn_names_of
+from besman.following.stream_names import LearnNames
 from besman.geometry.frames import rotation_to_quaternion
+from besman.pipeline.config import learn_from
 from besman.pipeline.finished_run import read_recipe
 from besman.pipeline.stored_run import open_run
 from besman.records import FloatArray, HandTrajectory
 from besman.records.layers import Side
 from besman.robot.inverse_kinematics import IkWeights, solve_path
 from besman.robot.model import Robot, load_robot
+from besman.stages.label.model_from_pose import model_from_pose
 from besman.stages.map.demonstration import MappingSettings, tcp_in_hand, tool_poses
 from besman.stages.map.map_demonstrations import arm_paths
 from besman.stages.map.mapping import Mapping
@@ -83,12 +87,15 @@ class MirrorPlan:
         The person's arm.
     placement : HandPlacement, optional
         Without it, it is learnt from the first seconds.
+    learn_names : callable
+        Returns what the markers look like, where they come without a name.
     """
 
     robot: Robot
     markers: str
     side: Side = "right"
     placement: HandPlacement | None = None
+    learn_names: LearnNames = model_from_pose
 
 
 def mirror_as_in_run(run: Path, markers: str | None = None) -> MirrorPlan:
@@ -134,7 +141,13 @@ def mirror_as_in_run(run: Path, markers: str | None = None) -> MirrorPlan:
         ik=settings.ik,
         free_spin=settings.free_spin,
     )
-    return MirrorPlan(robot, markers or config.label.markers, config.select.arm, placement)
+    return MirrorPlan(
+        robot,
+        markers or config.label.markers,
+        config.select.arm,
+        placement,
+        learn_names_of(FollowPlan((), config.label, learn_from(config))),
+    )
 
 
 def _starts_of(mapping: Mapping) -> FloatArray:

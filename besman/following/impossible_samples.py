@@ -22,6 +22,9 @@ class SampleGate:
     ----------
     names : sequence of str or None, length M
     rate_hz : float
+    keep_place : bool
+        Whether a trajectory is one marker all the time. Of points without names it is not: where
+        one has gone another may come, so that only what is too far is hidden.
 
     Attributes
     ----------
@@ -29,8 +32,11 @@ class SampleGate:
         Samples that became gaps.
     """
 
-    def __init__(self, names: Sequence[str | None], rate_hz: float) -> None:
+    def __init__(
+        self, names: Sequence[str | None], rate_hz: float, keep_place: bool = True
+    ) -> None:
         self._names, self._step_m = tuple(names), IMPOSSIBLE_M_S / rate_hz
+        self._keep_place = keep_place
         n = len(self._names)
         # Of each marker the place and frame that are believed, those seen last, and for how many
         # frames these have gone on without a jump.
@@ -57,6 +63,8 @@ class SampleGate:
         if not near.all():
             known = np.where(near[:, None], positions, np.nan)
             self._hide(~near & ~np.isnan(positions).all(axis=1), "no place")
+        if not self._keep_place:
+            return known, known
         fast: BoolArray = near & self._jumped(self._kept, self._kept_at, known)
         if fast.any():
             again = fast & ~self._jumped(self._seen, self._seen_at, known)

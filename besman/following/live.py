@@ -2,24 +2,49 @@
 
 from __future__ import annotations
 
-import gc
-import time
+from collections import deque
 from collections.abc import Iterator
-from dataclasses import asdict
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from besman.exceptions import BesmanError
 from besman.following.follower import Follower
-from besman.following.frame_stream import FrameStream, MakeCapture, NamedFrame
+from besman.following.frame_stream import FrameStream, MakeCapture, NamedFrame, Told
 from besman.following.news import content_of_forecast, content_of_piece
-from besman.following.plans import FollowPlan, make_follower
+from besman.following.pieces import Change
+from besman.following.plans import FollowPlan, learn_names_of, make_follower
 from besman.live.stream import Source, StreamFormat
 from besman.records import FloatArray
 
 _WARM_S = 8.0
-_KEPT = 60_000
+_SPEED_OVER_S = 0.1
+
+
+class Present(NamedTuple):
+    """What is shown of the present.
+
+    Attributes
+    ----------
+    time_s : float
+        Of the stream.
+    names : tuple of str, length M
+    markers : array, shape (M, 3)
+        Laboratory frame, metres; NaN where not seen.
+    confidence : dict of str to float
+        How sure each name is, where names were found.
+    speed_m_s : float
+        Of the hands that are segmented; NaN where one is not seen.
+    delay_ms : float
+        How long the packet before took to become what was told.
+    """
+
+    time_s: float
+    names: tuple[str, ...]
+    markers: FloatArray
+    confidence: dict[str, float]
+    speed_m_s: float
+    delay_ms: float
 
 
 class LiveFollower:
@@ -34,13 +59,6 @@ class LiveFollower:
         See `besman.following.follower.Follower`.
     patience_s : float
         How long a packet may be late; see `besman.live.alignment.Aligner`.
-
-    Attributes
-    ----------
-    times : array, shape (3, n)
-        Seconds that each of the last frames took, of no more than 60 000: from its arrival until
-        all that follows from it was taken; the same from the time in its packet, of use where the
-        source's clock is `time.perf_counter` of this machine; and what of it this thread computed.
     """
 
     def __init__(
@@ -53,11 +71,12 @@ class LiveFollower:
     ) -> None:
         self._plan, self._horizon, self._steady_s = plan, horizon_blocks, steady_s
         earlier = next(iter(plan.earlier), None)
-        self._stream = FrameStream(source, plan.label.markers, earlier, patience_s)
-        # A session of hours must not fill the memory.
-        self._times = np.empty((3, _KEPT))
-        self._n_taken = 0
+        self._stream = FrameStream(
+            source, plan.label.markers, earlier, patience_s, learn_names=learn_names_of(plan)
+        )
         self.follower: Follower | None = None
+        self._places: deque[FloatArray] = deque(maxlen=2)
+        self._present = Present(0.0, (), np.empty((0, 3)), {}, 0.0, float("nan"))
 
     def open(self, make_capture: MakeCapture | None = None) -> StreamFormat:
         """Connect to the source.
@@ -76,6 +95,9 @@ class LiveFollower:
         self._format = self._stream.open(make_capture)
         blank = self._stream.blank
         self.follower = make_follower(self._plan, blank, self._horizon, self._steady_s)
+        hands = [name for arm in self.follower.arms for name in arm.hands]
+        self._hands = [blank.markers.index(name) for name in hands]
+        self._places = deque(maxlen=1 + max(1, round(_SPEED_OVER_S * self._format.rate_hz)))
         self._stream.begin_recording()
         return self._format
 
@@ -87,19 +109,8 @@ class LiveFollower:
         BesmanError
             As `Follower.push`; if the stream cannot be read any more, or be recorded.
         """
-        # Nothing of what was made so far is looked through for garbage while packets wait.
-        gc.collect()
-        gc.freeze()
-        self._stream.start()
-        try:
-            while not self._stream.ended:
-                yield from self._take_all(self._stream.read())
-        except BaseException:
-            self._stream.close()
-            raise
-        finally:
-            gc.unfreeze()
-        yield from self.end_now()
+        yield from self._stream.run(self._take, finish=self._finish)
+        yield from self._tell_end()
 
     def end_now(self) -> Iterator[dict[str, Any]]:
         """Let everything be final, and the recording whole; yield what becomes known by it.
@@ -109,61 +120,57 @@ class LiveFollower:
         BesmanError
             As `run`.
         """
-        try:
-            yield from self._take_all(self._stream.flush())
-            yield from self._finish()
-        finally:
-            self._stream.close()
-        yield {"kind": "end", **self.summary()}
-        self._stream.raise_failure()
+        yield from self._stream.end(self._take, self._finish)
+        yield from self._tell_end()
 
     @property
     def times(self) -> FloatArray:
-        """How long the last frames took; see the class."""
-        return self._times[:, : min(self._n_taken, _KEPT)]
+        """How long the last frames took; see `besman.following.frame_stream.FrameStream.times`."""
+        return self._stream.times
 
     def summary(self) -> dict[str, Any]:
         """Return what became of the packets, and how long each frame took."""
-        since_arrival = self.times[0] if self._n_taken else np.array([np.nan])
-        median, high = 1e3 * np.percentile(since_arrival, (50, 99.9))
-        return {
-            "frames": self._stream.n_frames,
-            **asdict(self._stream.delivery),
-            "latency_ms": {"median": float(median), "p99_9": float(high)},
-        }
+        return self._stream.summary()
 
-    def _take_all(self, news: Iterator[NamedFrame | str]) -> Iterator[dict[str, Any]]:
-        begun_s = time.thread_time()
-        for one in news:
-            if isinstance(one, str):
-                yield {"kind": "notice", "text": one}
-                continue
-            yield from self._take(one)
-            busy_s, now = time.thread_time() - begun_s, time.perf_counter()
-            row = now - one.arrived_s, now - one.sent_s, busy_s
-            self._times[:, self._n_taken % _KEPT] = row
-            self._n_taken += 1
-            begun_s = time.thread_time()
+    def look(self) -> Present:
+        """Return the present, from any thread."""
+        return self._present
 
-    def _take(self, frame: NamedFrame) -> Iterator[dict[str, Any]]:
+    def _tell_end(self) -> Iterator[dict[str, Any]]:
+        yield {"kind": "end", **self.summary()}
+        self._stream.raise_failure()
+
+    def _take(self, frame: NamedFrame) -> Told:
         """Take one frame."""
         assert self.follower is not None
+        told = self._tell_changes(self.follower.push(frame.markers))
         rate_hz = self._format.rate_hz
-        changes = self.follower.push(frame.markers)
-        at_s = self._stream.n_frames / rate_hz
-        for change in changes:
-            piece = content_of_piece(change.piece, rate_hz)
-            yield {"time_s": at_s, "status": change.status, **piece}
+        self._places.append(frame.markers[self._hands])
+        way_m = self._places[-1] - self._places[0]
+        seconds = (len(self._places) - 1) / rate_hz
+        self._present = Present(
+            self._stream.n_frames / rate_hz,
+            self._stream.blank.markers,
+            frame.markers,
+            self._stream.confidence,
+            float(np.linalg.norm(way_m)) / seconds if seconds else 0.0,
+            1e3 * self._stream.last_delay_s,
+        )
         for forecast in self.follower.look_ahead():
-            yield {"kind": "next", **content_of_forecast(forecast, rate_hz)}
+            told.append({"kind": "next", **content_of_forecast(forecast, rate_hz)})
+        return told
 
-    def _finish(self) -> Iterator[dict[str, Any]]:
+    def _finish(self) -> Told:
         assert self.follower is not None
+        return self._tell_changes(self.follower.finish())
+
+    def _tell_changes(self, changes: tuple[Change, ...]) -> Told:
         rate_hz = self._format.rate_hz
-        for change in self.follower.finish():
-            piece = content_of_piece(change.piece, rate_hz)
-            at_s = self._stream.n_frames / rate_hz
-            yield {"time_s": at_s, "status": change.status, **piece}
+        at_s = self._stream.n_frames / rate_hz
+        return [
+            {"time_s": at_s, "status": one.status, **content_of_piece(one.piece, rate_hz)}
+            for one in changes
+        ]
 
     def _warm_up(self) -> None:
         """Have kernels loaded before the first packet, by a movement that was recorded earlier."""

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import gc
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import asdict
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from besman.exceptions import ConfigError, RecordingError
-from besman.following.frame_stream import FrameStream, MakeCapture, NamedFrame
+from besman.following.frame_stream import FrameStream, MakeCapture, NamedFrame, Told
 from besman.following.hand_placement import HandPlacement, MirrorPlan, learn_placement
 from besman.following.hand_stream import HandStream
 from besman.following.twin import Twin
@@ -26,7 +24,6 @@ from besman.robot.model import Robot
 from besman.simulation.arm_in_mujoco import ArmInMujoco
 
 _IDLE_S = 0.01
-_KEPT = 60_000
 # What moved less than this in the first seconds says little of where it will move.
 _LITTLE_M = 0.15
 
@@ -78,12 +75,6 @@ class Mirror:
         can be.
     take : callable, optional
         Is given all set-points, in their order.
-
-    Attributes
-    ----------
-    times : array, shape (3, n)
-        Seconds of each of the last frames, of no more than 60 000: from its arrival until the
-        set-points to come were changed; from the time in its packet; and what this thread computed.
     """
 
     def __init__(
@@ -96,7 +87,10 @@ class Mirror:
     ) -> None:
         if not 1.0 <= learn_s <= 600.0:
             raise ConfigError(f"--learn: got {learn_s:g} s; expected 1 to 600")
-        self._stream = FrameStream(source, plan.markers, idle_s=_IDLE_S)
+        self._stream = FrameStream(
+            source, plan.markers, idle_s=_IDLE_S, learn_names=plan.learn_names
+        )
+        self._stream.is_timed = False
         self._plan, self._learn_s, self._by_frames, self._give = plan, learn_s, by_frames, take
         self._placement = plan.placement
         self._learning: Future[HandPlacement] | None = None
@@ -108,7 +102,6 @@ class Mirror:
         self._was = ""
         self._moment: Moment | None = None
         self._names: tuple[str, ...] = ()
-        self._times, self._n_taken = np.empty((3, _KEPT)), 0
 
     def open(self, make_capture: MakeCapture | None = None) -> StreamFormat:
         """Connect to the source; see `besman.following.frame_stream.FrameStream.open`."""
@@ -127,20 +120,11 @@ class Mirror:
         BesmanError
             If the stream cannot be read any more or be recorded, or the arm cannot begin.
         """
-        gc.collect()
-        gc.freeze()
-        self._stream.start()
         try:
-            while not self._stream.ended:
-                yield from self._take_all(self._stream.read())
-                self._advance()
-                yield from self._tell_change("rests" if self._rests else self._was)
-        except BaseException:
-            self._close()
-            raise
+            yield from self._stream.run(self._take, self._go_on, self._finish)
         finally:
-            gc.unfreeze()
-        yield from self.end_now()
+            self._threads.shutdown(wait=False, cancel_futures=True)
+        yield from self._tell_end()
 
     def end_now(self) -> Iterator[dict[str, Any]]:
         """Bring the arm to rest, and make the recording whole.
@@ -150,24 +134,16 @@ class Mirror:
         BesmanError
             As `run`.
         """
-        try:
-            yield from self._take_all(self._stream.flush())
-            if self._twin is None:
-                raise RecordingError(
-                    f"{self._stream.format.source}: ended before the arm could begin: "
-                    + self._what_lacks()
-                )
-            while not self._twin.rests:
-                self._pass_on(1)
-        finally:
-            self._close()
-        yield {"kind": "end", **self.summary()}
-        self._stream.raise_failure()
+        yield from self._stream.end(self._take, self._finish)
+        yield from self._tell_end()
 
     @property
     def times(self) -> FloatArray:
-        """How long the last frames took; see the class."""
-        return self._times[:, : min(self._n_taken, _KEPT)]
+        """How long the last frames took; see `besman.following.frame_stream.FrameStream.times`.
+
+        From when the arm has begun.
+        """
+        return self._stream.times
 
     @property
     def robot(self) -> Robot:
@@ -190,49 +166,54 @@ class Mirror:
             return Moment(at_s, "", frame.markers)
         world = self._placement.place_points(self._hand.in_back(frame.markers))
         joints = self._reached if self._n_given else self._twin.positions
-        delay_ms = 1e3 * float(self._times[0, (self._n_taken - 1) % _KEPT])
+        delay_ms = 1e3 * self._stream.last_delay_s if self._stream.is_timed else None
         asked = self._twin.target[:3, 3]
         return Moment(at_s, self._was, world, joints, asked, self._twin.away_m, delay_ms)
 
     def summary(self) -> dict[str, Any]:
         """Return what became of packets and set-points, and how long each frame took."""
-        since_arrival = self.times[0] if self._n_taken else np.array([np.nan])
-        median, high = 1e3 * np.percentile(since_arrival, (50, 99.9))
-        return {
-            "frames": self._stream.n_frames,
-            **asdict(self._stream.delivery),
+        counts = {
             "hidden": self._n_hidden,
             "withheld": self._n_refused,
             "set_points": self._n_given,
-            "latency_ms": {"median": float(median), "p99_9": float(high)},
         }
+        return self._stream.summary() | counts
+
+    def _tell_end(self) -> Iterator[dict[str, Any]]:
+        yield {"kind": "end", **self.summary()}
+        self._stream.raise_failure()
+
+    def _finish(self) -> Told:
+        """Bring the arm to rest."""
+        if self._twin is None:
+            raise RecordingError(
+                f"{self._stream.format.source}: ended before the arm could begin: "
+                + self._what_lacks()
+            )
+        while not self._twin.rests:
+            self._pass_on(1)
+        return []
 
     @property
     def _rests(self) -> bool:
         return self._twin is not None and self._twin.rests
 
-    def _take_all(self, news: Iterator[NamedFrame | str]) -> Iterator[dict[str, Any]]:
-        begun_s = time.thread_time()
-        for one in news:
-            if isinstance(one, str):
-                yield {"kind": "notice", "text": one}
-                continue
-            told = self._take(one)
-            busy_s, now = time.thread_time() - begun_s, time.perf_counter()
-            if self._twin is not None:
-                row = now - one.arrived_s, now - one.sent_s, busy_s
-                self._times[:, self._n_taken % _KEPT] = row
-                self._n_taken += 1
-            self._moment = self._describe(one)
-            yield from told
-            begun_s = time.thread_time()
+    def _go_on(self) -> Told:
+        """Give the set-points of the time that has passed."""
+        self._advance()
+        return self._tell_change("rests" if self._rests else self._was)
 
-    def _take(self, frame: NamedFrame) -> list[dict[str, Any]]:
-        """Take one frame; return what is to be told."""
+    def _take(self, frame: NamedFrame) -> Told:
+        """Take one frame, and let it be seen; return what is to be told."""
+        told = self._move(frame)
+        self._moment = self._describe(frame)
+        return told
+
+    def _move(self, frame: NamedFrame) -> Told:
         pose = self._hand.take(frame.markers)
         if self._twin is None:
             return [] if pose is None else self._prepare(pose)
-        row = self._stream.n_frames
+        row, self._stream.is_timed = self._stream.n_frames, True
         self._advance()
         follows = False
         if pose is not None:
@@ -323,13 +304,13 @@ class Mirror:
             "away_m": round(self._twin.away_m, 4),
         }
 
-    def _tell_change(self, state: str) -> Iterator[dict[str, Any]]:
+    def _tell_change(self, state: str) -> Told:
         """Say once that the arm follows, comes to rest, and why, or rests."""
         if state == self._was:
-            return
+            return []
         self._was = state
         at_s = self._stream.n_frames / self._stream.format.rate_hz
-        yield {"kind": "arm", "time_s": at_s, "state": state}
+        return [{"kind": "arm", "time_s": at_s, "state": state}]
 
     def _what_lacks(self) -> str:
         if not self._hand.knows_back:
@@ -348,7 +329,3 @@ class Mirror:
         twin = Twin(robot, still, pose)
         twin.follow(pose, 0.01)
         ArmInMujoco(robot, robot.home).follow(*twin.advance(2))
-
-    def _close(self) -> None:
-        self._stream.close()
-        self._threads.shutdown(wait=False, cancel_futures=True)

@@ -11,13 +11,14 @@ import numpy as np
 
 from besman.classifiers.novelty import UNKNOWN
 from besman.exceptions import ConfigError, RunError
-from besman.following.arms import FollowedArm
+from besman.following.arms import FollowedArm, OnlineSegmentation
 from besman.following.follower import Follower
 from besman.following.foresight import Foresight
+from besman.following.stream_names import LearnNames
 from besman.geometry.row_blocks import by_rows
 from besman.person.body import find_body
 from besman.person.marker_set import MarkerSet, load_marker_set
-from besman.person.mirror import MIRROR, MIRROR_TURN
+from besman.person.mirror import MIRROR, MIRROR_TURN, mirror_name
 from besman.pipeline.config import learn_from
 from besman.pipeline.finished_run import read_recipe, trained_model
 from besman.pipeline.stored_run import open_run
@@ -28,13 +29,22 @@ from besman.stages.compose.actions import LevelModel
 from besman.stages.compose.borders import measure_brisk
 from besman.stages.label.derive_markers import derive_markers
 from besman.stages.label.methods import DefaultLabelConfig, LabelMethod
-from besman.stages.label.stage import LabelConfig
+from besman.stages.label.model import MarkerModel
+from besman.stages.label.model_from_pose import model_from_pose
+from besman.stages.label.stage import LabelConfig, NamingBase
+from besman.stages.label.trajectories import learn_from_recording
 from besman.stages.recognize.model import RecognitionModel
 from besman.stages.recognize.model_files import load_model
 from besman.stages.recognize.one_throw import OneThrowConfig
 from besman.stages.segment.sampling import sample_paths
 from besman.stages.segment.signals import Scaling, measure_scaling, pool_scalings
-from besman.stages.segment.stage import SegmentConfig, VmciOnlineConfig
+from besman.stages.segment.stage import (
+    SegmentConfig,
+    ValleyOnlineConfig,
+    ValleyVmciConfig,
+    VmciOnlineConfig,
+)
+from besman.stages.segment.valley_online import Pace, pool_paces
 
 
 @dataclass(frozen=True)
@@ -50,7 +60,7 @@ class FollowPlan:
         How trajectories become markers.
     teacher : str, optional
         Recording that the label stage learns from.
-    segment : VmciOnlineConfig
+    segment : VmciOnlineConfig or ValleyOnlineConfig
         How to segment.
     levels : tuple of LevelModel
         Actions, the lowest level first.
@@ -67,7 +77,7 @@ class FollowPlan:
     models: tuple[tuple[RecognitionModel, tuple[str, ...]], ...]
     label: LabelMethod = field(default_factory=DefaultLabelConfig)
     teacher: str | None = None
-    segment: VmciOnlineConfig = field(default_factory=VmciOnlineConfig)
+    segment: OnlineSegmentation = field(default_factory=VmciOnlineConfig)
     levels: tuple[LevelModel, ...] = ()
     longest_blocks: int | None = None
     slow_hands: tuple[str, ...] = ()
@@ -128,7 +138,9 @@ def _plan_of_run(run: Path) -> FollowPlan:
         )
     given = config.recognize.model
     model = trained_model(run) if given is None else load_model(Path(given))
-    segment = VmciOnlineConfig()
+    segment: OnlineSegmentation = VmciOnlineConfig()
+    if isinstance(config.segment, ValleyVmciConfig | ValleyOnlineConfig):
+        segment = ValleyOnlineConfig(longest_s=config.segment.longest_s)
     if isinstance(config.segment, SegmentConfig | VmciOnlineConfig):
         values = config.segment.model_dump(exclude={"method"}, exclude_none=True)
         segment = VmciOnlineConfig(**values)
@@ -166,6 +178,30 @@ def label_stream(plan: FollowPlan, recording: Recording) -> LabelledRecording:
         labelled: LabelledRecording = plan.label.run((recording,), marker_set, *teachers)[0]
         return labelled
     return label_by_names(recording, marker_set)
+
+
+def learn_names_of(plan: FollowPlan) -> LearnNames:
+    """Return how points without a name are named: as in the first of the earlier movements.
+
+    Where there are none, as in the recording that the label stage learns from; where it names none,
+    as in the marker set's own pose.
+    """
+
+    def learn(marker_set: MarkerSet) -> MarkerModel:
+        for one in plan.earlier:
+            if set(marker_set.required) <= set(one.markers):
+                # They were turned round if the person is left-handed, and their names with them.
+                is_left = marker_set.side == "left"
+                names = tuple(map(mirror_name, one.markers)) if is_left else one.markers
+                named = Recording(one.time, one.positions, names, one.rate_hz, one.source)
+                return learn_from_recording(named, marker_set)
+        if plan.teacher is not None and isinstance(plan.label, NamingBase):
+            from besman.io.recordings.formats import read_recording
+
+            return plan.label.learn(marker_set, read_recording(Path(plan.teacher)))
+        return model_from_pose(marker_set)
+
+    return learn
 
 
 def label_by_names(recording: Recording, marker_set: MarkerSet) -> LabelledRecording:
@@ -265,12 +301,15 @@ def _learn_foresight(plan: FollowPlan, model: RecognitionModel) -> Foresight | N
 
 def _measure_scaling(
     plan: FollowPlan, hands: tuple[str, ...], sample_rate_hz: float
-) -> Scaling | None:
+) -> Scaling | Pace | None:
     """Measure the scaling on earlier movements, where these hands were recorded."""
-    if plan.segment.calibration_s is not None:
+    segment = plan.segment
+    if segment.calibration_s is not None:
         return None
-    rate_hz = min(plan.segment.rate_hz, sample_rate_hz)
     known = [one for one in plan.earlier if set(hands) <= set(one.markers)]
     if not known:
         return None
+    if isinstance(segment, ValleyOnlineConfig):
+        return pool_paces([segment.measure(one, hands) for one in known])
+    rate_hz = min(segment.rate_hz, sample_rate_hz)
     return pool_scalings([measure_scaling(sample_paths(one, hands, rate_hz)[0]) for one in known])

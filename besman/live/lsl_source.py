@@ -132,9 +132,16 @@ class LslSource:
             )
         return StreamFormat(self._name, names, rate_hz), columns, scale
 
-    def _read_channels(self, about: Any) -> tuple[tuple[str, ...], list[list[int]], float]:
+    def _read_channels(self, about: Any) -> tuple[tuple[str | None, ...], list[list[int]], float]:
         """Return the names of markers, the channels of their x, y, z, and metres a unit."""
         labels = about.get_channel_labels() or []
+        if not any(labels) and about.channel_count() % 3 == 0:
+            return self._read_unnamed(about)
+        return self._read_named(about, labels)
+
+    def _read_named(
+        self, about: Any, labels: Sequence[str]
+    ) -> tuple[tuple[str, ...], list[list[int]], float]:
         types = about.get_channel_types() or [None] * len(labels)
         units = about.get_channel_units() or [None] * len(labels)
         places: dict[str, dict[str, int]] = {}
@@ -154,6 +161,12 @@ class LslSource:
         columns = [[one[axis] for axis in "xyz"] for one in markers.values()]
         words = {said[channel] for channels in columns for channel in channels}
         return tuple(markers), columns, self._find_scale(words)
+
+    def _read_unnamed(self, about: Any) -> tuple[tuple[None, ...], list[list[int]], float]:
+        """Take channels that do not say what they are for x, y, z of one point after the other."""
+        scale = self._find_scale({unit or "" for unit in about.get_channel_units() or [""]})
+        channels = np.arange(about.channel_count()).reshape(-1, 3)
+        return (None,) * len(channels), channels.tolist(), scale
 
     def _find_scale(self, words: set[str]) -> float:
         """Return metres a unit, as the user says or the channels do."""

@@ -75,9 +75,10 @@ def play_as_lsl(
     rate_hz = recording.rate_hz
     n_channels = 3 * len(recording.names)
     about = pylsl.StreamInfo(name, "MoCap", n_channels, rate_hz, "float32", f"besman play {name}")
-    labels = [f"{marker or ''}_{axis}" for marker in recording.names for axis in "XYZ"]
-    about.set_channel_labels(labels)
-    about.set_channel_types([f"Position{label[-1]}" for label in labels])
+    if any(recording.names):
+        labels = [f"{marker or ''}_{axis}" for marker in recording.names for axis in "XYZ"]
+        about.set_channel_labels(labels)
+        about.set_channel_types([f"Position{label[-1]}" for label in labels])
     about.set_channel_units("meters")
     outlet = pylsl.StreamOutlet(about)
     say(f"waiting as lsl:{name}")

@@ -16,8 +16,9 @@ from xml.sax.saxutils import escape
 import numpy as np
 
 from besman.exceptions import WebError
+from besman.geometry.gaps import find_seen
 from besman.live.playing import schedule_frames
-from besman.live.qtm_source import PORT
+from besman.live.qtm_source import PORT, UNNAMED_MARKER
 from besman.records import Recording
 
 _HOST = "127.0.0.1"
@@ -25,7 +26,7 @@ _ERROR, _COMMAND, _XML, _DATA, _NO_MORE = range(5)
 _HEAD = struct.Struct("<II")
 # Time in microseconds, frame, components; size and type of the one component; markers, two rates.
 _FRAME = struct.Struct("<qIIIIIhh")
-_TYPE_3D = 1
+_TYPE_3D, _TYPE_UNNAMED = 1, 2
 _VERSIONS = ("1.8", "1.25")
 _LARGEST_COMMAND = 1 << 16
 _LEAVE_S = 0.2
@@ -52,6 +53,8 @@ def play_as_qtm(
     say: Callable[[str], None] = lambda line: None,
 ) -> None:
     """Serve a recording to the first client that asks for frames; return when it is over.
+
+    Of one without names there are no labels: every unbroken trajectory has a number of its own.
 
     Times in packets are those of this machine's clock (`time.perf_counter`) when a frame was due at
     the recording's own pace.
@@ -155,32 +158,50 @@ class _Server:
             _send(writer, _ERROR, b"Parse error\0")
 
     def _parameters(self) -> str:
-        names = "".join(
-            f"<Label><Name>{escape(name or '')}</Name></Label>" for name in self._recording.names
-        )
+        given = self._recording.names if any(self._recording.names) else ()
+        names = "".join(f"<Label><Name>{escape(name or '')}</Name></Label>" for name in given)
         return (
             "<QTM_Parameters_Ver_1.19><General><Frequency>"
             f"{self._recording.rate_hz:.10g}</Frequency></General><The_3D>"
-            f"<AxisUpwards>+Z</AxisUpwards><Labels>{len(self._recording.names)}</Labels>{names}"
+            f"<AxisUpwards>+Z</AxisUpwards><Labels>{len(given)}</Labels>{names}"
             "</The_3D></QTM_Parameters_Ver_1.19>"
         )
 
     async def _play(self) -> None:
         begun = time.perf_counter()
-        millimetres = (self._recording.positions * 1e3).astype("<f4")
-        n = millimetres.shape[1]
+        named = any(self._recording.names)
+        frames = _named_frames(self._recording) if named else _unnamed_frames(self._recording)
+        kind = _TYPE_3D if named else _TYPE_UNNAMED
         for at, row in zip(self._times.tolist(), self._rows.tolist(), strict=True):
             wait = begun + at - time.perf_counter()
             if wait > 0:
                 await asyncio.sleep(wait)
             due = begun + row / self._recording.rate_hz
-            body = np.ascontiguousarray(millimetres[row]).tobytes()
+            n, body = frames[row]
             size = 2 * _HEAD.size + len(body)
-            head = _FRAME.pack(round(due * 1e6), row + 1, 1, size, _TYPE_3D, n, 0, 0)
+            head = _FRAME.pack(round(due * 1e6), row + 1, 1, size, kind, n, 0, 0)
             for writer in self._listeners:
                 _send(writer, _DATA, head + body)
         for writer in self._listeners:
             _send(writer, _NO_MORE, b"")
+
+
+def _named_frames(recording: Recording) -> list[tuple[int, bytes]]:
+    """Return how many markers each frame has, and their places, millimetres."""
+    millimetres = (recording.positions * 1e3).astype("<f4")
+    return [(len(row), row.tobytes()) for row in millimetres]
+
+
+def _unnamed_frames(recording: Recording) -> list[tuple[int, bytes]]:
+    """Return how many points each frame has, and their places and numbers."""
+    seen = find_seen(recording.positions)
+    begins = seen & ~np.vstack([np.zeros_like(seen[:1]), seen[:-1]])
+    numbers = np.maximum.accumulate(np.cumsum(begins).reshape(begins.shape) * begins, axis=0)
+    points = np.empty(seen.shape, UNNAMED_MARKER)
+    points["place"], points["number"] = recording.positions * 1e3, numbers
+    return [
+        (int(there.sum()), row[there].tobytes()) for row, there in zip(points, seen, strict=True)
+    ]
 
 
 def _send(writer: asyncio.StreamWriter, kind: int, body: bytes) -> None:

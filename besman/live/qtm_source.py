@@ -25,11 +25,18 @@ PORT = 22223
 VERSION = "1.19"
 """Of the protocol that is asked for: known to QTM from 2019 on; markers came as now long before."""
 
+UNNAMED = 64
+"""Most trajectories without a name in a packet, of a QTM that names none; others are left out."""
+
 _ANSWER_S = 5.0
 _RETRY_S, _POLL_S = 0.3, 0.005
 _MM = 1e-3
 # Of 3D coordinates in a packet: how many markers, and two rates of faults, stand before them.
 _HEAD_BYTES = 8
+# Of a marker with a name: x, y, z.
+_NAMED_BYTES = 12
+UNNAMED_MARKER = np.dtype([("place", "<f4", 3), ("number", "<i4")])
+"""As a trajectory without a name stands in a packet: millimetres, and QTM's number of it."""
 
 
 class QtmSource:
@@ -52,6 +59,8 @@ class QtmSource:
         self._inbox = Inbox(wait_s, time.perf_counter)
         self._format: StreamFormat | None = None
         self._up: Axis = "z"
+        # Columns of the trajectories that QTM did not name, by the numbers that it gives them.
+        self._columns: dict[int, int] = {}
         self._opened, self._wanted = threading.Event(), threading.Event()
         self._closing = False
         self._problem: RecordingError | None = None
@@ -152,7 +161,8 @@ class QtmSource:
             self._opened.set()
             while not (self._wanted.is_set() or self._closing):
                 await asyncio.sleep(_POLL_S)
-            await connection.stream_frames(components=["3d"], on_packet=self._take)
+            components = ["3dnolabels"] if None in found.names else ["3d"]
+            await connection.stream_frames(components=components, on_packet=self._take)
         except TimeoutError:
             said = f" ({self._log.text})" if self._log.text else ""
             raise RecordingError(
@@ -190,22 +200,22 @@ class QtmSource:
             raise RecordingError(
                 f"{self._name}: QTM's settings cannot be read: {in_one_line(error):.120}"
             ) from None
-        if not rate_hz > 0 or not labels:
+        if not rate_hz > 0:
             raise RecordingError(
-                f"{self._name}: got {len(labels)} named markers at {rate_hz:g} Hz; expected 3D "
-                "tracking with a model that names markers"
+                f"{self._name}: got 3D markers at {rate_hz:g} Hz; expected 3D tracking at some rate"
             )
         axes: dict[str, Axis] = {s + a: s + a for s in ("", "-") for a in "xyz"}  # type: ignore[misc]
         if up not in axes:
             raise RecordingError(f"{self._name}: axis upwards: got {up!r:.20}; expected +Z, -Y, ..")
         self._up = axes[up]
-        return StreamFormat(self._name, tuple(labels), rate_hz)
+        return StreamFormat(self._name, tuple(labels) or (None,) * UNNAMED, rate_hz)
 
     def _take(self, packet: Any) -> None:
         """Take a packet of the client, in its thread."""
         arrived_s = time.perf_counter()
+        is_unnamed = self._format is not None and None in self._format.names
         try:
-            positions = read_markers(packet)
+            positions = read_unnamed(packet, self._columns) if is_unnamed else read_markers(packet)
         except RecordingError as error:
             self._inbox.put(RecordingError(f"{self._name}: {error}"))
             return
@@ -241,14 +251,59 @@ def read_markers(packet: Any) -> FloatArray | None:
     at = packet.components.get(QRTComponentType.Component3d)
     if at is None:
         return None
-    n, first = int.from_bytes(packet.data[at : at + 4], "little"), at + _HEAD_BYTES
-    if first + 12 * n > len(packet.data):
+    n = _count_whole(packet, at, _NAMED_BYTES)
+    values = np.frombuffer(packet.data, "<f4", 3 * n, at + _HEAD_BYTES).reshape(n, 3)
+    return values.astype(np.float64) * _MM
+
+
+def read_unnamed(packet: Any, columns: dict[int, int]) -> FloatArray | None:
+    """Return the positions of a packet's trajectories without a name.
+
+    Parameters
+    ----------
+    packet : packet of ``qtm_rt``
+    columns : dict of int to int
+        Column of each trajectory that was seen before; brought up to date.
+
+    Returns
+    -------
+    array, shape (UNNAMED, 3), or None
+        Metres, NaN where there is none; None if the packet holds nothing of the kind.
+
+    Raises
+    ------
+    RecordingError
+        If the packet is shorter than the markers that it counts.
+    """
+    from qtm_rt.packet import QRTComponentType
+
+    at = packet.components.get(QRTComponentType.Component3dNoLabels)
+    if at is None:
+        return None
+    n = _count_whole(packet, at, UNNAMED_MARKER.itemsize)
+    found = np.frombuffer(packet.data, UNNAMED_MARKER, n, at + _HEAD_BYTES)
+    numbers = found["number"].tolist()[:UNNAMED]
+    for gone in columns.keys() - set(numbers):
+        del columns[gone]
+    free = sorted(set(range(UNNAMED)) - set(columns.values()), reverse=True)
+    for number in numbers:
+        if number not in columns:
+            columns[number] = free.pop()
+    positions = np.full((UNNAMED, 3), np.nan)
+    positions[[columns[number] for number in numbers]] = found["place"][:UNNAMED] * _MM
+    return positions
+
+
+def _count_whole(packet: Any, at: int, each: int) -> int:
+    """Return how many markers of so many bytes a part of a packet has."""
+    n = int.from_bytes(packet.data[at : at + 4], "little")
+    expected = at + _HEAD_BYTES + each * n
+    if expected > len(packet.data):
         raise RecordingError(
             f"a packet of {len(packet.data)} bytes says that it has {n} markers; expected "
-            f"{first + 12 * n} bytes at least"
+            f"{expected} bytes at least"
         )
-    values = np.frombuffer(packet.data, "<f4", 3 * n, first).reshape(n, 3)
-    return values.astype(np.float64) * _MM
+    return n
 
 
 class _LastWords(logging.Handler):

@@ -57,7 +57,7 @@ def describe_frame(mirror: Mirror) -> dict[str, Any]:
         "state": now.state or "the arm has not begun",
         "time_s": now.time_s,
         "names": list(mirror.markers),
-        "markers": [_place(one) for one in now.markers],
+        "markers": [describe_place(one) for one in now.markers],
         "capsules": [],
         "asked": None,
         "tool": None,
@@ -72,10 +72,10 @@ def describe_frame(mirror: Mirror) -> dict[str, Any]:
     radii = chain.capsule_radii.tolist()
     shown["capsules"] = [[a.tolist(), b.tolist(), r] for (a, b), r in zip(ends, radii, strict=True)]
     shown["tool"] = forward_kinematics(chain, joints)[0, :3, 3].tolist()
-    shown["asked"] = None if now.asked is None else _place(now.asked)
+    shown["asked"] = None if now.asked is None else describe_place(now.asked)
     return shown
 
 
-def _place(point: FloatArray) -> list[float] | None:
+def describe_place(point: FloatArray) -> list[float] | None:
     """Return a place, to the millimetre."""
     return np.round(point, 3).tolist() if np.isfinite(point).all() else None

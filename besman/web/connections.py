@@ -65,7 +65,10 @@ class BoundedServer(HTTPServer):
             self.shutdown_request(request)
 
     def note(self, connection: socket.socket, doing: str) -> None:
-        """Take note that a connection is ``idle``, ``reading``, ``working`` or ``sending`` now."""
+        """Take note of what a connection is doing now.
+
+        It is ``idle``, ``reading``, ``working``, ``sending``, or ``pushing`` without end.
+        """
         with self._lock:
             self._doing[connection] = (doing, time.monotonic())
 

@@ -25,6 +25,7 @@ from besman.exceptions import BesmanError, StoppedError, WebError
 from besman.foreign.json_text import parse_json
 from besman.web.access import Access
 from besman.web.connections import BoundedServer
+from besman.web.push import Feed, push_lines
 
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; "
@@ -110,6 +111,8 @@ class Answer(NamedTuple):
 
 Route = Callable[[Request], Answer]
 
+_PUSHED = Answer(b"")
+
 
 def json_answer(content: Any, status: int = 200) -> Answer:
     """Make an answer of what JSON can hold."""
@@ -152,6 +155,8 @@ class LoopbackServer:
         Any free one if not given.
     largest_body : int
         Bytes that a POST may have.
+    feeds : mapping of str to Feed, optional
+        ``"news"``: what is pushed over a WebSocket at that address; see `besman.web.push`.
 
     Attributes
     ----------
@@ -169,8 +174,9 @@ class LoopbackServer:
         routes: Mapping[str, Route],
         port: int | None = None,
         largest_body: int = _LARGEST_BODY,
+        feeds: Mapping[str, Feed] | None = None,
     ) -> None:
-        self._site = _Site(dict(assets), dict(routes), largest_body)
+        self._site = _Site(dict(assets), dict(routes), largest_body, dict(feeds or {}))
         self._server = _open_server(port, self._site)
         self.port = int(self._server.server_address[1])
 
@@ -204,9 +210,14 @@ class _Site:
     """What the handler of a request needs to know."""
 
     def __init__(
-        self, assets: dict[str, Path], routes: dict[str, Route], largest_body: int
+        self,
+        assets: dict[str, Path],
+        routes: dict[str, Route],
+        largest_body: int,
+        feeds: dict[str, Feed],
     ) -> None:
         self.assets, self.routes, self.largest_body = assets, routes, largest_body
+        self.feeds = feeds
         self.access = Access()
 
 
@@ -271,7 +282,7 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _answer(self, method: str) -> None:
         try:
-            answer = self._open(method) or self._find(method)
+            answer = self._open(method) or self._push(method) or self._find(method)
         except BesmanError as error:
             answer = json_answer({"error": str(error)}, 422)
         except (ConnectionError, TimeoutError):
@@ -281,7 +292,8 @@ class _Handler(BaseHTTPRequestHandler):
         except Exception as error:
             traceback.print_exc()
             answer = json_answer({"error": f"besman failed: {error!r}; see the terminal"}, 500)
-        self._send(answer)
+        if answer is not _PUSHED:
+            self._send(answer)
 
     def _open(self, method: str) -> Answer | None:
         """Return an answer to who may not ask or comes with a token, None to who may ask."""
@@ -310,6 +322,19 @@ class _Handler(BaseHTTPRequestHandler):
             )
         where = (("Location", f"/{access.place}/"), ("Set-Cookie", cookie))
         return Answer(b"", "text/plain", 303, where)
+
+    def _push(self, method: str) -> Answer | None:
+        """Push lines to who asks for a WebSocket, for as long as it lasts; None if nobody does."""
+        place = f"/{self.server.site.access.place}/"
+        feed = self.server.site.feeds.get(urlsplit(self.path).path.removeprefix(place))
+        if feed is None or method != "GET":
+            return None
+        # Pages of other sites send an Origin, and were refused by it; programs need none.
+        lines = [f"GET {self.path} HTTP/1.1", *(f"{k}: {v}" for k, v in self.headers.items())]
+        self.server.note(self.connection, "pushing")
+        self.close_connection = True
+        push_lines(("\r\n".join(lines) + "\r\n\r\n").encode("latin-1"), self.connection, feed)
+        return _PUSHED
 
     def _find(self, method: str) -> Answer:
         """Return the asset or what the route answers."""

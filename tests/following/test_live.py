@@ -266,3 +266,38 @@ def test_a_paced_file_keeps_its_pace(start):
     assert np.all(np.array(times) >= np.arange(200) / (100 * 20.0) - 1e-4)
     with pytest.raises(ConfigError):
         schedule_frames(1, 100.0, pace=0.0)
+
+
+def test_a_stream_without_names_is_followed_as_one_with_names(plan, start):
+    named = read_recording(start)
+    order = np.random.default_rng(2).permutation(len(named.names))
+    changes = {"positions": named.positions[:, order], "names": (None,) * len(order)}
+    unnamed = type(named)(**{**vars(named), **changes})
+    rows = np.arange(len(named.time))
+    lines, blocks = follow(Network(unnamed, rows, rows / named.rate_hz), plan)
+    told = [one for line in lines if line["kind"] == "names" for one in line["changes"]]
+    columns = load_marker_set("right_arm").match(named.names, named.source)
+    names = {one["marker"]: named.names[order[one["trajectory"]]] for one in told}
+    # The set's own pose tells nothing of the stick.
+    body = {marker: column for marker, column in columns.items() if marker != "stick"}
+    assert names == {marker: named.names[column] for marker, column in body.items()}
+    assert lines[0]["kind"] == "names"
+    assert all(0 <= one["for_s"] <= 0.5 and one["confidence"] >= 0.8 for one in told)
+    # It begins when a person was found, some frames later.
+    late = len(named.time) - lines[-1]["frames"]
+    assert 0 <= late <= 0.2 * named.rate_hz
+    _, truth = follow(Network(named, rows[late:], rows[late:] / named.rate_hz), plan)
+    assert blocks == truth
+
+
+def test_unnamed_points_that_are_no_person_are_told_of(plan, start):
+    recording = read_recording(start)
+    n = round(3 * recording.rate_hz)
+    some = np.random.default_rng(0).normal(size=(n, 9, 3))
+    changes = {"positions": some, "names": (None,) * 9, "time": recording.time[:n]}
+    nobody = type(recording)(**{**vars(recording), **changes})
+    follower = LiveFollower(Network(nobody, np.arange(n), np.arange(n) / 100), plan)
+    follower.open()
+    lines = []
+    with pytest.raises(RecordingError, match=r"marker was seen together: . of 8 required markers"):
+        lines.extend(follower.run())

@@ -160,13 +160,16 @@ def test_a_full_disk_does_not_end_the_stream(positions, tmp_path, monkeypatch):
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr("os.pwrite", full)
-    news = [one for _ in range(300) for one in stream.read()]
-    assert [one for one in news if isinstance(one, str)] == [
+    frames = []
+    told = [
+        one | {"closed": source.closed} for one in stream.run(lambda one: frames.append(one) or [])
+    ]
+    text = (
         f"--record: {tmp_path / 'a.tsv'}: cannot be written: No space left on device; what was "
         "recorded until then is whole; the stream is followed on"
-    ]
-    assert len(news) == 301
-    assert not source.closed
+    )
+    assert told == [{"kind": "notice", "text": text, "closed": False}]
+    assert len(frames) == 300
     with pytest.raises(FileError, match="No space left"):
         stream.raise_failure()
 

@@ -184,7 +184,7 @@ def follow(source, folder):
     follower = LiveFollower(source, _plan())
     found = follower.open(lambda names, rate_hz: CaptureFile(capture, names, rate_hz))
     follower.follower = frames = _Frames(follower.follower)
-    with mock.patch("besman.following.live.gc"):
+    with mock.patch("besman.following.frame_stream.gc"):
         # To collect garbage before each stream takes longer than to follow it.
         lines = list(follower.run())
     for line in lines:

@@ -82,6 +82,18 @@ def test_samples_that_are_no_coordinates_end_in_words(sample):
         source.read(0.0)
 
 
+def test_channels_without_labels_are_points_without_names(soon):
+    outlet = announce("besman_dots", "one", [""] * 6, ["mm"] * 6)
+    source = LslSource("besman_dots")
+    assert source.open().names == (None, None)
+    source.start()
+    assert outlet.wait_for_consumers(5)
+    outlet.push_sample([1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
+    packet = source.read(3.0)
+    source.close()
+    np.testing.assert_allclose(packet.positions, [[1e-3, 2e-3, 3e-3], [4e-3, 5e-3, 6e-3]])
+
+
 def test_other_units_and_axes_are_turned(soon):
     labels = [f"hand.{axis}" for axis in "xyz"] + ["battery"]
     outlet = announce("besman_mm", "one", labels, ["mm"] * 3 + ["percent"])

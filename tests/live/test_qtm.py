@@ -62,6 +62,40 @@ def test_what_is_played_arrives():
     np.testing.assert_allclose(np.diff(times), 0.01, atol=2e-6)
 
 
+def test_what_has_no_name_arrives_with_a_column_for_each_trajectory():
+    recording = make_recording(names=(None, None))
+    with served(recording) as port:
+        source = QtmSource("127.0.0.1", port, wait_s=0.3)
+        assert set(source.open().names) == {None}
+        source.start()
+        packets = read_all(source)
+        source.close()
+    frames = np.array([one.positions for one in packets])
+    np.testing.assert_allclose(frames[:, :2], recording.positions, atol=1e-6)
+    assert np.isnan(frames[:, 2:]).all()
+
+
+def test_trajectories_keep_their_columns_whatever_their_order():
+    """As the maker's client reads the packet; more than there are columns are left out."""
+    from qtm_rt.packet import QRTComponentType
+
+    def packet(numbers):
+        points = np.zeros(len(numbers), qtm_source.UNNAMED_MARKER)
+        points["number"], points["place"] = numbers, np.array(numbers)[:, None] * 1000.0
+        data = len(numbers).to_bytes(4, "little") + bytes(4) + points.tobytes()
+        components = {QRTComponentType.Component3dNoLabels: 0}
+        return type("Packet", (), {"data": data, "components": components})
+
+    columns = {}
+    for numbers in ([7, 3, 9], [9, 7], [12, 9, 7, 3]):
+        found = qtm_source.read_unnamed(packet(numbers), columns)
+        assert {columns[one]: one for one in numbers} == {
+            k: round(found[k, 0]) for k in np.flatnonzero(np.isfinite(found[:, 0]))
+        }
+        assert (columns[9], columns[7]) == (2, 0)
+    assert len(qtm_source.read_unnamed(packet(list(range(1, 99))), {})) == qtm_source.UNNAMED
+
+
 def test_a_source_that_is_started_again_is_found_again():
     recording = make_recording()
     with served(recording) as port:
@@ -136,7 +170,7 @@ def test_a_packet_shorter_than_it_says_ends_in_words(n_markers, size):
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("<a/>", "got 0 named markers at nan Hz; expected 3D tracking"),
+        ("<a/>", "got 3D markers at nan Hz; expected 3D tracking"),
         ("<!DOCTYPE a><a/>", "settings cannot be read: a document type"),
         ("<a>", "settings cannot be read"),
         (

@@ -78,8 +78,11 @@ def label_fragments(
     weights: ScoreWeights = DEFAULT_WEIGHTS,
     *,
     known: IntArray | None = None,
+    start: IntArray | None = None,
+    length_s: FloatArray | None = None,
     threshold: float = 0.8,
     anchor_every_s: float = 4.0,
+    n_turns: int = _N_TURNS,
 ) -> Assignment:
     """Name the fragments of a recording.
 
@@ -94,10 +97,17 @@ def label_fragments(
     known : int array, shape (N,), optional
         Marker of each fragment that is known, `GHOST` where it is known to be none, `FREE` where
         nothing is. Those of one marker share no frame.
+    start : int array, shape (N,), optional
+        Names to begin with, `GHOST` where there is none yet, of fragments that were named before
+        some of them were there; if not given a start is sought.
+    length_s : array, shape (N,), optional
+        For how long each fragment was seen, seconds, where some are parts of longer ones.
     threshold : float
         Least confidence of a name that is given.
     anchor_every_s : float
         One start is sought in each stretch of this length, seconds.
+    n_turns : int
+        How often all is named; fewer are enough where all but a little was named before.
 
     Returns
     -------
@@ -118,16 +128,21 @@ def label_fragments(
         known = np.full(fragments.n_fragments, FREE, dtype=np.int64)
     held = known != FREE
     pairs = measure_pairs(fragments)
-    labels = _start_labels(fragments, pairs, model, weights, anchor_every_s)
+    labels = start
+    if labels is None:
+        labels = _start_labels(fragments, pairs, model, weights, anchor_every_s)
     labels = np.where(held, known, labels)
     ends = measure_ends(fragments)
+    bias = _weigh_lengths(fragments, model, weights, length_s)
     score, model_now = np.zeros((len(labels), model.n_markers)), model
-    for turn in range(_N_TURNS):
+    for turn in range(_N_TURNS - n_turns, _N_TURNS):
         if turn:
             labels, _ = exchange_names(fragments, pairs, ends, labels, model, weights, held)
             seen = observe_distances(pairs, labels, model.n_markers)
             model_now = adapt_marker_model(model, *seen)
-        labels, score = _repeat_rounds(fragments, pairs, ends, labels, model_now, weights, known)
+        labels, score = _repeat_rounds(
+            fragments, pairs, ends, labels, model_now, weights, known, bias
+        )
     margin = measure_margins(pairs, score, labels)
     _, exchange_margin = exchange_names(fragments, pairs, ends, labels, model, weights, held)
     margin = np.minimum(margin, exchange_margin)
@@ -147,13 +162,9 @@ def _repeat_rounds(
     model: MarkerModel,
     weights: ScoreWeights,
     known: IntArray,
+    worth: FloatArray,
 ) -> tuple[IntArray, FloatArray]:
     """Score all names given the present ones and assign anew until nothing changes."""
-    length_s = fragments.n_samples / fragments.rate_hz
-    bias = weights.ghost_bias + _SHORT_BIAS * np.exp(-length_s / _SHORT_S)
-    long_bias = _LONG_BIAS * np.minimum(length_s, _LONG_S)
-    loose_bias = _LOOSE_BIAS * np.minimum(length_s, _LOOSE_LONG_S)
-    worth = np.where(model.loose, loose_bias[:, None], long_bias[:, None]) - bias[:, None]
     score = np.zeros((len(labels), model.n_markers))
     seen: set[bytes] = set()
     for _ in range(_MAX_ROUNDS):
@@ -165,6 +176,19 @@ def _repeat_rounds(
         if labels.tobytes() in seen:
             break
     return labels, score
+
+
+def _weigh_lengths(
+    fragments: Fragments, model: MarkerModel, weights: ScoreWeights, length_s: FloatArray | None
+) -> FloatArray:
+    """Return what the length of each fragment says for each name, shape (N, M)."""
+    if length_s is None:
+        length_s = fragments.n_samples / fragments.rate_hz
+    bias = weights.ghost_bias + _SHORT_BIAS * np.exp(-length_s / _SHORT_S)
+    long_bias = _LONG_BIAS * np.minimum(length_s, _LONG_S)
+    loose_bias = _LOOSE_BIAS * np.minimum(length_s, _LOOSE_LONG_S)
+    worth = np.where(model.loose, loose_bias[:, None], long_bias[:, None]) - bias[:, None]
+    return np.asarray(worth)
 
 
 def _hold_known(score: FloatArray, pairs: FragmentPairs, known: IntArray) -> None:

@@ -47,6 +47,7 @@ SEGMENTATIONS = (
         "vmci", "stage:SegmentConfig", "exact vMCI, with the probability of every border"
     ),
     SegmentationKind("vmci_online", "stage:VmciOnlineConfig", "vMCI sample by sample"),
+    SegmentationKind("valley_online", "stage:ValleyOnlineConfig", "valley_vmci sample by sample"),
     SegmentationKind("mci", "rivals:MciConfig", "multiple change-point inference without speed"),
     SegmentationKind("locmin", "rivals:LocminConfig", "local minima of the speed"),
     SegmentationKind(

@@ -32,7 +32,9 @@ class Signals(NamedTuple):
     moves: bool
 
 
-def resample(time: npt.ArrayLike, values: npt.ArrayLike, rate_hz: float) -> FloatArray:
+def resample(
+    time: npt.ArrayLike, values: npt.ArrayLike, rate_hz: float, first_s: float = 0.0
+) -> FloatArray:
     """Sample values at a lower rate; every new sample is the mean over its period.
 
     The mean keeps movement faster than the new rate from folding into slower movement.
@@ -45,17 +47,19 @@ def resample(time: npt.ArrayLike, values: npt.ArrayLike, rate_hz: float) -> Floa
         Values to be sampled.
     rate_hz : float
         New samples per second, at most the old rate.
+    first_s : float
+        Where the first new sample is, seconds after time[0].
 
     Returns
     -------
     array, shape (R, ...)
-        Values at time[0] + k / rate_hz, as far as the data reach.
+        Values at time[0] + first_s + k / rate_hz, as far as the data reach.
     """
     t = np.asarray(time, dtype=np.float64)
     x = np.asarray(values, dtype=np.float64)
     step = (t[-1] - t[0]) / (len(t) - 1)
-    n_new = int(np.floor((t[-1] - t[0]) * rate_hz + 1e-6)) + 1
-    centres = t[0] + np.arange(n_new) / rate_hz
+    n_new = int(np.floor((t[-1] - t[0] - first_s) * rate_hz + 1e-6)) + 1
+    centres = t[0] + first_s + np.arange(n_new) / rate_hz
     half = max(1 / rate_hz, step) / 2
     edges = t[0] + (np.arange(len(t) + 1) - 0.5) * step
     flat = x.reshape(len(t), -1)

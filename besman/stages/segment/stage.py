@@ -18,6 +18,7 @@ from besman.stages.segment.sampling import (
     to_segments,
 )
 from besman.stages.segment.signals import measure_scaling, prepare_signals
+from besman.stages.segment.valley_online import OnlineMovements, Pace, measure_pace
 from besman.stages.segment.valley_vmci import EVIDENCE_HZ, find_movements
 from besman.stages.segment.valleys import ValleyShape
 from besman.stages.segment.vmci import (
@@ -30,7 +31,8 @@ from besman.stages.segment.vmci_online import OnlineVmci
 from besman.stages.segment.walking import take_from_person
 
 # A hand sways no faster while its person stands; nobody reaches anywhere as slowly.
-_SHAPE = ValleyShape(least=0.02)
+HAND_SHAPE = ValleyShape(least=0.02)
+"""What counts as a valley and as a rest of a hand."""
 
 
 class SegmentConfig(SegmentingStage):
@@ -201,7 +203,7 @@ class ValleyVmciConfig(SegmentingStage):
         if back:
             places = [recording.marker(name) for name in back]
             paths = take_from_person(paths, places, recording.rate_hz)
-        found = find_movements(recording.time, paths, self.longest_s, shape=_SHAPE)
+        found = find_movements(recording.time, paths, self.longest_s, shape=HAND_SHAPE)
         n_rows, rate_hz = len(paths), recording.rate_hz
         rows = np.round(found.borders_s * rate_hz).astype(np.int64)
         rows[-1] = n_rows
@@ -220,4 +222,57 @@ class ValleyVmciConfig(SegmentingStage):
             source=recording.source,
             first_frame=recording.first_frame,
             border_probability=spread_over_rows(expected, EVIDENCE_HZ, recording),
+        )
+
+
+class ValleyOnlineConfig(SegmentingStage):
+    """Movements and rests as of `valley_vmci`, sample by sample, as a stream has to.
+
+    See `besman.stages.segment.valley_online`. People who walk are looked at as from the laboratory.
+
+    Attributes
+    ----------
+    markers, longest_s
+        As in `ValleyVmciConfig`.
+    calibration_s : float, optional
+        How fast the person moves is measured on so many seconds from the start; on the whole
+        recording if not given, which gives the segments of `valley_vmci`.
+    """
+
+    method: Literal["valley_online"] = "valley_online"
+    longest_s: float | None = Field(default=None, gt=0)
+    calibration_s: float | None = Field(default=None, gt=0)
+
+    def run(
+        self, recordings: tuple[LabelledRecording, ...], work: Work = Work()
+    ) -> tuple[Segments, ...]:
+        """Segment recordings; as `SegmentConfig.run`."""
+        results = []
+        for index, recording in enumerate(recordings):
+            results.append(self._segment(recording))
+            work.progress((index + 1) / len(recordings))
+        return tuple(results)
+
+    def measure(self, recording: LabelledRecording, markers: tuple[str, ...] | None = None) -> Pace:
+        """Measure how fast markers move, those of the stage if none are named."""
+        paths = gather_gapless_paths(recording, markers or self.markers)
+        n = len(paths)
+        if self.calibration_s is not None:
+            n = min(n, max(2, round(self.calibration_s * recording.rate_hz)))
+        return measure_pace(recording.time[:n], paths[:n], HAND_SHAPE)
+
+    def _segment(self, recording: LabelledRecording) -> Segments:
+        pace, borders = self.measure(recording), [0]
+        if np.isfinite(pace.change).any():
+            online = OnlineMovements(pace, recording.rate_hz, self.longest_s, HAND_SHAPE)
+            for sample in gather_gapless_paths(recording, self.markers):
+                borders += online.update(sample)
+            borders += online.finish()
+        rows = np.unique([*borders, len(recording.time)])
+        return Segments(
+            bounds=np.stack([rows[:-1], rows[1:]], axis=1),
+            log_evidence=float("nan"),
+            rate_hz=recording.rate_hz,
+            source=recording.source,
+            first_frame=recording.first_frame,
         )

@@ -64,6 +64,7 @@ appendix A; its outlook (chapter 8) proposes to combine vMCI with local minima.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -178,32 +179,92 @@ def find_movements(
     if speed[edge : len(speed) - edge].max() < shape.least:
         return still
     ahead = speed_ahead(path, speed, GRID_HZ)
-    valleys = find_valleys(speed, shape, ahead)
-    n_grid = len(speed)
     longest = None if longest_s is None else max(2, round(longest_s * rate_hz))
     # A marker that stands still says nothing.
     speeds = signals.speeds[:, signals.speeds.any(axis=0)]
-    sure = find_sure(ahead, valleys, shape.sure)
-    ways = Ways(_find_spans(speeds, valleys, sure, n_grid, rate_hz, longest, model or MODEL))
-    borders, rests = [0.0], []
-    for first, last in (valleys[k - 1] for k in ways.best[1:-1]):
-        if first > 0:
-            borders.append(first / GRID_HZ)
-            rests.append(False)
-        if last > first:
-            borders.append(last / GRID_HZ)
-            rests.append(True)
-    if len(ways.best) > 2 and valleys[ways.best[-2] - 1].last == n_grid:
-        borders.pop()
-    else:
-        rests.append(False)
+    found = find_ways(speed, ahead, speeds, rate_hz, shape, longest, model or MODEL)
+    valleys, ways = found.valleys, found.ways
+    borders, rests = found.borders()
     return MovementsAndRests(
-        np.array([*borders, whole[-1]]),
+        np.array([*(np.array(borders) / GRID_HZ), whole[-1]]),
         np.array(rests),
         ways.log_probability,
         np.array(valleys, dtype=np.float64).reshape(-1, 2) / GRID_HZ,
         ways.weigh()[1:-1],
     )
+
+
+class WaysThrough(NamedTuple):
+    """Valleys, and the ways that lead through them.
+
+    Attributes
+    ----------
+    valleys : list of Valley
+    sure : bool array, shape (V,)
+        Those that are borders in any case.
+    ways : Ways
+    n_grid : int
+        Samples of the speed.
+    """
+
+    valleys: list[Valley]
+    sure: npt.NDArray[np.bool_]
+    ways: Ways
+    n_grid: int
+
+    def borders(self) -> tuple[list[int], list[bool]]:
+        """Return where segments begin on the most probable way, and which of them are rests."""
+        borders, rests = [0], []
+        best = self.ways.best
+        for first, last in (self.valleys[k - 1] for k in best[1:-1]):
+            if first > 0:
+                borders.append(first)
+                rests.append(False)
+            if last > first:
+                borders.append(last)
+                rests.append(True)
+        if len(best) > 2 and self.valleys[best[-2] - 1].last == self.n_grid:
+            borders.pop()
+        else:
+            rests.append(False)
+        return borders, rests
+
+
+def find_ways(
+    speed: FloatArray,
+    ahead: FloatArray,
+    speeds: FloatArray,
+    rate_hz: float,
+    shape: ValleyShape,
+    longest: int | None,
+    model: VmciModel,
+    typical: float | None = None,
+    first: int = 0,
+) -> WaysThrough:
+    """Find the valleys of a stretch, and the ways through them.
+
+    Parameters
+    ----------
+    speed, ahead : array, shape (G,)
+        Speed, and that with which the path gets on, on a grid of `GRID_HZ`, m/s.
+    speeds : array, shape (T, s)
+        Scaled speeds for the evidence, at `rate_hz`.
+    rate_hz : float
+    shape : ValleyShape
+        What counts as a valley and as a rest.
+    longest : int, optional
+        Greatest length of a movement, samples of `speeds`.
+    model : VmciModel
+    typical : float, optional
+        See `besman.stages.segment.valleys.find_valleys`.
+    first : int
+        Where the stretch begins on the grid of the recording; `speeds` begin at the last of their
+        samples before that.
+    """
+    valleys = find_valleys(speed, shape, ahead, typical)
+    sure = find_sure(ahead, valleys, shape.sure)
+    spans = _find_spans(speeds, valleys, sure, len(speed), rate_hz, longest, model, first)
+    return WaysThrough(valleys, sure, Ways(spans), len(speed))
 
 
 def _find_spans(
@@ -214,11 +275,13 @@ def _find_spans(
     rate_hz: float,
     longest: int | None,
     model: VmciModel,
+    first: int,
 ) -> Spans:
     """Find the movements and evaluate the rests; the two ends count as valleys."""
     n_samples, s = speeds.shape
     p = min(0.5, _BORDERS_PER_S / rate_hz)
-    places = np.round(np.array(valleys, dtype=np.float64).reshape(-1, 2) / GRID_HZ * rate_hz)
+    at = np.array(valleys, dtype=np.float64).reshape(-1, 2) + first
+    places = np.round(at / GRID_HZ * rate_hz) - first_sample(first, rate_hz)
     places = np.clip(places, 0, n_samples).astype(np.int64)
     # A recording may begin or end at rest.
     given = {}
@@ -236,6 +299,11 @@ def _find_spans(
     factor = tabulate_lengths(n_samples, 0, s, p, longest, model)
     evidence = SpanEvidence(np.ascontiguousarray(speeds), factor, model)
     return Spans(evidence, starts, ends, rest, np.concatenate([[False], sure, [False]]), given)
+
+
+def first_sample(first: int, rate_hz: float) -> int:
+    """Return the last sample of the evidence that is not after a place on the grid."""
+    return int(np.floor(first / GRID_HZ * rate_hz + 1e-9))
 
 
 def _evaluate_rest(speeds: FloatArray, p: float, model: VmciModel) -> float:

@@ -118,6 +118,11 @@ def smooth_path(time: npt.ArrayLike, paths: npt.ArrayLike, smoothing_s: float) -
     else:
         n_grid = int(np.floor((len(t) - 1) / rate_hz * GRID_HZ + 1e-6)) + 1
         grid = interpolate_cubic(np.arange(len(t)) / rate_hz, x, np.arange(n_grid) / GRID_HZ)
+    return smooth_grid(grid, smoothing_s)
+
+
+def smooth_grid(grid: FloatArray, smoothing_s: float) -> FloatArray:
+    """Low-pass a path (G, n) that is on the grid of `GRID_HZ` already; see `smooth_path`."""
     return _low_pass(grid, smoothing_s * GRID_HZ)
 
 
@@ -144,7 +149,10 @@ def typical_speed(speed: FloatArray) -> float:
 
 
 def find_valleys(
-    speed: FloatArray, shape: ValleyShape | None = None, ahead: FloatArray | None = None
+    speed: FloatArray,
+    shape: ValleyShape | None = None,
+    ahead: FloatArray | None = None,
+    typical: float | None = None,
 ) -> list[Valley]:
     """Find the valleys of the speed and the rests in them.
 
@@ -160,6 +168,8 @@ def find_valleys(
         What counts as a valley.
     ahead : array, shape (G,), optional
         The speed with which the path gets on, whose valleys are found; rests are those of `speed`.
+    typical : float, optional
+        Of the movement, m/s; `typical_speed` of what is given if not said.
 
     Returns
     -------
@@ -172,7 +182,8 @@ def find_valleys(
     minima = np.flatnonzero(inner) + 1
     if speed.size < 2 or not speed.any():
         return []
-    minima = _drop_low_hills(ahead, minima, max(shape.hill * typical_speed(speed), shape.least))
+    typical = typical_speed(speed) if typical is None else typical
+    minima = _drop_low_hills(ahead, minima, max(shape.hill * typical, shape.least))
     minima = _drop_shallow(ahead, minima, shape.depth)
     return _find_rests(speed, minima, shape)
 
