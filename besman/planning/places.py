@@ -127,6 +127,9 @@ def _words(label: str) -> list[str]:
 
 
 def _from_midst(positions: FloatArray) -> IntArray:
-    """Return the indices of positions, the one that is nearest to the median of all first."""
+    """Return the indices of positions, the one that is nearest to the median of all first.
+
+    Of two that are as near the earlier one: rounding does not choose, as it would of any two.
+    """
     away = np.linalg.norm(positions - np.median(positions, axis=0), axis=1)
-    return np.argsort(away, kind="stable")
+    return np.argsort(np.round(away, 9), kind="stable")

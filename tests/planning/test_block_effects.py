@@ -16,7 +16,7 @@ from besman.planning.block_effects import (
     shown_successions,
     standing_poses,
 )
-from besman.planning.places import find_places, name_places
+from besman.planning.places import describe_places, find_places, name_places
 
 
 def use(task, label, frame="world", thing="", before="away"):
@@ -100,3 +100,11 @@ def test_places_are_where_objects_would_stand_in_one_another_or_one_block_leads(
 )
 def test_places_are_named_by_what_distinguishes_their_blocks(labels, names):
     assert name_places(labels) == names
+
+
+@pytest.mark.parametrize("noise", [1e-12, -1e-12])
+def test_of_two_that_are_as_far_from_their_middle_the_first_is_the_place(noise):
+    uses = [use(0, "put_table", "target", "box"), use(1, "put_table", "target", "box")]
+    poses = np.array([[0.1, 0.2, 1.0, 1, 0, 0, 0], [0.2 + noise, 0.2, 1.0, 1, 0, 0, 0]])
+    (place,) = describe_places(uses, poses, np.zeros(2, dtype=np.int64))
+    np.testing.assert_array_equal(place.pose, poses[0])
