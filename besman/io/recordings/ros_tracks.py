@@ -108,7 +108,8 @@ def find_grid(tracks: Iterable[Track], where: str) -> Grid:
     most = max(len(stamps) for stamps in moving)
     if not count < min(_LONGEST_GRID, _FEW + _MOST_EMPTY * most):
         raise RecordingError(
-            f"{where}: {most} messages at {rate_hz:.4g} Hz over {seconds:.4g} s; are the times right?"
+            f"{where}: {most} messages at {rate_hz:.4g} Hz over {seconds:.4g} s; are the times "
+            "right?"
         )
     return Grid(start, np.arange(int(count + 1e-3) + 1) / rate_hz, rate_hz)
 
