@@ -146,7 +146,7 @@ CLOCKS = st.one_of(
 )
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(st.lists(CLOCKS, min_size=1, max_size=60))
 def test_whatever_a_clock_says_frames_come_in_time(times):
     aligner = Aligner(RATE_HZ, 2, longest_s=0.5)
@@ -157,3 +157,13 @@ def test_whatever_a_clock_says_frames_come_in_time(times):
     assert len(seen) + told.late + told.doubled == told.packets == len(times)
     assert np.isfinite([frame.arrived_s for frame in frames]).all()
     assert len(frames) - len(seen) <= 51 * len(times)
+
+
+def test_a_source_that_stops_counting_and_then_says_no_time():
+    told = [(0.32, 16), (0.34, None), (0.36, None), (0.38, None), (np.nan, None), (1.38, None)]
+    aligner = Aligner(50.0, 2)
+    for row, (time_s, number) in enumerate(told):
+        aligner.take(Packet(time_s, place(row), row / 1000, number))
+    aligner.flush()
+    assert aligner.delivery.packets == len(told)
+    assert aligner.delivery.restarts == 1
