@@ -7,6 +7,7 @@ from pathlib import Path
 from urllib.parse import parse_qsl, unquote, urlsplit
 
 from besman.exceptions import ConfigError, nearest
+from besman.foreign.names import fault_of_characters
 from besman.foreign.numbers import parse_number
 from besman.io.recordings.format import READING
 from besman.live.stream import Source
@@ -73,7 +74,11 @@ def _split(address: str, rest: str, allowed: tuple[str, ...]) -> tuple[str, dict
             )
     if not name:
         raise ConfigError(f"--live: got {address!r:.100}; expected one of {KNOWN_SOURCES}")
-    return unquote(name), options
+    plain = unquote(name)
+    fault = fault_of_characters(plain)
+    if fault is not None:
+        raise ConfigError(f"--live: {address!r:.100}: the name {fault}")
+    return plain, options
 
 
 def _number(address: str, options: dict[str, str], key: str, usual: float) -> float:

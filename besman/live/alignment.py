@@ -166,8 +166,11 @@ class Aligner:
         row = self._next + min(silent, self._longest)
         if packet.number is None:
             number = row
-            self._origin_s, self._first = packet.time_s - row / self._rate_hz, 0
-            self._last_number, self._last_time_s = row, packet.time_s
+            self._first, self._last_number = 0, row
+            self._origin_s, self._last_time_s = None, -math.inf
+            if abs(packet.time_s) <= _LATEST_S:
+                self._origin_s = packet.time_s - row / self._rate_hz
+                self._last_time_s = packet.time_s
         else:
             self._first = number - row
         self._seen.clear()

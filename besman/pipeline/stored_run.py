@@ -15,6 +15,8 @@ from besman.pipeline.run_lock import is_locked
 from besman.pipeline.stage_store import DESCRIPTION, RECORD, checksum
 from besman.records.files import digest, load_record
 
+# Bytes, on every file system in use.
+_LONGEST_NAME = 255
 _STAGE = re.compile(r"\d{2,}_\w+")
 _STATUS = ("running", "done", "failed")
 
@@ -191,9 +193,14 @@ def _are_stages(names: Any) -> bool:
     )
 
 
+def _is_file_name(name: str) -> bool:
+    """Tell whether a name can be one of a file in a folder."""
+    return name.isprintable() and "/" not in name and 0 < len(name.encode()) <= _LONGEST_NAME
+
+
 def _are_digests(files: Any) -> bool:
     return isinstance(files, dict) and all(
-        isinstance(digest, str) and "/" not in name for name, digest in files.items()
+        isinstance(digest, str) and _is_file_name(name) for name, digest in files.items()
     )
 
 
@@ -203,6 +210,6 @@ def _are_exports(exports: Any) -> bool:
         and one.keys() == {"of", "files"}
         and isinstance(one["of"], str)
         and _are_digests(one["files"])
-        and "/" not in name
+        and _is_file_name(name)
         for name, one in exports.items()
     )

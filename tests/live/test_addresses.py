@@ -26,6 +26,7 @@ def test_addresses_mean_sources():
         ("qtm://host?version=new", "version: got 'new'; expected a number such as 1.19"),
         ("file://a.tsv?pace=1_0", "pace: got '1_0'; expected a number from 0"),
         ("qtm://host?version=\u0661.\u0661", "expected a number such as 1.19"),
+        ("file://a%00b.tsv", "the name has the control character U+0000"),
         ("lsl:x?wait=-1", "wait: got '-1'; expected a number from 0"),
     ],
 )

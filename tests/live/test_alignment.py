@@ -137,3 +137,33 @@ def test_what_is_given_up_at_the_end_came_no_later_than_the_last():
     frames = [frame for row in (0, 1, 3) for frame in aligner.take(packet(row))]
     frames += aligner.flush()
     assert [frame.arrived_s for frame in frames] == [0.0, 0.01, 0.03, 0.03]
+
+
+CLOCKS = st.one_of(
+    st.sampled_from([np.nan, np.inf, -np.inf, 1e300, -1e13]),
+    st.floats(-20.0, 20.0),
+    st.integers(0, 60).map(lambda row: row / RATE_HZ),
+)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(CLOCKS, min_size=1, max_size=60))
+def test_whatever_a_clock_says_frames_come_in_time(times):
+    aligner = Aligner(RATE_HZ, 2, longest_s=0.5)
+    packets = [Packet(time_s, place(row), row / RATE_HZ, None) for row, time_s in enumerate(times)]
+    frames = [frame for one in packets for frame in aligner.take(one)] + aligner.flush()
+    seen = [frame.positions[0, 0] for frame in frames if np.isfinite(frame.positions).all()]
+    told = aligner.delivery
+    assert len(seen) + told.late + told.doubled == told.packets == len(times)
+    assert np.isfinite([frame.arrived_s for frame in frames]).all()
+    assert len(frames) - len(seen) <= 51 * len(times)
+
+
+def test_a_source_that_stops_counting_and_then_says_no_time():
+    told = [(0.32, 16), (0.34, None), (0.36, None), (0.38, None), (np.nan, None), (1.38, None)]
+    aligner = Aligner(50.0, 2)
+    for row, (time_s, number) in enumerate(told):
+        aligner.take(Packet(time_s, place(row), row / 1000, number))
+    aligner.flush()
+    assert aligner.delivery.packets == len(told)
+    assert aligner.delivery.restarts == 1

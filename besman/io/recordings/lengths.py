@@ -164,7 +164,8 @@ def body_length(positions: FloatArray, asked: Units | None, where: str) -> Lengt
         return Length(UNIT_M[asked], asked, "asked for")
     file_name = where.rpartition("/")[2]
     few = positions[:: max(1, len(positions) // _FRAMES)]
-    spans = np.nanmax(few, axis=1) - np.nanmin(few, axis=1)
+    # NaN where nothing is seen at all.
+    spans = np.fmax.reduce(few, axis=1) - np.fmin.reduce(few, axis=1)
     spans = spans[np.isfinite(spans).all(axis=1)].max(axis=1)
     height = float(np.percentile(spans, 90)) if len(spans) else 0.0
     for name, low, high in _HEIGHTS:

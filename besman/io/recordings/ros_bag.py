@@ -43,6 +43,8 @@ _TAKEN = (_JOINTS, *_POSES, *_FRAMES)
 _TEXT = "std_msgs/msg/String"
 _KNOWN = "joint states, poses or transforms"
 _MOST_LISTED = 12
+# No joint turns or slides farther.
+_GREATEST = 1000.0
 _NO_NAMES = {"pose", "pose_stamped", "poses", "transform"}
 _CHOOSE = "choose with --topic, in a recipe with read.topics"
 
@@ -313,6 +315,7 @@ def _follow_joints(
         if track is not None:
             if joint.nq == 2:
                 track.values = np.unwrap(track.values).tolist()
+            _refuse_far(track, name, path)
             angles[name] = sample_values(track, grid)
     if not angles:
         raise RecordingError(
@@ -332,6 +335,16 @@ def _follow_joints(
         gathered.notes.append(f"joints without values, whose links are left out: {without}")
     turned, places = link_poses(model, angles, links)
     return _record(gathered, grid, links, (turned, places), topics, chosen)
+
+
+def _refuse_far(track: Track, name: str, path: Path) -> None:
+    """Refuse a joint that nothing turns so far."""
+    greatest = float(np.abs(track.arrays()[1]).max(initial=0.0))
+    if greatest > _GREATEST:
+        raise RecordingError(
+            f"{path}: joint {name!r:.60}: got {greatest:g}; expected at most {_GREATEST:g} rad "
+            "(or m)"
+        )
 
 
 def _follow_bodies(

@@ -8,7 +8,13 @@ from scipy.spatial.transform import Rotation
 from besman.exceptions import RecordingWarning
 from besman.io.recordings.bodies import from_matrices, hold_orientations
 from besman.io.recordings.c3d_names import find_names, keep_single_names
-from besman.io.recordings.lengths import UNIT_M, find_length, parse_unit, typical_extent
+from besman.io.recordings.lengths import (
+    UNIT_M,
+    body_length,
+    find_length,
+    parse_unit,
+    typical_extent,
+)
 
 
 @pytest.mark.parametrize(
@@ -60,3 +66,13 @@ def test_names_of_prefixes_and_twins():
     assert find_names(["s:a", "s:b", "s:*1"], [""] * 3, positions, "x") == ("a", "b", None)
     positions[:, 2] = np.nan
     assert keep_single_names(["a", "b", "a"], positions, "x", "points") == ("a", "b", None)
+
+
+def test_a_frame_in_which_nothing_is_seen_tells_no_height():
+    positions = np.array([[[0.0, 0, 1.7], [0, 0, 0.1]]] * 4)
+    positions[2] = np.nan
+    with pytest.warns(
+        RecordingWarning, match="the body is 1.6 high, so they are taken for m"
+    ) as said:
+        assert body_length(positions, None, "a/b.csv").name == "m"
+    assert [one.category for one in said] == [RecordingWarning]

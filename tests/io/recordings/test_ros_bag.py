@@ -256,6 +256,15 @@ def test_poses_are_bodies_called_by_their_topics(tmp_path):
     assert read_recording(path, topics=("/a",)).names == ("a",)
 
 
+def test_joints_that_nothing_turns_so_far(tmp_path):
+    make = Messages()
+    rows = joint_topic(make)
+    rows[7] = ns(7) + 2_000_000, make.joints(ns(7), JOINTS, [0.0, 0.0, 1e308])
+    path = write_bag(tmp_path / "a.mcap", {"/joint_states": rows, **described(make)})
+    with pytest.raises(RecordingError, match=r"got 1e\+308; expected at most 1000 rad \(or m\)"):
+        read_recording(path)
+
+
 def test_times_that_lie_too_far_apart(tmp_path):
     make = Messages()
     rows = poses(make)
