@@ -130,7 +130,7 @@ def test_boxes_that_fall_end_at_the_floor():
     boxes = np.zeros((4, 2, 7))
     boxes[:, 0, 2], boxes[:, 1, 2] = high, 1.0
     boxes[:, :, 0] = np.arange(4)[:, None]
-    found = rearranging._to_the_floor(boxes)
+    found = rearranging.to_the_floor(boxes)
     np.testing.assert_array_equal(found[:, 0, 2], [0.2, 0.1, -0.1, -0.1])
     np.testing.assert_array_equal(found[:, 0, 0], [0, 1, 2, 2])
     np.testing.assert_array_equal(found[:, 1], boxes[:, 1])
