@@ -14,6 +14,7 @@ from besman.records.task_trial import TaskTrial
 from besman.robot.model import Robot
 from besman.simulation.tasks.rearrange.boxes import BoxFrame
 from besman.simulation.tasks.rearrange.rearrange import RearrangeConfig
+from besman.simulation.tasks.rearrange.rearranging import to_the_floor
 from besman.view.packing import Packer
 from besman.view.person import PersonMarkers
 from besman.view.takes import Performance, played_take
@@ -93,6 +94,9 @@ class WholeTasks:
         step = self.task.simulation.time_step_s
         playback = self.task.play(plan, self.robot, self.frame)
         take = played_take(playback, step, self.robot, rate_hz)
+        # The scene has no floor; what falls would take the picture along.
+        take.bodies = to_the_floor(take.bodies)
+        take.object_path = to_the_floor(take.object_path[:, None])[:, 0]
         take.title, take.success, take.failure = title, trial.success, trial.failure
         take.miss_m = float(trial.miss)
         spans, shown = block_spans(plan, self.task), self.plans[plan.name]

@@ -1,5 +1,6 @@
 """What the page and the report are given of whole tasks (synthetic)."""
 
+import dataclasses
 import functools
 import itertools
 
@@ -41,6 +42,19 @@ def test_a_take_has_its_blocks_and_the_person_does_the_same_in_each():
     assert take.start_s + take.interval_s * (len(take.joints) - 1) >= own[-1]
     kinds = {(shape["role"], shape["kind"]) for shape in take.shapes}
     assert {("object", "box"), ("fixed", "box")} <= kinds
+
+
+def test_a_box_that_falls_stays_at_the_floor():
+    robot, _, plan = carry_box()
+    (aimed,), (trial,) = records()["aim"], records()["simulate"]
+    close_s, open_s = aimed.events_s
+    early = dataclasses.replace(aimed, events_s=np.array([close_s, (close_s + open_s) / 2]))
+    refined = RefinedTask(early, trial, 2)
+    whole = WholeTasks.of(records() | {"refine_tasks": (refined,)}, robot, TASK)
+    take = whole.takes(plan.name, 25.0)[-1]
+    assert np.all(take.bodies[-1, :, 2] > -0.2)
+    assert take.object_path[:, 2].min() > -0.2
+    assert np.linalg.norm(take.object_path[-1] - trial.wanted[0, :3]) > 0.2
 
 
 def test_blocks_last_as_long_as_the_arm_needs_and_wait_for_the_gripper():

@@ -74,12 +74,16 @@ def add_gripper(
         servo.forcerange = [-force, force]
 
 
-def gripper_capsules(gripper: GripperConfig) -> tuple[FloatArray, FloatArray]:
-    """Return capsules that have what `add_gripper` adds in them, its fingers open.
+def gripper_capsules(
+    gripper: GripperConfig, between_m: float | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """Return capsules that have what `add_gripper` adds in them.
 
     Parameters
     ----------
     gripper : GripperConfig
+    between_m : float, optional
+        Between thumb and fingers; by default they are open.
 
     Returns
     -------
@@ -90,7 +94,11 @@ def gripper_capsules(gripper: GripperConfig) -> tuple[FloatArray, FloatArray]:
     back, tip = gripper.reach_m
     radius = gripper.finger_radius_m
     side, wide = gripper.opening_m / 2 + radius, gripper.spacing_m / 2
-    fingers = [[[x, y, -back], [x, y, tip - radius]] for x, y in _rails(gripper)]
+    closed = 0.0 if between_m is None else (gripper.opening_m - between_m) / 2
+    fingers = [
+        [[x - np.sign(x) * closed, y, -back], [x - np.sign(x) * closed, y, tip - radius]]
+        for x, y in _rails(gripper)
+    ]
     # The palm: three bars across, as thick as it is.
     palm = [
         [[-side, y, -back - _PALM_M], [side, y, -back - _PALM_M]]

@@ -129,7 +129,8 @@ class Surroundings:
         """Tell how near a task brings the arm to what it must not touch. Nothing is simulated.
 
         Besides `gaps`: arm and open gripper against boxes where they stand; what is carried against
-        the boards, other boxes, and the arm without its last two links.
+        the boards, other boxes, and the arm without its last two links. Fingers are where they hold
+        a box while they do.
 
         Parameters
         ----------
@@ -143,7 +144,8 @@ class Surroundings:
         """
         time, positions, _, _ = sample_task(plan, _RATE_HZ)
         holds = list_holds(plan)
-        placed, radii, joints = _place(self.robot, self.task, positions)
+        holding = np.any([(time > h.close_s) & (time < h.open_s) for h in holds], axis=0)
+        placed, radii, joints = _place(self.robot, self.task, positions, holding)
         own = distances(self.robot.chain, positions).min()
         gaps = [float(own), _least(placed, radii, self.boards, self._board)]
         for thing in range(len(self.before)):
@@ -192,11 +194,27 @@ class Surroundings:
 
 
 def _place(
-    robot: Robot, task: RearrangeFields, positions: FloatArray
+    robot: Robot,
+    task: RearrangeFields,
+    positions: FloatArray,
+    holding: npt.NDArray[np.bool_] | None = None,
 ) -> tuple[FloatArray, FloatArray, npt.NDArray[np.int64]]:
-    """Return all capsules that move, of arm and gripper, their radii and their joints."""
+    """Return all capsules that move, of arm and gripper, their radii and their joints.
+
+    The gripper is open but in the rows in which it holds a box.
+    """
+    placed, radii, joints = _place_gripper(robot, *gripper_capsules(task.gripper), positions)
+    if holding is not None and np.any(holding):
+        ends, widths = gripper_capsules(task.gripper, task.box.size_m[1])
+        placed[holding] = _place_gripper(robot, ends, widths, positions[holding])[0]
+    return placed, radii, joints
+
+
+def _place_gripper(
+    robot: Robot, ends: FloatArray, radii: FloatArray, positions: FloatArray
+) -> tuple[FloatArray, FloatArray, npt.NDArray[np.int64]]:
+    """Return the capsules of the arm that move, and those (C, 2, 3) of its tool."""
     chain = robot.chain
-    ends, radii = gripper_capsules(task.gripper)
     ends = ends @ chain.tip[:3, :3].T + chain.tip[:3, 3]
     joints = np.concatenate([chain.capsule_joints, np.full(len(ends), robot.n - 1)])
     ends, radii = np.concatenate([chain.capsule_ends, ends]), np.append(chain.capsule_radii, radii)

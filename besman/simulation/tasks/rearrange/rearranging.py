@@ -84,7 +84,7 @@ def judge(
     expected = expected_movements(robot, way.movements, task.simulation.time_step_s)
     n = robot.n
     first = n + len(FINGERS)
-    boxes = _to_the_floor(run.qpos[0, :, first:].reshape(run.qpos.shape[1], -1, 7))
+    boxes = to_the_floor(run.qpos[0, :, first:].reshape(run.qpos.shape[1], -1, 7))
     outcomes = boxes[-1]
     angles = pose_angles(outcomes, wanted)
     misses = np.linalg.norm(outcomes[:, :3] - wanted[:, :3], axis=1)
@@ -109,7 +109,7 @@ def judge(
     )
 
 
-def _to_the_floor(boxes: FloatArray) -> FloatArray:
+def to_the_floor(boxes: FloatArray) -> FloatArray:
     """Have boxes (T, O, 7) lie where they reach the floor: the scene has none, they fall on."""
     fallen = np.maximum.accumulate(boxes[:, :, 2] < 0.0, axis=0)
     if not fallen.any():

@@ -15,7 +15,7 @@ Way = TypeVar("Way")
 # The arm follows a movement to within a millimetre or two.
 _CLEAR_M = 0.002
 # Of ways that touch something so many are simulated: a fingertip may push a box a little.
-_MOST_TOUCHING = 6
+_MOST_TOUCHING = 12
 # A way that is so much slower than it was shown leads past a singularity.
 _SLOW = 2.5
 
