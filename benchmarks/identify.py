@@ -214,7 +214,7 @@ def throw(finished, given):
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("run", type=Path, help="a finished run")
+    parser.add_argument("run", type=Path, nargs="?", help="a finished run")
     parser.add_argument("--engine", choices=ARMS, default="mujoco")
     parser.add_argument("--arms", type=int, default=5)
     parser.add_argument("--first-seed", type=int, default=0)
@@ -228,6 +228,9 @@ def main() -> None:
     parser.add_argument("--log-only", action="store_true", help="of --throws: with the log alone")
     parser.add_argument("--misses", action="store_true", help="of every try, metres")
     given = parser.parse_args()
+    if given.run is None:
+        print("identification: of a finished run, name its RUN")
+        return
     finished = read_run(given.run)
     if given.throws:
         throw(finished, given)

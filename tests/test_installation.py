@@ -42,7 +42,7 @@ DISTRIBUTIONS = {
 }
 PROJECT = tomllib.loads((TOP / "pyproject.toml").read_text())["project"]
 EXTRAS = PROJECT["optional-dependencies"]
-FOR_USERS = ("cluster", "lerobot", "lsl", "lstm", "mirror", "qualisys")
+FOR_USERS = ("cluster", "lerobot", "lsl", "lstm", "mirror", "optitrack", "qualisys")
 FOR_USERS += ("ros", "sequences", "transfer", "verify", "video", "xacro")
 
 needs_make = pytest.mark.skipif(shutil.which("make") is None, reason="there is no make")

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from besman.live.lsl_events import LslEvents
     from besman.web.loopback import LoopbackServer
 
-_SYSTEMS = ("qtm", "lsl")
+_SYSTEMS = ("qtm", "lsl", "natnet")
 # Too many; and an address that is for this machine alone.
 _NO_EVENTS = ("joints", "page")
 
@@ -35,6 +35,15 @@ ToNetwork = Annotated[
     bool, typer.Option("--to-network", help="Let --lsl listen at all addresses, as it must.")
 ]
 
+SOURCE = typer.Option(
+    metavar="SOURCE", help="file://PATH?pace=1, lsl:NAME, qtm:// or natnet://HOST[:PORT]."
+)
+"""What is followed live."""
+
+Record = Annotated[
+    Path | None,
+    typer.Option(help="Record the live stream, NAME.tsv; what is printed as NAME.jsonl."),
+]
 Page = Annotated[
     bool, typer.Option("--page", help="Show it in the browser: its address is the first line.")
 ]
@@ -45,11 +54,16 @@ PagePort = Annotated[
 
 def play(
     recording: Annotated[Path, typer.Argument(help="A recording.")],
-    system: Annotated[str, typer.Option("--as", metavar="qtm|lsl", help="Which system it plays.")],
+    system: Annotated[
+        str, typer.Option("--as", metavar="qtm|lsl|natnet", help="Which system it plays.")
+    ],
     pace: Annotated[float, typer.Option(help="Seconds of it in a second.")] = 1.0,
     port: Annotated[
-        int, typer.Option(min=0, max=65535, help="Of qtm; 0: any that is free.")
-    ] = 22223,
+        int | None,
+        typer.Option(
+            min=0, max=65535, help="Of qtm, natnet; 0: any that is free; its own if none."
+        ),
+    ] = None,
     name: Annotated[str, typer.Option(help="Of the stream of lsl.")] = "besman",
     lose: Annotated[float, typer.Option(help="Share of the frames that get lost.")] = 0.0,
     late: Annotated[
@@ -65,8 +79,11 @@ def play(
 ) -> None:
     """Serve a recording over loopback as a capture system would, to who connects first."""
     from besman.io.recordings.formats import read_recording
+    from besman.live.natnet_source import PORT as NATNET_PORT
     from besman.live.play_lsl import play_as_lsl
+    from besman.live.play_natnet import play_as_natnet
     from besman.live.play_qtm import Delays, play_as_qtm
+    from besman.live.qtm_source import PORT as QTM_PORT
 
     if system not in _SYSTEMS:
         raise ConfigError(f"--as: got {system!r:.60}; expected {one_of(_SYSTEMS)}")
@@ -79,7 +96,9 @@ def play(
     if unnamed:
         found = replace(found, names=(None,) * len(found.names))
     if system == "qtm":
-        play_as_qtm(found, delays, port, say)
+        play_as_qtm(found, delays, QTM_PORT if port is None else port, say)
+    elif system == "natnet":
+        play_as_natnet(found, delays, NATNET_PORT if port is None else port, say)
     else:
         play_as_lsl(found, name, delays, say)
 
@@ -118,10 +137,7 @@ def follow_live(
 
 
 def mirror(
-    live: Annotated[
-        str,
-        typer.Option(metavar="SOURCE", help="file://PATH?pace=1, lsl:NAME or qtm://HOST[:PORT]."),
-    ],
+    live: Annotated[str, SOURCE],
     run: Annotated[
         Path | None, typer.Option(help="A finished run: its robot, and where it placed the hand.")
     ] = None,
@@ -139,10 +155,7 @@ def mirror(
             "default 10."
         ),
     ] = None,
-    record: Annotated[
-        Path | None,
-        typer.Option(help="Record the stream, NAME.tsv; what is printed as NAME.jsonl."),
-    ] = None,
+    record: Record = None,
     page: Page = False,
     port: PagePort = None,
     lsl: Lsl = None,

@@ -9,9 +9,11 @@ from typing import Annotated
 import typer
 
 from besman.cli.live import (
+    SOURCE,
     Lsl,
     Page,
     PagePort,
+    Record,
     ToNetwork,
     announce_events,
     check_port,
@@ -84,14 +86,8 @@ def follow(
     recording: Annotated[
         Path | None, typer.Argument(help="A recording, replayed as a stream.")
     ] = None,
-    live: Annotated[
-        str | None,
-        typer.Option(metavar="SOURCE", help="file://PATH?pace=1, lsl:NAME or qtm://HOST[:PORT]."),
-    ] = None,
-    record: Annotated[
-        Path | None,
-        typer.Option(help="Record the live stream, NAME.tsv; what is printed as NAME.jsonl."),
-    ] = None,
+    live: Annotated[str | None, SOURCE] = None,
+    record: Record = None,
     run: Annotated[Path | None, typer.Option(help="A run, whose trained models are used.")] = None,
     models: Annotated[
         list[Path] | None,
@@ -135,8 +131,8 @@ def follow(
     plan = make_plan(run, models or [], markers, calibration)
     if recording is None:
         events = announce_events(lsl, to_network)
-        horizon_blocks, shown = horizon or None, (page, port)
-        follow_live(str(live), plan, horizon_blocks, steady, record, json_file, events, *shown)
+        options = horizon or None, steady, record, json_file, events, page, port
+        follow_live(str(live), plan, *options)
         return
     replay = Replay(recording, plan, speed, horizon or None, steady)
     rate_hz = replay.recording.rate_hz

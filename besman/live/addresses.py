@@ -1,4 +1,4 @@
-"""Which source an address means: ``file://``, ``lsl:`` or ``qtm://``."""
+"""Which source an address means: ``file://``, ``lsl:``, ``qtm://`` or ``natnet://``."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from besman.foreign.numbers import parse_number
 from besman.io.recordings.format import READING
 from besman.live.stream import Source
 
-KNOWN_SOURCES = "file://PATH?pace=1, lsl:NAME, qtm://HOST"
+KNOWN_SOURCES = "file://PATH?pace=1, lsl:NAME, qtm://HOST, natnet://HOST"
 
 
 def find_source(address: str) -> Source:
@@ -23,7 +23,8 @@ def find_source(address: str) -> Source:
     address : str
         ``file://PATH`` with ``pace`` (1; 0: as fast as can be); ``lsl:NAME`` with ``source_id``
         and ``wait``; ``qtm://HOST[:PORT]`` with ``version`` and ``wait``: seconds of silence after
-        which a stream that had begun has ended (10).
+        which a stream that had begun has ended (10); ``natnet://HOST[:PORT]`` with ``local`` and
+        ``wait``.
 
     Raises
     ------
@@ -45,22 +46,40 @@ def find_source(address: str) -> Source:
     if scheme == "qtm":
         host, options = _split(address, rest.removeprefix("//"), ("version", "wait"))
         return _find_qtm(address, host, options)
+    if scheme == "natnet":
+        host, options = _split(address, rest.removeprefix("//"), ("local", "wait"))
+        return _find_natnet(address, host, options)
     raise ConfigError(f"--live: got {address!r:.100}; expected one of {KNOWN_SOURCES}")
+
+
+def _find_natnet(address: str, host: str, options: dict[str, str]) -> Source:
+    from besman.live.natnet_source import PORT, NatNetSource
+
+    name, port = _split_host(address, host, "natnet", PORT)
+    wait_s = _number(address, options, "wait", 10.0)
+    local = options.get("local", "127.0.0.1")
+    return NatNetSource(name, port, local, READING.get().up, wait_s)
 
 
 def _find_qtm(address: str, host: str, options: dict[str, str]) -> Source:
     from besman.live.qtm_source import PORT, VERSION, QtmSource
 
-    try:
-        parts = urlsplit(f"//{host}")
-        port = parts.port or PORT
-    except ValueError:
-        raise ConfigError(f"--live: {address!r:.100}: expected qtm://HOST:PORT") from None
+    name, port = _split_host(address, host, "qtm", PORT)
     version = options.get("version", VERSION)
     if not re.fullmatch(r"[0-9]{1,3}(\.[0-9]{1,3})?", version):
         raise ConfigError(f"--live: version: got {version!r:.40}; expected a number such as 1.19")
     wait_s = _number(address, options, "wait", 10.0)
-    return QtmSource(parts.hostname or "127.0.0.1", port, version, wait_s)
+    return QtmSource(name, port, version, wait_s)
+
+
+def _split_host(address: str, host: str, scheme: str, usual: int) -> tuple[str, int]:
+    """Return name and port of a host."""
+    try:
+        parts = urlsplit(f"//{host}")
+        port = parts.port or usual
+    except ValueError:
+        raise ConfigError(f"--live: {address!r:.100}: expected {scheme}://HOST:PORT") from None
+    return parts.hostname or "127.0.0.1", port
 
 
 def _split(address: str, rest: str, allowed: tuple[str, ...]) -> tuple[str, dict[str, str]]:

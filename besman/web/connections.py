@@ -67,7 +67,7 @@ class BoundedServer(HTTPServer):
     def note(self, connection: socket.socket, doing: str) -> None:
         """Take note of what a connection is doing now.
 
-        It is ``idle``, ``reading``, ``working``, ``sending``, or ``pushing`` without end.
+        It is ``idle``, ``reading``, ``working``, ``sending``; or ``pushing``, as long as it may.
         """
         with self._lock:
             self._doing[connection] = (doing, time.monotonic())

@@ -246,7 +246,7 @@ def test_options_that_do_not_go_together_are_one_line(tmp_path, monkeypatch, cap
         (("follow",), "expected either a recording or --live SOURCE"),
         (("follow", "a.tsv", "--live", "lsl:x"), "expected either a recording or --live SOURCE"),
         (("follow", "a.tsv", "--record", "b.tsv"), "--record: is of a live stream"),
-        (("play", SAMPLE, "--as", "vicon"), "--as: got 'vicon'; expected qtm or lsl"),
+        (("play", SAMPLE, "--as", "vicon"), "--as: got 'vicon'; expected qtm, lsl or natnet"),
     ):
         assert call(monkeypatch, *arguments) == 2
         assert said in capsys.readouterr().err

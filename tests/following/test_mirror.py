@@ -109,6 +109,16 @@ def test_a_run_places_the_hand_as_it_did(plan, small_run):
     np.testing.assert_allclose(placed[:, :3, 3], one.poses[:, :3], atol=1e-9)
 
 
+def test_a_hand_whose_markers_have_no_names_is_followed_as_well(positions, plan):
+    source = Frames(positions[:260])
+    source.names = (None,) * len(source.names)
+    lines, samples = mirror(source, plan, by_frames=True)
+    assert check_limits(plan.robot, *samples).kept
+    assert lines[0]["kind"] == "names"
+    assert "follows" in states(lines)
+    assert lines[-1]["hidden"] == 0
+
+
 def test_a_hidden_hand_brings_the_arm_to_rest_and_a_seen_one_moves_it_again(positions, plan):
     hidden = positions.copy()
     names = read_recording(SAMPLE).names
