@@ -201,7 +201,7 @@ def of_robot(folder, robot):
         problems.append("limits beyond 1000 rad")
     # A jerk that nobody states is not limited.
     stated = limits.velocity, limits.acceleration, limits.torque, limits.jerk[limits.jerk < np.inf]
-    if not all((one > 0).all() and (one < 1e6).all() for one in stated):
+    if not all((one > 0).all() and (one <= 1e6).all() for one in stated):
         problems.append("limits out of all sense")
     masses = [inertia.mass for inertia in robot.model.inertias]
     if not all(0 <= mass <= 1e4 for mass in masses):

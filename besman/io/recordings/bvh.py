@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from besman.exceptions import RecordingError, RecordingWarning
-from besman.foreign.numbers import parse_number
+from besman.foreign.numbers import parse_number, parse_whole_number
 from besman.io.recordings.bodies import from_matrices
 from besman.io.recordings.c3d_names import find_names
 from besman.io.recordings.clock import whole_if_near
@@ -182,7 +182,7 @@ def _read_channels(words: list[str]) -> list[str]:
     """Return channels as `xp` for Xposition, `xr` for Xrotation."""
     found = [_CHANNEL.fullmatch(word) for word in words[2:]]
     channels = [match[1].lower() + match[2].lower()[0] for match in found if match]
-    if len(channels) != len(found) or len(found) != int(parse_number(words[1])):
+    if len(channels) != len(found) or len(found) != parse_whole_number(words[1]):
         raise ValueError
     if len(set(channels)) < len(channels):
         raise ValueError
@@ -210,7 +210,7 @@ def _read_motion_header(lines: TextLines, at: int, path: Path) -> tuple[int, flo
             f"{path}:{at + 3}: Frame Time is {numbers[1]:g} s; expected {1 / fastest:g} to "
             f"{1 / slowest:g}"
         )
-    return int(min(numbers[0], 1e9)), whole_if_near(1.0 / numbers[1]), at + 3
+    return int(max(min(numbers[0], 1e9), -1.0)), whole_if_near(1.0 / numbers[1]), at + 3
 
 
 def _check_values(values: FloatArray, path: Path, first: int) -> None:

@@ -139,6 +139,7 @@ def test_positions_of_every_joint(tmp_path, beside):
         (lambda lines: lines[:12], "no line MOTION; is the file cut"),
         (lambda lines: [*lines[:3], "\tOFSET 0 0 0", *lines[4:]], r":4: got 'OFSET 0 0 0'; expected a joint"),
         (lambda lines: [*lines[:4], "\tCHANNELS 3 Xposition Yposition", *lines[5:]], "got 'CHANNELS 3 Xpos.*expected a joint"),
+        (lambda lines: [*lines[:4], "\tCHANNELS 1e400 Xposition", *lines[5:]], "expected a joint"),
         (lambda lines: [*lines[:4], "\tCHANNELS 2 Xrotation Xrotation", *lines[5:]], "expected a joint"),
         (lambda lines: [line for line in lines if line != "}"], "got 'MOTION'; expected a joint"),
         (lambda lines: [line.replace("Frames:", "Frame") for line in lines], "expected 'Frames:' and a number"),
