@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     from besman.stages.refine.search_loop import RunningSearch
 
 
-# Half of the work holds Python's lock; processes are started in the time of so many episodes.
-_EPISODES_FOR_PROCESSES = 4000
+# A fifth of the work holds Python's lock; processes begin in the time of so many episodes.
+_EPISODES_FOR_PROCESSES = 400
 
 
 def _ignore(done: float) -> None:
