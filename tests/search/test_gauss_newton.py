@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from besman.search.gauss_newton import GaussNewton, rms
+from besman.search.gauss_newton import GaussNewton
+from besman.search.residual_points import rms
 
 RNG = np.random.default_rng(0)
 SLOPE = RNG.normal(size=(2, 5))
