@@ -49,7 +49,7 @@ _TRUST = 0.2
 # Where steps stall, the Jacobian is measured anew along so many directions, by differences of so
 # many units, and more of that is believed.
 _DIRECTIONS, _DIFFERENCE, _TRUST_OF_MEASURED = 6, 1.0, 0.5
-# Where all worlds are off alike, as soon as steps have become this short.
+# Where all worlds are off alike, or all within the radius, as soon as steps are this short.
 _ASTRAY = 1.0
 
 
@@ -119,7 +119,7 @@ class GaussNewton:
         self._other: Tried | None = None
         # Points at which the Jacobian is being measured; whether that is still to be done.
         self._block: FloatArray | None = None
-        self._may_measure, self._alone = True, False
+        self._may_measure, self._alone, self._returned = True, False, False
         self._given = None if jacobian is None else np.array(jacobian, dtype=np.float64)
         self.jacobian = None if self._given is None else self._given.copy()
         if self.jacobian is None:
@@ -215,7 +215,7 @@ class GaussNewton:
         """Look at all worlds from now on, beginning at a point that is near in the first."""
         self._strategy, self._aside, self._in_worlds, self._next = None, False, True, point
         self._begin()
-        self._may_measure = True
+        self._may_measure = not self._returned
 
     def _begin(self) -> None:
         """Begin a row of steps."""
@@ -246,6 +246,7 @@ class GaussNewton:
         # All off alike in spite of steps: what tells why is cheap.
         astray = self._in_worlds and not self._best.apart and self._reach <= _ASTRAY
         lost = astray and self._worth_measuring(self._best)
+        lost |= self._in_worlds and self._best.within and self._reach <= _ASTRAY
         if enough or lost or self._left == 0 or self._reach < _LEAST_REACH:
             self._end()
         else:
@@ -291,16 +292,17 @@ class GaussNewton:
         for one in tried:
             self._note(one)
             self._correct(before, one, _TRUST_OF_MEASURED)
-        n = len(tried[0].residuals)
-        best = min([before, *tried], key=lambda one: rms(one.residuals[:n]))
+        if self._alone and self._in_worlds:
+            # One world tells where to aim, until it is near.
+            self._in_worlds, self._returned = False, True
+            before = Tried(before.point, before.residuals[:1])
+        best = min([before, *tried], key=lambda one: one.cost)
         self._begin()
-        if len(best.residuals) == len(before.residuals):
-            self._at = self._best = best
-            self._go_on(best)
+        self._at = self._best = best
+        if best.cost <= _NEAR and self.n_worlds > 1 and not self._in_worlds:
+            self.enter_worlds(best.point)
         else:
-            # All worlds are to be seen of it.
-            self._at = self._best = before
-            self._next = best.point
+            self._go_on(best)
 
     def _step_back(self, point: FloatArray) -> None:
         """Halve the way to the first point: there is no outcome there."""

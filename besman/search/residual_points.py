@@ -45,6 +45,11 @@ class Tried:
         return rms(self.residuals - finite.mean(axis=0)) if len(finite) else np.inf
 
     @property
+    def within(self) -> bool:
+        """Whether every world's outcome is within the radius."""
+        return bool((np.square(self.residuals).sum(axis=1) <= 1.0).all())
+
+    @property
     def apart(self) -> bool:
         """Whether what is left is how far the worlds are apart, rather than their mean."""
         return self.spread**2 > 0.5 * self.cost**2
