@@ -1,8 +1,9 @@
 """Free throws from keypoint files to a UR5's throws at the same targets, brought nearer.
 
-Run as ``python benchmarks/free_throws.py [FOLDER] [--throws N] [--set KEY=VALUE ...]``: the files of
-a folder, or N simulated ones, smoothed as a markerless system smooths them, the hand hidden for
-0.2 s; with other settings than the recipe's, e.g. ``--set refine.method=gauss_newton``.
+    python benchmarks/free_throws.py [FOLDER] [--throws N] [--set KEY=VALUE ...]
+
+The files of a folder, or N simulated ones, smoothed as a markerless system smooths them, the hand
+hidden for 0.2 s; with other settings than the recipe's, e.g. ``--set refine.method=gauss_newton``.
 """
 
 from __future__ import annotations

@@ -43,7 +43,6 @@ from besman.work.outcome import describe_error
 from besman.work.stopping import last_words
 from besman.work.workers import Workers
 
-
 # What processes need for nearly every run: mapping, refinement, exports.
 _PRELOAD = (
     "besman.stages.map.map_demonstrations",

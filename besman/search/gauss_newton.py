@@ -34,8 +34,8 @@ _REACH, _LEAST_REACH = 3.0, 0.1
 _CLOSER = 0.02
 # An outcome that CMA-ES brings this near is worth Newton steps again.
 _NEAR = 0.5
-# Around the nearest point that CMA-ES knows, so far points tell of its Jacobian; corrections cost so
-# much, and steps are taken so often in a row without progress.
+# Points no farther off than this tell of the Jacobian at the nearest that CMA-ES knows; corrections
+# cost so much, and as many steps are taken there without progress.
 _AROUND, _RIDGE, _ASIDE = 4.0, 0.3, 2
 # Outcomes of two dimensions that are so far apart (root mean square) are within the radius 87 times
 # in 100, if they are normal: not often enough.
@@ -144,7 +144,9 @@ class GaussNewton:
     @property
     def exhausted(self) -> bool:
         """Whether going on is of no use."""
-        return self._ended if self._strategy is None else self._strategy.exhausted and not self._aside
+        return (
+            self._ended if self._strategy is None else self._strategy.exhausted and not self._aside
+        )
 
     def ask(self) -> FloatArray:
         """Return the points to try next, shape (P, D); one, where it takes steps."""
