@@ -41,7 +41,7 @@ _AROUND, _RIDGE, _ASIDE = 4.0, 0.3, 2
 # in 100, if they are normal: not often enough.
 _POOR = 0.7
 _STEPS_BACK = 2
-# A step that leaves no more than this of the cost does not count.
+# A step that leaves less than this of the cost is not counted.
 _PROGRESS = 0.9
 # How much of what a step did is believed of the worlds apart from each other: little stands out of
 # what contacts make of any change.
@@ -65,7 +65,7 @@ class GaussNewton:
     bounds : two arrays, shape (D,), optional
         Least and greatest value of every coordinate.
     steps : int
-        Greatest number of Gauss-Newton steps before it ends, or CMA-ES goes on.
+        Greatest number of Gauss-Newton steps in a row that gain less than a tenth.
     damping : float
         Of the normal equations at first, in squared radii of success per squared unit.
     detours : int

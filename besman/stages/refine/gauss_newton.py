@@ -44,7 +44,7 @@ class GaussNewtonConfig(RefinementConfig):
     ----------
     method : "gauss_newton"
     steps : int
-        Greatest number of steps of a motion.
+        Greatest number of steps in a row that gain less than a tenth.
     difference : float or None
         Finite difference, in units of the search; contacts blur what is much smaller. null for 1.5
         where the search is robust, because how far models are apart changes little, else 0.8. Where

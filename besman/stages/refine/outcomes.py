@@ -13,9 +13,9 @@ from besman.simulation.trial import Trial
 
 FloatArray = npt.NDArray[np.float64]
 
-# Root mean square of the distances to the target, in radii, within which 49 of 50 are in it; and
+# Root mean square of the distances to the target, in radii, within which 24 of 25 are in it; and
 # how many times the distances from each other's mean must fit between that and the radius.
-_NEAR_IN_ALL, _ROOM = 0.55, 1.6
+_NEAR_IN_ALL, _ROOM = 0.55, 1.8
 
 
 def residual_of(trial: Trial) -> FloatArray:
@@ -31,7 +31,7 @@ def cost_of(trials: Sequence[Trial]) -> float:
 def holds(trials: Sequence[Trial]) -> bool:
     """Tell whether the outcomes in several worlds say that a motion succeeds in nearly all.
 
-    Were they normal, in two dimensions, 49 of 50 would be within the radius: where all are off
+    Were they normal, in two dimensions, 24 of 25 would be within the radius: where all are off
     alike less room is needed than where they are apart.
     """
     residuals = np.stack([residual_of(one) for one in trials])

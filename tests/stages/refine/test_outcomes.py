@@ -22,13 +22,13 @@ def spread_evenly(middle, spread, n=8):
 
 
 @pytest.mark.parametrize("middle", np.linspace(0.0, 0.9, 7))
-def test_what_holds_succeeds_49_times_in_50(middle):
+def test_what_holds_succeeds_24_times_in_25(middle):
     """The widest spread that is accepted, and outcomes drawn from a normal distribution of it."""
     accepted = [one for one in np.linspace(0.01, 1.0, 100)
                 if holds(trials(spread_evenly(middle, one)))]  # fmt: skip
     drawn = [middle, 0.0] + RNG.normal(size=(20_000, 2)) * max(accepted) / np.sqrt(2.0)
-    assert (np.linalg.norm(drawn, axis=1) <= 1.0).mean() > 0.975
-    assert max(accepted) < 0.65
+    assert (np.linalg.norm(drawn, axis=1) <= 1.0).mean() > 0.955
+    assert 0.04 < max(accepted) < 0.56
 
 
 def test_an_outcome_that_there_is_not_does_not_hold():
