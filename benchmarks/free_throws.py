@@ -71,8 +71,10 @@ def main() -> None:
     print(f"targets by: {dict(told)}")
     print(f"mapped: {results['map']['n_transferred']} of {results['map']['n_demonstrations']}")
     print(f"hit within {refine['success_radius_m']:g} m: {refine['n_success']}")
-    print(f"miss before / after, median: {refine['miss_before_m']['median']:.3f} / ", end="")
-    print(f"{refine['miss_m']['median']:.3f} m, {refine['episodes']['median']:g} episodes")
+    print(f"episodes, median: {refine['episodes']['median']:g}; shared {refine['episodes_shared']}")
+    for when in ("miss_before_m", "miss_m"):
+        # None where no throw has come down.
+        print(f"{when}, median: {refine[when]['median']}")
 
 
 if __name__ == "__main__":

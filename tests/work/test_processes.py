@@ -1,3 +1,4 @@
+import importlib
 import os
 import pickle
 import subprocess
@@ -7,6 +8,7 @@ import pytest
 import worker_items
 from places import TESTS
 
+from besman.work import loaded_code
 from besman.work.processes import ProcessPool
 from besman.work.versions import environment
 
@@ -34,6 +36,12 @@ def test_a_pool_that_is_broken_starts_again_with_the_next_item(pool):
         deadly.result(60)
     outcome = pickle.loads(pool.submit(call(worker_items.double), pickle.dumps(5)).result(60))
     assert outcome.value == 10
+
+
+def test_which_code_it_is_is_asked_before_any_item_comes():
+    environment.cache_clear()
+    importlib.reload(loaded_code)
+    assert environment.cache_info().currsize == 1
 
 
 SCRIPT = """
