@@ -11,7 +11,7 @@ LAZY = $(shell $(BIN)/python -c 'import sys; print("" if sys.dont_write_bytecode
 BENCHMARKS := $(filter-out benchmarks/suite_cost.py,$(wildcard benchmarks/*.py))
 comma := ,
 
-.PHONY: run test test-lstm install lint bench docs clean-venv
+.PHONY: run test test-lstm test-verify install lint bench docs clean-venv
 .DEFAULT_GOAL := run
 # Also under -j: kernels are compiled by what was installed before.
 .NOTPARALLEL:
@@ -28,6 +28,10 @@ test: $(VENV)/.test $(VENV)/.kernels
 # for the CPU; the usual wheel cannot be imported without its CUDA libraries, several GB more.
 test-lstm: $(VENV)/.lstm
 	$(BIN)/python -m pytest tests/classifiers tests/stages/recognize tests/evaluation/test_recognition.py -k "lstm or torch"
+
+# What `make test` skips because Drake's wheel is large, and asks for Mosek's, which is proprietary.
+test-verify: $(VENV)/.verify
+	$(BIN)/python -m pytest tests/simulation/second_engine tests/pipeline/test_verified_run.py
 
 lint: $(VENV)/.lint
 	$(BIN)/ruff check .
@@ -66,7 +70,7 @@ ORACLE = $(shell command -v cc >/dev/null && command -v c++ >/dev/null && \
 	2>/dev/null && echo ,oracle)
 NO_ORACLE = @$(if $(ORACLE),,echo "no cc and c++ with Python.h: tests of what has no wheel are skipped")
 
-$(VENV)/.installed $(VENV)/.test $(VENV)/.lstm $(VENV)/.lint $(VENV)/.docs $(VENV)/.bench: \
+$(VENV)/.installed $(VENV)/.test $(VENV)/.lstm $(VENV)/.verify $(VENV)/.lint $(VENV)/.docs $(VENV)/.bench: \
 	pyproject.toml constraints.txt | $(VENV)/bin/python
 
 $(VENV)/.installed:
@@ -78,6 +82,9 @@ $(VENV)/.test:
 
 $(VENV)/.lstm:
 	$(call install,test$(comma)lstm,torch and 170 packages (3.1 GB),three minutes)
+
+$(VENV)/.verify:
+	$(call install,test$(comma)verify,Drake and 170 packages (2.7 GB),two or three minutes)
 
 $(VENV)/.lint:
 	$(call install,lint,95 packages (1.6 GB),about a minute)

@@ -26,7 +26,7 @@ import numpy as np
 from besman.config.resources import find_resource
 from besman.pipeline.config import PipelineConfig, load_pipeline
 from besman.pipeline.pipeline import run_pipeline
-from besman.records import RefinedMotion
+from besman.records import AnyPlan, RefinedMotion
 from besman.records.files import load_record
 from besman.robot.model import Robot, load_robot
 from besman.simulation.perturbed_trials import finer_task
@@ -34,6 +34,7 @@ from besman.simulation.task import Task
 from besman.simulation.tasks.kinds import load_task
 from besman.simulation.trial import try_plans
 from besman.stages.refine.plan_space import plan_space
+from besman.stages.refine.robustness import RobustConfig, RobustnessConfig
 
 RECIPES = {
     "stick_throw": "ur5_stick_throw",
@@ -42,6 +43,8 @@ RECIPES = {
     "pull_lever": "ur10_lever",
 }
 N_EPISODES, N_BOXES = 160, 100
+# Models that judge races, which no search has seen.
+N_JUDGES, JUDGE = 20, 20
 
 
 def changed(task: Task, **sections: dict[str, Any]) -> Task:
@@ -59,6 +62,12 @@ def refined(name: str, folder: Path) -> tuple[PipelineConfig, tuple[RefinedMotio
     timing = json.loads((folder / name / "timing.json").read_text())
     wall = next(one["wall_s"] for one in timing["stages"] if one["name"] == "refine")
     return config, load_record(record), wall
+
+
+def imitated(name: str, folder: Path) -> tuple[AnyPlan, ...]:
+    """Return the imitations of a recipe that was run."""
+    (record,) = (folder / name).glob("[0-9][0-9]_imitate/record.npz")
+    return load_record(record)
 
 
 def show(what: str, got: str, bar: str = "") -> None:
@@ -131,6 +140,22 @@ def measure_boxes(robot: Robot, task: Task, motions: tuple[RefinedMotion, ...]) 
         )
 
 
+def measure_races(
+    config: PipelineConfig, robot: Robot, task: Task, plans: tuple[AnyPlan, ...]
+) -> None:
+    """Search grasps in one model alone and by races in perturbed ones; judge both by others."""
+    judge = RobustnessConfig(models=N_JUDGES, seed=JUDGE)
+    for what, robust in (("in one model", None), ("by races", RobustConfig())):
+        results = config.refine.model_copy(update={"robust": robust}).run(plans, robot, task)
+        shares = [one.success.mean() for one in judge.run(results, robot, task)]
+        show(
+            f"searched {what}: episodes; held in {N_JUDGES} other models",
+            f"{' '.join(str(int(one.simulations.sum())) for one in results)}; "
+            f"{' '.join(f'{share:.2f}' for share in shares)}",
+        )
+        measure_boxes(robot, task, results)
+
+
 def measure_longer_pulls(
     config: PipelineConfig, robot: Robot, task: Task, motions: tuple[RefinedMotion, ...]
 ) -> None:
@@ -179,7 +204,7 @@ def main() -> None:
                 alone = changed(task, box={"spread_m": 0.0})
                 show("with the box in one place alone:", "")
                 measure_throughput(robot, alone, motions[0])
-                measure_boxes(robot, task, motions)
+                measure_races(config, robot, task, imitated(name, Path(folder)))
             if name == "pull_lever":
                 measure_longer_pulls(config, robot, task, motions)
 

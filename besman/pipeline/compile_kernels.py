@@ -24,6 +24,7 @@ def _compile_descent() -> None:
     from besman.robot.kinematics import forward_kinematics
     from besman.robot.model import load_robot
     from besman.robot.path_refinement import refine_path
+    from besman.simulation import no_clock  # noqa: F401
     from besman.stages.map.time_scaling import scale_path
 
     robot = load_robot("ur5")

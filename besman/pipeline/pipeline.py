@@ -43,6 +43,18 @@ from besman.work.outcome import describe_error
 from besman.work.stopping import last_words
 from besman.work.workers import Workers
 
+# What processes need for nearly every run: mapping, refinement, exports.
+_PRELOAD = (
+    "besman.stages.map.map_demonstrations",
+    "besman.stages.refine.gauss_newton",
+    "besman.stages.refine.search_loop",
+    "besman.stages.refine.plan_space",
+    "besman.stages.refine.robustness",
+    "besman.simulation.tasks.stick_throw.stick_throw",
+    "besman.stages.export.motion_exports",
+    "mujoco.rollout",
+)
+
 
 def run_pipeline(
     config: PipelineConfig,
@@ -87,7 +99,7 @@ def run_pipeline(
 
     if fresh is not None and fresh not in STAGES:
         raise RunError(f"--fresh: no stage {fresh!r}; {nearest(fresh, STAGES)}")
-    with Workers(jobs, cluster) as workers:
+    with Workers(jobs, cluster, _PRELOAD) as workers:
         clock = Clock()
         inputs = read_inputs(
             config.recordings, learn_from(config), config.read, config.select.landing

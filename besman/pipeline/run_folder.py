@@ -191,6 +191,8 @@ class Run:
             description = found[1]
             notes.failures = list(description.failed)
         else:
+            if self._workers is not None:
+                self._workers.start()
             kept = checkpoint_folder(place, key, fresh=name == self.fresh)
             with kept if config.keeps_checkpoints else nullcontext() as checkpoints:
                 result = self.work(name, stage.run, *records, notes=notes, checkpoints=checkpoints)

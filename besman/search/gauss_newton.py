@@ -16,7 +16,6 @@ References
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TypeGuard
 
 import numpy as np
@@ -24,61 +23,34 @@ import numpy.typing as npt
 
 from besman.search.cma_es import CmaEs, Restarts
 from besman.search.gaussian import Bounds, check_bounds
+from besman.search.residual_points import Tried, correct_by_all, important_directions, rms
 
 FloatArray = npt.NDArray[np.float64]
 
 # Longest step at first, and the one below which nothing is gained any more, in units.
 _REACH, _LEAST_REACH = 3.0, 0.1
-# What an outcome that there is not counts at least, in radii of success.
-_FAILED = 3.0
 # By how much a step must make the models' outcomes agree more, in radii of success, if all are
 # farther from the target after it.
 _CLOSER = 0.02
 # An outcome that CMA-ES brings this near is worth Newton steps again.
 _NEAR = 0.5
+# Points no farther off than this tell of the Jacobian at the nearest that CMA-ES knows; corrections
+# cost so much, and as many steps are taken there without progress.
+_AROUND, _RIDGE, _ASIDE = 4.0, 0.3, 2
 # Outcomes of two dimensions that are so far apart (root mean square) are within the radius 87 times
 # in 100, if they are normal: not often enough.
 _POOR = 0.7
 _STEPS_BACK = 2
+# A step that leaves less than this of the cost is not counted.
+_PROGRESS = 0.9
 # How much of what a step did is believed of the worlds apart from each other: little stands out of
 # what contacts make of any change.
 _TRUST = 0.2
 # Where steps stall, the Jacobian is measured anew along so many directions, by differences of so
 # many units, and more of that is believed.
 _DIRECTIONS, _DIFFERENCE, _TRUST_OF_MEASURED = 6, 1.0, 0.5
-
-
-@dataclass(frozen=True, eq=False)
-class _Tried:
-    """A point with what came of it: residuals (W, R), NaN where a world gave no outcome."""
-
-    point: FloatArray
-    residuals: FloatArray
-
-    @property
-    def cost(self) -> float:
-        """Root mean square over the worlds of the distance to the target, in radii."""
-        return rms(self.residuals)
-
-    @property
-    def spread(self) -> float:
-        """The same of the distance to the mean of all worlds."""
-        finite = self.residuals[np.isfinite(self.residuals).all(axis=1)]
-        return rms(self.residuals - finite.mean(axis=0)) if len(finite) else np.inf
-
-
-def rms(residuals: FloatArray) -> float:
-    """Return the root mean square over worlds of the norms of residuals (W, R).
-
-    A world without an outcome costs as much as the farthest of the others at least; infinite if
-    none has one.
-    """
-    squares = np.square(residuals).sum(axis=1)
-    known = np.isfinite(squares)
-    if not known.any():
-        return np.inf
-    lost = max(_FAILED**2, float(squares[known].max()))
-    return float(np.sqrt(np.where(known, squares, lost).mean()))
+# Where all worlds are off alike, or all within the radius, as soon as steps are this short.
+_ASTRAY = 1.0
 
 
 class GaussNewton:
@@ -93,7 +65,7 @@ class GaussNewton:
     bounds : two arrays, shape (D,), optional
         Least and greatest value of every coordinate.
     steps : int
-        Greatest number of Gauss-Newton steps before it ends, or CMA-ES goes on.
+        Greatest number of Gauss-Newton steps in a row that gain less than a tenth.
     damping : float
         Of the normal equations at first, in squared radii of success per squared unit.
     detours : int
@@ -135,16 +107,19 @@ class GaussNewton:
         self._options = (sigma, population, seed, bounds, restarts)
         self._steps, self._left = steps, steps
         self._next = self._start if first is None else np.array(first, dtype=np.float64)
-        self._at: _Tried | None = None
-        self._best: _Tried | None = None
+        self._at: Tried | None = None
+        self._best: Tried | None = None
+        # All that has an outcome in the first world, and what is nearest there.
+        self._seen: list[Tried] = []
+        self._nearest: Tried | None = None
         self._wary, self._most_detours = damping, detours
         self._damping, self._reach, self._detours, self._back = damping, _REACH, 0, 0
-        self._ended = self.handed_over = self._in_worlds = False
+        self._ended = self.handed_over = self._in_worlds = self._aside = False
         self._strategy: CmaEs | None = None
-        self._other: _Tried | None = None
+        self._other: Tried | None = None
         # Points at which the Jacobian is being measured; whether that is still to be done.
         self._block: FloatArray | None = None
-        self._may_measure = True
+        self._may_measure, self._alone, self._returned = True, False, False
         self._given = None if jacobian is None else np.array(jacobian, dtype=np.float64)
         self.jacobian = None if self._given is None else self._given.copy()
         if self.jacobian is None:
@@ -158,16 +133,24 @@ class GaussNewton:
     @property
     def in_worlds(self) -> bool:
         """Whether the points asked for next are to be tried in all of them."""
-        return self._strategy is None and self._in_worlds
+        alone = self._block is not None and self._alone
+        return self._in_worlds and not alone
+
+    @property
+    def _stepping(self) -> bool:
+        """Whether it takes steps, alone or between two generations of CMA-ES."""
+        return self._strategy is None or self._aside
 
     @property
     def exhausted(self) -> bool:
         """Whether going on is of no use."""
-        return self._ended if self._strategy is None else self._strategy.exhausted
+        return (
+            self._ended if self._strategy is None else self._strategy.exhausted and not self._aside
+        )
 
     def ask(self) -> FloatArray:
         """Return the points to try next, shape (P, D); one, where it takes steps."""
-        if self._strategy is not None:
+        if self._strategy is not None and not self._aside:
             return self._strategy.ask()
         return (self._next[None] if self._block is None else self._block).copy()
 
@@ -175,7 +158,7 @@ class GaussNewton:
         """Take the residuals (1, R) of the start (D,), before anything is asked for."""
         if self._strategy is not None:
             return
-        known, tried = np.isfinite(residuals).all(), _Tried(np.array(point), np.array(residuals))
+        known, tried = np.isfinite(residuals).all(), Tried(np.array(point), np.array(residuals))
         if self.n_worlds > 1:
             self._other = tried if known and not np.array_equal(self._next, point) else None
         elif known:
@@ -195,50 +178,64 @@ class GaussNewton:
         residuals : array, shape (P, W, R), optional
             In every world that the points were tried in; NaN without an outcome.
         """
-        if self._strategy is not None:
+        if self._strategy is not None and not self._aside:
             self._strategy.tell(points, returns)
-            self._look_for_near(points, residuals)
+            self._step_aside(points, residuals)
         elif residuals is None:
             self._begin_cma(self._start)
         else:
             pairs = zip(np.array(points), np.array(residuals), strict=True)
-            tried = [_Tried(*pair) for pair in pairs]
+            tried = [Tried(*pair) for pair in pairs]
             if self._block is None:
                 self._learn(tried[0])
             else:
                 self._learn_anew(tried)
 
-    def _look_for_near(self, points: FloatArray, residuals: FloatArray | None) -> None:
-        """Take Newton steps again from a point at which CMA-ES has come near, once."""
-        if self.n_worlds == 1 or residuals is None or self._in_worlds:
+    def _step_aside(self, points: FloatArray, residuals: FloatArray | None) -> None:
+        """Take steps again from the nearest point, if CMA-ES has found one that is nearer.
+
+        Near, they go on in all worlds; else its points have told of the Jacobian there.
+        """
+        if self.jacobian is None or residuals is None or self._in_worlds:
             return
-        norms = [rms(one) for one in residuals]
-        at = int(np.argmin(norms))
-        if norms[at] <= _NEAR:
-            self.enter_worlds(np.array(points[at]))
+        before = self._nearest
+        for point, found in zip(points, residuals, strict=True):
+            self._note(Tried(np.array(point), np.array(found)))
+        nearest = self._nearest
+        if nearest is None or nearest is before:
+            return
+        if nearest.first <= _NEAR and self.n_worlds > 1:
+            self.enter_worlds(nearest.point)
+            return
+        self.jacobian = correct_by_all(self.jacobian, nearest, self._seen, _AROUND, _RIDGE)
+        self._begin()
+        self._aside, self._left = True, _ASIDE
+        self._at = self._best = nearest
+        self._go_on(nearest)
 
     def enter_worlds(self, point: FloatArray) -> None:
         """Look at all worlds from now on, beginning at a point that is near in the first."""
-        self._strategy, self._in_worlds, self._next = None, True, point
+        self._strategy, self._aside, self._in_worlds, self._next = None, False, True, point
         self._begin()
-        self._may_measure = True
+        self._may_measure = not self._returned
 
     def _begin(self) -> None:
         """Begin a row of steps."""
         self._at = self._best = None
         self._left, self._damping, self._reach, self._detours = self._steps, self._wary, _REACH, 0
 
-    def _begin_at_other(self, other: _Tried) -> None:
+    def _begin_at_other(self, other: Tried) -> None:
         """Begin again at the start, whose outcome is known: where the first point leads nowhere."""
         assert self._given is not None
         self.jacobian, self._other, self._in_worlds = self._given.copy(), None, False
         self._begin()
         self._learn(other)
 
-    def _learn(self, tried: _Tried) -> None:
+    def _learn(self, tried: Tried) -> None:
         """Correct the Jacobian, judge the last step and take the next one."""
         if self._best is None or tried.cost < self._best.cost:
             self._best = tried
+        self._note(tried)
         if self._at is None:
             if not np.isfinite(tried.residuals).any():
                 self._step_back(tried.point)
@@ -248,12 +245,24 @@ class GaussNewton:
             self._correct(self._at, tried)
             self._judge(self._at, tried)
         enough = self._best.cost <= _NEAR and self.n_worlds > 1 and not self._in_worlds
-        if enough or self._left == 0 or self._reach < _LEAST_REACH:
+        # All off alike in spite of steps: what tells why is cheap.
+        astray = self._in_worlds and not self._best.apart and self._reach <= _ASTRAY
+        lost = astray and self._worth_measuring(self._best)
+        lost |= self._in_worlds and self._best.within and self._reach <= _ASTRAY
+        if enough or lost or self._left == 0 or self._reach < _LEAST_REACH:
             self._end()
         else:
             self._go_on(self._at)
 
-    def _go_on(self, tried: _Tried) -> None:
+    def _note(self, tried: Tried) -> None:
+        """Keep what has an outcome in the first world."""
+        if not np.isfinite(tried.residuals[0]).all():
+            return
+        self._seen.append(tried)
+        if self._nearest is None or tried.first < self._nearest.first:
+            self._nearest = tried
+
+    def _go_on(self, tried: Tried) -> None:
         """Take the next step from a point."""
         self._left -= 1
         self._next = self._within(tried.point + self._step(tried))
@@ -262,27 +271,40 @@ class GaussNewton:
         """Move points (..., D) to where they may be."""
         return points if self._bounds is None else np.clip(points, *self._bounds)
 
-    def _measure_anew(self, tried: _Tried) -> None:
-        """Ask for points along the directions that matter most, to the side that leads down."""
+    def _measure_anew(self, tried: Tried) -> None:
+        """Ask for points along the directions that matter most, to the side that leads down.
+
+        Where all worlds are off alike, the first tells of all.
+        """
         assert self.jacobian is not None
-        known = np.isfinite(tried.residuals)
-        rows = self.jacobian[: len(known)][known] * self._trust
-        directions = np.linalg.svd(rows, full_matrices=False)[2][:_DIRECTIONS]
-        up = directions @ (rows.T @ tried.residuals[known])
-        sides = np.where(up > 0, -_DIFFERENCE, _DIFFERENCE)
+        self._alone = not tried.apart
+        n = 1 if self._alone else len(tried.residuals)
+        known = np.isfinite(tried.residuals[:n])
+        slopes = (self.jacobian[:n][known] * self._trust).T @ tried.residuals[:n][known]
+        rows = self.jacobian.reshape(-1, len(self._start)) * self._trust
+        directions = important_directions(rows, _DIRECTIONS)
+        sides = np.where(directions @ slopes > 0, -_DIFFERENCE, _DIFFERENCE)
         self._block = self._within(tried.point + sides[:, None] * directions)
         self._may_measure = False
 
-    def _learn_anew(self, tried: list[_Tried]) -> None:
+    def _learn_anew(self, tried: list[Tried]) -> None:
         """Correct the Jacobian by what came of those points, and go on from the best."""
         assert self._best is not None
         self._block, before = None, self._best
         for one in tried:
+            self._note(one)
             self._correct(before, one, _TRUST_OF_MEASURED)
+        if self._alone and self._in_worlds:
+            # One world tells where to aim, until it is near.
+            self._in_worlds, self._returned = False, True
+            before = Tried(before.point, before.residuals[:1])
         best = min([before, *tried], key=lambda one: one.cost)
         self._begin()
         self._at = self._best = best
-        self._go_on(best)
+        if best.cost <= _NEAR and self.n_worlds > 1 and not self._in_worlds:
+            self.enter_worlds(best.point)
+        else:
+            self._go_on(best)
 
     def _step_back(self, point: FloatArray) -> None:
         """Halve the way to the first point: there is no outcome there."""
@@ -292,7 +314,7 @@ class GaussNewton:
         self._back += 1
         self._next = 0.5 * (point + self._start)
 
-    def _correct(self, before: _Tried, after: _Tried, trust: float = _TRUST) -> None:
+    def _correct(self, before: Tried, after: Tried, trust: float = _TRUST) -> None:
         """Update the Jacobian by what a step did [2]_."""
         assert self.jacobian is not None
         step = after.point - before.point
@@ -300,17 +322,18 @@ class GaussNewton:
         if length > 0:
             # What the first world does, all do, as far as is known.
             told = self.jacobian[: len(after.residuals)] @ step
-            off = np.nan_to_num(after.residuals - before.residuals - told)
+            off = np.nan_to_num(after.residuals - before.residuals[: len(told)] - told)
             mean = off.mean(axis=0)
             apart = trust * (off - mean) if len(off) == self.n_worlds else 0.0
             self.jacobian += (mean + apart)[..., None] * step / length
 
-    def _judge(self, before: _Tried, after: _Tried) -> None:
+    def _judge(self, before: Tried, after: Tried) -> None:
         """Go on from where a step has led, or back and with a shorter one."""
         assert self._best is not None
         closer = after.spread < before.spread - _CLOSER and np.isfinite(after.residuals).all()
         if after.cost < before.cost:
             self._at, self._detours = after, 0
+            self._left += after.cost < _PROGRESS * before.cost
         elif closer and self._detours < self._most_detours:
             self._at, self._detours = after, self._detours + 1
         else:
@@ -318,7 +341,7 @@ class GaussNewton:
             self._damping *= 2.0
             self._reach *= 0.5
 
-    def _step(self, tried: _Tried) -> FloatArray:
+    def _step(self, tried: Tried) -> FloatArray:
         """Return the damped step of the linear model [1]_, no longer than the reach."""
         assert self.jacobian is not None
         known = np.isfinite(tried.residuals)
@@ -336,10 +359,15 @@ class GaussNewton:
         """
         best = self._best
         near = best is not None and best.cost <= 1.0
-        if best is not None and near and self.n_worlds > 1 and not self._in_worlds:
-            self.enter_worlds(best.point)
-        elif self._worth_measuring(best):
+        if self._strategy is not None:
+            self._aside = False
+            if near and best is not None and self.n_worlds > 1:
+                self.enter_worlds(best.point)
+            return
+        if self._worth_measuring(best):
             self._measure_anew(best)
+        elif best is not None and near and self.n_worlds > 1 and not self._in_worlds:
+            self.enter_worlds(best.point)
         elif near:
             self._ended = True
         elif self._other is not None:
@@ -353,16 +381,16 @@ class GaussNewton:
     def hand_over(self) -> None:
         """Have CMA-ES go on from the best point, if it does not yet."""
         if self._strategy is None:
-            best = self._best
-            known = best is not None and bool(np.isfinite(best.residuals).any())
-            self._begin_cma(best.point if known and best is not None else self._start)
+            self._begin_cma(self._start if self._nearest is None else self._nearest.point)
             self.handed_over = True
 
-    def _worth_measuring(self, best: _Tried | None) -> TypeGuard[_Tried]:
+    def _worth_measuring(self, best: Tried | None) -> TypeGuard[Tried]:
         """Tell whether steps stalled for want of a Jacobian that holds here."""
-        if best is None or not self._may_measure or not _POOR < best.cost < np.inf:
+        if best is None or not self._may_measure or not best.cost < np.inf:
             return False
-        return best.cost <= 1.0 or self._other is None
+        if self._in_worlds and best.apart:
+            return best.cost > _POOR and (best.cost <= 1.0 or self._other is None)
+        return best.cost > (_POOR if self._in_worlds or self.n_worlds == 1 else _NEAR)
 
     def _begin_cma(self, start: FloatArray) -> None:
         """Have CMA-ES go on."""

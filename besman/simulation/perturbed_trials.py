@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -20,7 +21,7 @@ _FINER = 4
 
 
 def try_perturbed(
-    robot: Robot, task: Task, plan: AnyPlan, perturbations: Sequence[Perturbation]
+    robot: Robot, task: Task, plan: AnyPlan, perturbations: Sequence[Perturbation], jobs: int = 1
 ) -> list[Trial]:
     """Try one motion plan in perturbed worlds.
 
@@ -34,6 +35,8 @@ def try_perturbed(
         What is to be done.
     plan : MotionPlan or CartesianPlan
     perturbations : sequence of Perturbation
+    jobs : int
+        Threads; results do not depend on it.
 
     Returns
     -------
@@ -42,12 +45,18 @@ def try_perturbed(
     """
     task = lenient_task(task)
     movement = task.move([plan], robot)
-    trials: list[Trial] = []
-    for first in range(0, len(perturbations), _BLOCK):
-        block = tuple(perturbations[first : first + _BLOCK])
+    size = min(_BLOCK, -(-len(perturbations) // jobs))
+
+    def try_block(first: int) -> list[Trial]:
+        block = tuple(perturbations[first : first + size])
         movements = replace(repeat(movement, len(block)), perturbations=block)
-        trials += try_movements(robot, task, [plan] * len(block), movements)
-    return trials
+        return try_movements(robot, task, [plan] * len(block), movements)
+
+    blocks = range(0, len(perturbations), max(size, 1))
+    if jobs == 1:
+        return [trial for first in blocks for trial in try_block(first)]
+    with ThreadPoolExecutor(jobs) as threads:
+        return [trial for block in threads.map(try_block, blocks) for trial in block]
 
 
 def repeat(movement: Movements, n: int) -> Movements:

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.robot.mujoco_log import silence_mujoco
+from besman.simulation.no_clock import stop_clock
 from besman.simulation.perturbation import Perturbation, perturb_controls, perturb_model
 
 if TYPE_CHECKING:
@@ -79,6 +80,7 @@ def run_physics(
     import mujoco.rollout
 
     silence_mujoco()
+    stop_clock()
     batch, steps, _ = controls.shape
     state = np.zeros((batch, mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)))
     state[:, 1 : 1 + model.nq] = initial_qpos

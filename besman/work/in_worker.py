@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
+from multiprocessing import parent_process
 from pathlib import Path
 from typing import Any
 
@@ -22,22 +23,20 @@ from besman.work.versions import environment
 _PR_SET_PDEATHSIG = 1
 
 
-def begin_worker(parent: int) -> None:
+def begin_worker() -> None:
     """Make this process a worker, which ends with its parent; see `end_with_parent`."""
     collect_seldom()
-    end_with_parent(parent)
+    end_with_parent()
 
 
-def end_with_parent(parent: int) -> None:
-    """Have the system end this process when its parent ends, however that comes.
+def end_with_parent() -> None:
+    """Have the system end this process when the one ends that it was forked from.
 
-    Parameters
-    ----------
-    parent : int
-        Number of the process that started this one.
+    That one ends as soon as the process does that has started it, however that comes.
     """
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    if os.getppid() != parent:
+    owner = parent_process()
+    if owner is None or not owner.is_alive():
         os._exit(1)
 
 

@@ -1,12 +1,15 @@
-"""Worker processes on this machine."""
+"""Worker processes on this machine, forked from one that has loaded what all of them need."""
 
 from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Iterator
+import sys
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Future
 from contextlib import contextmanager
+from multiprocessing import forkserver, get_context
+from types import ModuleType
 
 from joblib.externals.loky import ProcessPoolExecutor
 from joblib.externals.loky.process_executor import BrokenProcessPool
@@ -16,10 +19,37 @@ from besman.work.stopping import SIGNALS
 
 # A process without work ends.
 _IDLE_S = 60.0
+# What `besman.work.in_worker` loads before the first item.
+_LOADED = ("besman.work.loaded_code", "numpy", "scipy.linalg", "threadpoolctl")
+_ONE_THREAD = "OPENBLAS_NUM_THREADS"
+
+
+def start_server(preload: Sequence[str] = ()) -> None:
+    """Start the process that workers are forked from; it loads modules while this one goes on.
+
+    Forked from it, they have loaded them at once, and none of this process's memory or threads. It
+    ends with this process. Nothing is done if it runs.
+
+    Parameters
+    ----------
+    preload : sequence of str
+        Names of modules.
+    """
+    before = os.environ.get(_ONE_THREAD)
+    os.environ[_ONE_THREAD] = "1"
+    try:
+        with _deaf():
+            get_context("forkserver").set_forkserver_preload([*_LOADED, *preload])
+            forkserver.ensure_running()
+    finally:
+        if before is None:
+            del os.environ[_ONE_THREAD]
+        else:
+            os.environ[_ONE_THREAD] = before
 
 
 class ProcessPool:
-    """Processes started afresh, so that they have none of this one's memory or threads.
+    """Processes that have none of this one's memory or threads; see `start_server`.
 
     Parameters
     ----------
@@ -31,6 +61,7 @@ class ProcessPool:
     tries = 2
 
     def __init__(self, jobs: int) -> None:
+        start_server()
         self._jobs = jobs
         self._executor = self._start()
 
@@ -38,9 +69,8 @@ class ProcessPool:
         return ProcessPoolExecutor(
             max_workers=self._jobs,
             timeout=_IDLE_S,
-            env={"OPENBLAS_NUM_THREADS": "1"},
+            context=get_context("forkserver"),
             initializer=begin_worker,
-            initargs=(os.getpid(),),
         )
 
     @property
@@ -50,7 +80,7 @@ class ProcessPool:
 
     def submit(self, call: bytes, item: bytes) -> Future[bytes]:
         """Have an item worked on."""
-        with _deaf():
+        with _deaf(), _without_script():
             try:
                 future: Future[bytes] = self._executor.submit(run_item, call, item)
             except BrokenProcessPool:
@@ -82,3 +112,17 @@ def _deaf() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
+def _without_script() -> Iterator[None]:
+    """Keep processes that are started here from running this process's script once more.
+
+    One that says nothing of ``__main__`` would start processes of its own there.
+    """
+    script = sys.modules["__main__"]
+    sys.modules["__main__"] = ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = script

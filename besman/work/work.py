@@ -42,7 +42,10 @@ class Work:
     progress : callable
         Called with the share done, 0 to 1.
     notes : Notes, optional
-        Takes what fails, so that the rest goes on. Without it the first failure is raised.
+        Takes what fails, so that the rest goes on, and what workers cost. Without it the first
+        failure is raised.
+    strict : bool
+        The first failure is raised although there are notes.
     workers : Workers, optional
         Processes or a cluster; without them there are threads alone.
     checkpoints : Path, optional
@@ -54,6 +57,7 @@ class Work:
     notes: Notes | None = None
     workers: Workers | None = None
     checkpoints: Path | None = None
+    strict: bool = False
 
     def part(self, start: float, stop: float) -> Work:
         """Return the same work, whose progress is a part of this one's.
@@ -102,7 +106,7 @@ class Work:
         Raises
         ------
         Exception
-            What the first item failed with, if there are no `notes`.
+            What the first item failed with, if there are no `notes` or it is `strict`.
         BesmanError
             If every item failed, and some must not.
         """
@@ -113,7 +117,7 @@ class Work:
             if self.notes is not None and outcome.worker:
                 self.notes.add_worker(outcome.worker, outcome.peak_rss_mb, outcome.cpu_s)
         errors = [(item, one.error) for item, one in zip(items, found, strict=True) if one.error]
-        if self.notes is None and errors:
+        if errors and (self.notes is None or self.strict):
             raise errors[0][1]
         failures = [failure_of(name(item), error) for item, error in errors]
         if self.notes is not None:

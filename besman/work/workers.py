@@ -19,6 +19,8 @@ class Workers:
         Processes on this machine.
     cluster : str, optional
         Address of the scheduler of a Dask cluster, ``tcp://HOST:PORT``.
+    preload : sequence of str
+        Modules that processes on this machine need.
 
     Raises
     ------
@@ -26,8 +28,10 @@ class Workers:
         If the cluster does not answer, has no workers, or Dask is not installed.
     """
 
-    def __init__(self, jobs: int = 1, cluster: str | None = None) -> None:
-        self.jobs, self.cluster = jobs, cluster
+    def __init__(
+        self, jobs: int = 1, cluster: str | None = None, preload: Sequence[str] = ()
+    ) -> None:
+        self.jobs, self.cluster, self._preload = jobs, cluster, tuple(preload)
         self._processes: Pool | None = None
         self._remote: Pool | None = None
         if cluster is not None:
@@ -48,6 +52,13 @@ class Workers:
             if pool is not None:
                 pool.close()
 
+    def start(self) -> None:
+        """Have modules loaded for processes on this machine, while this process does other work."""
+        if self.jobs > 1 and self.cluster is None:
+            from besman.work.processes import start_server
+
+            start_server(self._preload)
+
     def in_processes(
         self, function: Callable[[Any], Any], items: Sequence[Any]
     ) -> Iterator[tuple[int, Outcome]]:
@@ -55,6 +66,7 @@ class Workers:
         if self._processes is None:
             from besman.work.processes import ProcessPool
 
+            self.start()
             self._processes = ProcessPool(self.jobs)
         return spread(self._processes, function, items)
 

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from besman.search.gauss_newton import GaussNewton, rms
+from besman.search.gauss_newton import GaussNewton
+from besman.search.residual_points import rms
 
 RNG = np.random.default_rng(0)
 SLOPE = RNG.normal(size=(2, 5))
@@ -203,3 +204,40 @@ def test_where_steps_stall_the_jacobian_is_measured_along_what_matters_most():
     mean = search.jacobian.mean(axis=0) @ directions.T
     np.testing.assert_allclose(mean, SLOPE[::-1] @ directions.T, atol=1e-9)
     assert len(search.ask()) == 1
+
+
+def test_where_all_worlds_are_off_alike_the_first_alone_is_measured():
+    """What is shared says little of the coordinates that alone move the outcomes."""
+    slopes = np.stack([SLOPE * [0.0, 0.0, 1.0, 1.0, 1.0]] * 3)
+    search = search_of(np.stack([SLOPE * [3.0, 3.0, 0.02, 0.02, 0.02]] * 3), steps=20)
+    search.enter_worlds(np.zeros(5))
+    n_worlds = []
+    while not search.exhausted and len(n_worlds) < 60:
+        asked = search.ask()
+        seen = slopes if search.in_worlds else slopes[:1]
+        found = np.stack([residuals_of(point, seen) for point in asked])
+        n_worlds.append((len(asked), len(seen)))
+        search.tell(asked, np.zeros(len(asked)), found)
+    # Along all five coordinates at once, each for one episode.
+    assert (5, 1) in n_worlds
+    assert not any(n > 1 and worlds > 1 for n, worlds in n_worlds)
+    assert n_worlds[-1] == (1, 3)
+    assert rms(found[0]) < 0.1
+
+
+def test_between_generations_of_cma_es_steps_are_tried():
+    """What it has tried tells of a Jacobian that was useless; a few generations are enough."""
+    search = search_of(1e-3 * SLOPE[None], steps=1)
+    search.tell(search.ask(), np.zeros(1), np.full((1, 1, 2), np.nan))
+    assert search.handed_over
+    sizes, best = [], np.inf
+    while best > 0.05 and len(sizes) < 40:
+        asked = search.ask()
+        found = np.stack([residuals_of(point) for point in asked])
+        cost = np.array([rms(one) for one in found])
+        sizes.append(len(asked))
+        best = min(best, float(cost.min()))
+        search.tell(asked, -cost, found)
+    assert sizes[0] == 8
+    assert 1 in sizes
+    assert sum(sizes) < 60

@@ -63,6 +63,13 @@ def test_without_notes_the_first_failure_is_raised(jobs):
         Work(jobs).map(reject_b, ITEMS)
 
 
+def test_strict_work_raises_the_first_failure_and_keeps_account():
+    notes = Notes()
+    with pytest.raises(MappingError, match=r"^b: has no end$"):
+        Work(notes=notes, strict=True).map(reject_b, ITEMS)
+    assert not notes.failures
+
+
 def test_if_every_item_fails_that_is_an_error():
     with pytest.raises(MappingError, match=r"^b: has no end$"):
         Work(notes=Notes()).map(reject_b, ITEMS[1:2])

@@ -39,8 +39,8 @@ _APPROACH = ".approach"
 # In rad/s and rad/s^2.
 _STILL = 1e-6
 RATE_HZ = 1000
-# Writing holds Python's lock; processes are started in the time of so many motions.
-_PROCESSES_FROM = 40
+# Writing holds Python's lock; processes begin in the time of so many motions.
+_PROCESSES_FROM = 8
 
 
 def write_exports(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,8 @@ FloatArray = npt.NDArray[np.float64]
 _LEAST_SLOPE = 0.05
 # Two slopes of a coordinate that are this far apart halve the square of what it is trusted with.
 _KINK = 1.0
+# From so many columns processes are sooner done than threads.
+_COLUMNS = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,48 +97,85 @@ def moves_too_little(jacobian: FloatArray) -> str:
     return "" if rank == wanted else f"the outcome's Jacobian is of rank {rank}, expected {wanted}"
 
 
+Evaluate = Callable[[FloatArray, bool], FloatArray]
+"""Gives the residuals (W, R) at a point (D,), NaN where there is none: in all worlds, or the first
+alone."""
+
+
 def measure_jacobian(
-    evaluate: Callable[[FloatArray], FloatArray],
+    evaluate: Evaluate,
     point: FloatArray,
     measured: Sequence[int],
     step: float,
+    aiming: float | None = None,
     work: Work = Work(),
-) -> FloatArray:
+) -> tuple[FloatArray, FloatArray]:
     """Measure a Jacobian by finite differences, forward where that way leads to an outcome.
 
     Parameters
     ----------
     evaluate : callable
-        Gives the residuals (W, R) at a point (D,); NaN where there is none.
+        Found by its name in other processes.
     point : array, shape (D,)
     measured : sequence of int
         Coordinates; the others are left at 0, so that nothing moves along them.
     step : float
         Long enough to stand out of what contacts make of small changes.
+    aiming : float, optional
+        Where to aim is told by differences of this to both sides in the first world: the mean of
+        these takes the place of that world's slopes, and what others differ by is added.
     work : Work
-        Threads and progress.
+        Threads, processes and progress.
 
     Returns
     -------
-    array, shape (W, R, D)
+    jacobian : array, shape (W, R, D)
         0 where neither way has an outcome.
+    trust : array, shape (D,)
+        See `trust_of`; 1 without `aiming`.
     """
-    here = evaluate(point)
-
-    def measure_column(at: int) -> FloatArray:
-        slope: FloatArray = np.full(here.shape, np.nan)
-        for side in (step, -step):
-            if np.isnan(slope).any():
-                moved = point.copy()
-                moved[at] += side
-                slope = np.where(np.isnan(slope), (evaluate(moved) - here) / side, slope)
-        return np.nan_to_num(slope)
-
-    jacobian = np.zeros((*here.shape, len(point)))
-    columns = work.map(measure_column, list(measured), name=lambda at: f"coordinate {at}")
-    for at, column in zip(measured, columns, strict=True):
+    here = evaluate(point, True)
+    measure = partial(
+        _measure_column, evaluate=evaluate, point=point, here=here, step=step, aiming=aiming
+    )
+    columns = work.map(
+        measure, list(measured), name=lambda at: f"coordinate {at}", processes=_COLUMNS
+    )
+    jacobian, trust = np.zeros((*here.shape, len(point))), np.ones(len(point))
+    for at, (column, ahead, behind) in zip(measured, columns, strict=True):
         jacobian[..., at] = column
-    return jacobian
+        if aiming is not None:
+            jacobian[..., at] = column + 0.5 * (ahead + behind) - column[0]
+            trust[at] = trust_of(ahead[:, None], behind[:, None])[0]
+    return jacobian, trust
+
+
+def _measure_column(
+    at: int,
+    evaluate: Evaluate,
+    point: FloatArray,
+    here: FloatArray,
+    step: float,
+    aiming: float | None,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Measure the slopes along a coordinate: (W, R), and ahead and behind (R,) in the first."""
+
+    def slope(side: float, all_worlds: bool) -> FloatArray:
+        moved = point.copy()
+        moved[at] += side
+        found = evaluate(moved, all_worlds)
+        return np.asarray((found - here[: len(found)]) / side)
+
+    def one_way(side: float, all_worlds: bool) -> FloatArray:
+        found = slope(side, all_worlds)
+        if np.isnan(found).any():
+            found = np.where(np.isnan(found), slope(-side, all_worlds), found)
+        return np.nan_to_num(found)
+
+    column = one_way(step, True)
+    if aiming is None:
+        return column, column[0], column[0]
+    return column, one_way(aiming, False)[0], one_way(-aiming, False)[0]
 
 
 def load_class(folder: Path | None, name: str) -> ClassModel | None:

@@ -44,7 +44,7 @@ class GaussNewtonConfig(RefinementConfig):
     ----------
     method : "gauss_newton"
     steps : int
-        Greatest number of steps of a motion.
+        Greatest number of steps in a row that gain less than a tenth.
     difference : float or None
         Finite difference, in units of the search; contacts blur what is much smaller. null for 1.5
         where the search is robust, because how far models are apart changes little, else 0.8. Where
@@ -140,8 +140,9 @@ class _Lesson:
         worlds = config.perturbations(self.robot)
         nothing = partial(nothing_shared, self.plan.name, space.dimension)
         measured = self._measured(space)
-        each = 3 + len(worlds) if worlds else 1
-        cost, budget = (len(measured) + 1) * each, config.episodes * self.n_plans
+        in_worlds = 1 + len(worlds)
+        each = in_worlds + 2 if worlds else 1
+        cost, budget = len(measured) * each + in_worlds, config.episodes * self.n_plans
         (first,), _, _ = try_in_worlds(self.robot, self.task, [space.plan_at(_zero(space))], ())
         if not len(first.residual):
             return nothing(1, f"{self.task.kind} has no outcome to take steps on")
@@ -150,7 +151,7 @@ class _Lesson:
             return nothing(1, why)
         point, spent = _zero(space), 1
         if first.failure or not np.isfinite(first.residual).all():
-            search = self._search(None)
+            search = self._search(None, work.jobs)
             while not search.search.done:
                 search.advance()
             search.search.settle()
@@ -166,7 +167,7 @@ class _Lesson:
         if not worlds:
             return ClassModel(self.plan.name, point, jacobian, trust, spent)
         shared = ClassModel(self.plan.name, point, jacobian, trust, spent)
-        search = self._search(shared)
+        search = self._search(shared, work.jobs)
         # Beyond what is enough for itself: all others begin there.
         while search.search.may_go_on and not search.search.handed_over:
             search.advance()
@@ -181,24 +182,18 @@ class _Lesson:
         self, space: Space, point: FloatArray, measured: Sequence[int], work: Work
     ) -> tuple[FloatArray, FloatArray]:
         """Measure the Jacobian (W, R, D) at a point, and how far it can be relied on (D,)."""
-        from besman.stages.refine.class_model import measure_jacobian, trust_of
-        from besman.stages.refine.search_loop import try_in_worlds
-
-        def measure(worlds: Sequence[Perturbation], step: float) -> FloatArray:
-            def evaluate(at: FloatArray) -> FloatArray:
-                found = try_in_worlds(self.robot, self.task, [space.plan_at(at)], worlds)[1]
-                return np.asarray(found[0])
-
-            return measure_jacobian(evaluate, point, measured, step, work)
+        from besman.stages.refine.class_model import measure_jacobian
 
         worlds = self.config.perturbations(self.robot)
         usual = _DIFFERENCE_IN_WORLDS if worlds else _DIFFERENCE
-        jacobian = measure(worlds, self.config.difference or usual)
-        if not worlds:
-            return jacobian, np.ones(len(point))
+        evaluate = partial(
+            _residuals_at, space=space, robot=self.robot, task=self.task, worlds=worlds
+        )
+        step = self.config.difference or usual
         # Where to aim is told by short differences to both sides, how far models are apart is not.
-        ahead, behind = (measure((), side)[0] for side in (_DIFFERENCE, -_DIFFERENCE))
-        return jacobian + 0.5 * (ahead + behind) - jacobian[0], trust_of(ahead, behind)
+        return measure_jacobian(
+            evaluate, point, measured, step, _DIFFERENCE if worlds else None, work
+        )
 
     def _measured(self, space: Space) -> list[int]:
         """Return the coordinates that are measured."""
@@ -207,7 +202,7 @@ class _Lesson:
         inside = space.coordinates(parts)
         return inside or list(range(space.dimension))
 
-    def _search(self, shared: ClassModel | None) -> RunningSearch:
+    def _search(self, shared: ClassModel | None, jobs: int) -> RunningSearch:
         """Set up a search for the middle motion, without checkpoint."""
         config = self.config
         if shared is not None:
@@ -218,9 +213,25 @@ class _Lesson:
             }
             config = config.model_copy(update=bold)
         running = config.running_search(self.plan, self.robot, self.task, None, shared)
+        running.jobs = jobs
         if shared is not None:
             running.search.look_at_all_worlds(shared.point)
         return running
+
+
+def _residuals_at(
+    point: FloatArray,
+    in_worlds: bool,
+    space: Space,
+    robot: Robot,
+    task: Task,
+    worlds: Sequence[Perturbation],
+) -> FloatArray:
+    """Return the residuals (W, R) at a point (D,), in the task's model alone or in all."""
+    from besman.stages.refine.search_loop import try_in_worlds
+
+    found = try_in_worlds(robot, task, [space.plan_at(point)], worlds if in_worlds else ())[1]
+    return np.asarray(found[0])
 
 
 def _zero(space: Space) -> FloatArray:

@@ -19,7 +19,7 @@ from besman.simulation.task import Task
 from besman.simulation.trial import Trial, try_plans
 from besman.stages.refine.checkpoint import Generation
 from besman.stages.refine.class_model import ClassModel
-from besman.stages.refine.outcomes import cost_of, count_failures, residual_of, succeeds
+from besman.stages.refine.outcomes import cost_of, count_failures, holds, residual_of, succeeds
 from besman.stages.refine.plan_space import Space
 from besman.stages.refine.racing import race
 
@@ -29,9 +29,6 @@ Attempt = Callable[[AnyPlan, int], Trial]
 
 # A search ends when the outcome is this much better than the task asks for.
 _MARGIN = 0.5
-# One in perturbed models, when the outcomes there are this near: root mean square, in radii. Of the
-# two-dimensional outcomes of throws, if they are normal, 49 of 50 are within the radius then.
-_MARGIN_IN_WORLDS = 0.55
 # How many episodes on the way are kept with their plans.
 _MILESTONES = 5
 
@@ -162,7 +159,7 @@ class MotionSearch:
         if not trial.success:
             return False
         if isinstance(self._search, ResidualSearch) and self._search.n_worlds > 1:
-            return bool(others) and cost_of((trial, *others)) <= _MARGIN_IN_WORLDS
+            return bool(others) and holds((trial, *others))
         return succeeds(trial, self._task, _MARGIN)
 
     def _try_finely(self, plans: Sequence[AnyPlan]) -> list[Trial]:

@@ -27,8 +27,8 @@ BoolArray = npt.NDArray[np.bool_]
 
 # Sets the models of the search apart from all that judge, whatever their seed.
 _OF_THE_SEARCH = 1_000_000
-# Processes are started in the time of so many episodes; see `besman.stages.refine.stage`.
-_EPISODES_FOR_PROCESSES = 4000
+# Processes begin in the time of so many episodes; see `besman.stages.refine.stage`.
+_EPISODES_FOR_PROCESSES = 200
 
 
 class RobustConfig(Config):

@@ -34,6 +34,8 @@ class RunningSearch:
     checkpoint : Checkpoint
     perturbations : tuple of Perturbation
         Models that a search may look at besides the task's own.
+    jobs : int
+        Threads that one motion may use in them; never changes a result.
     """
 
     search: MotionSearch
@@ -41,12 +43,13 @@ class RunningSearch:
     task: Task
     checkpoint: Checkpoint
     perturbations: tuple[Perturbation, ...] = ()
+    jobs: int = 1
 
     def advance(self) -> None:
         """Try one generation, and keep it."""
         plans = self.search.propose()
         worlds = self.perturbations if self.search.in_worlds else ()
-        trials, _, others = try_in_worlds(self.robot, self.task, plans, worlds)
+        trials, _, others = try_in_worlds(self.robot, self.task, plans, worlds, self.jobs)
         generation = self.search.learn(trials, others, self._attempt)
         self.checkpoint.save(self.search.n_generations - 1, generation)
 
@@ -63,7 +66,11 @@ class RunningSearch:
 
 
 def try_in_worlds(
-    robot: Robot, task: Task, plans: Sequence[AnyPlan], worlds: Sequence[Perturbation]
+    robot: Robot,
+    task: Task,
+    plans: Sequence[AnyPlan],
+    worlds: Sequence[Perturbation],
+    jobs: int = 1,
 ) -> tuple[list[Trial], FloatArray, list[tuple[Trial, ...]]]:
     """Try plans in the model as it is, and in perturbed ones.
 
@@ -73,6 +80,8 @@ def try_in_worlds(
     task : Task
     plans : sequence of MotionPlan or CartesianPlan
     worlds : sequence of Perturbation
+    jobs : int
+        Threads; results do not depend on it.
 
     Returns
     -------
@@ -84,7 +93,9 @@ def try_in_worlds(
         Of every plan in each perturbed model; empty without any.
     """
     trials = try_plans(robot, task, plans)
-    others = [tuple(try_perturbed(robot, task, plan, worlds)) for plan in plans] if worlds else []
+    others = []
+    if worlds:
+        others = [tuple(try_perturbed(robot, task, plan, worlds, jobs)) for plan in plans]
     found = [
         np.stack([residual_of(one) for one in (trial, *more)])
         for trial, more in zip(trials, others or [()] * len(trials), strict=True)

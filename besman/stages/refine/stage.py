@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     from besman.stages.refine.search_loop import RunningSearch
 
 
-# Half of the work holds Python's lock; processes are started in the time of so many episodes.
-_EPISODES_FOR_PROCESSES = 4000
+# A fifth of the work holds Python's lock; processes begin in the time of so many episodes.
+_EPISODES_FOR_PROCESSES = 400
 
 
 def _ignore(done: float) -> None:
@@ -201,7 +201,7 @@ class RefinementConfig(Stage):
             plans = nearest_plans(placed, robot, task, self.motions, work.jobs)
         if self.pool:
             return (self._refine_side_by_side(plans, robot, task, work),)
-        shared = self.share(plans, robot, task, replace(work, notes=None, progress=_ignore))
+        shared = self.share(plans, robot, task, replace(work, strict=True, progress=_ignore))
         refine = partial(
             self._refine, robot=robot, task=task, folder=work.checkpoints, shared=shared
         )
@@ -229,7 +229,7 @@ class RefinementConfig(Stage):
         from besman.stages.refine.search_loop import search_side_by_side, share_target
 
         placed = share_target([place_plan(plan, robot, task) for plan in plans], task)
-        shared = self.share(placed, robot, task, replace(work, notes=None, progress=_ignore))
+        shared = self.share(placed, robot, task, replace(work, strict=True, progress=_ignore))
         pool = [self.running_search(plan, robot, task, work.checkpoints, shared) for plan in placed]
         return search_side_by_side(pool, self.episodes, work).result()
 

@@ -13,7 +13,6 @@ from besman.stages.refine.class_model import (
     load_class,
     measure_jacobian,
     moves_too_little,
-    trust_of,
 )
 from besman.stages.refine.gauss_newton import GaussNewtonConfig, RobustConfig
 from besman.stages.refine.motion_search import MotionSearch
@@ -143,29 +142,32 @@ def test_a_jacobian_that_cannot_reach_the_target_is_of_no_use():
 def test_a_jacobian_is_measured_from_the_side_that_has_an_outcome():
     slope = np.arange(6.0).reshape(2, 3)
 
-    def evaluate(point):
+    def evaluate(point, in_worlds):
         gone = np.nan if point[0] > 0.1 or abs(point[2]) > 0.1 else 0.0
         return (slope @ point + gone)[None]
 
-    found = measure_jacobian(evaluate, np.zeros(3), [0, 1, 2], 0.5)
+    found, trust = measure_jacobian(evaluate, np.zeros(3), [0, 1, 2], 0.5)
+    np.testing.assert_array_equal(trust, 1.0)
     np.testing.assert_allclose(found[0, :, :2], slope[:, :2])
     np.testing.assert_array_equal(found[0, :, 2], 0.0)
-    few = measure_jacobian(evaluate, np.zeros(3), [1], 0.5, Work(jobs=2))
+    few, _ = measure_jacobian(evaluate, np.zeros(3), [1], 0.5, work=Work(jobs=2))
     np.testing.assert_array_equal(few[0, :, [0, 2]], 0.0)
 
 
 def test_a_coordinate_with_a_kink_is_trusted_less():
     """The slopes of |x| are opposite on its sides; those of a line are the same."""
 
-    def evaluate(point):
-        return np.array(
-            [[2.0 * point[0] + 3.0 * abs(point[1]), point[0] + abs(point[1]) + point[2]]]
-        )
+    def evaluate(point, in_worlds):
+        first = [2.0 * point[0] + 3.0 * abs(point[1]), point[0] + abs(point[1]) + point[2]]
+        second = [5.0 * point[0], 0.0]
+        return np.array([first, second] if in_worlds else [first])
 
-    sides = [measure_jacobian(evaluate, np.zeros(3), [0, 1, 2], side)[0] for side in (0.8, -0.8)]
-    trust = trust_of(*sides)
+    found, trust = measure_jacobian(evaluate, np.zeros(3), [0, 1, 2], 1.5, 0.8)
     np.testing.assert_allclose(trust, [1.0, 1.0 / np.sqrt(1.0 + 4.0 * 10.0), 1.0])
-    np.testing.assert_allclose(np.mean(sides, axis=0)[:, 1], 0.0, atol=1e-12)
+    # It aims as if there were no slope along it; how far the worlds are apart stays.
+    np.testing.assert_allclose(found[0], [[2.0, 0.0, 0.0], [1.0, 0.0, 1.0]], atol=1e-12)
+    apart = [[3.0, -3.0, 0.0], [-1.0, -1.0, -1.0]]
+    np.testing.assert_allclose(found[1] - found[0], apart, atol=1e-12)
 
 
 def test_a_class_is_what_it_was_after_it_is_stored(tmp_path):
