@@ -96,7 +96,11 @@ $(VENV)/.bench:
 	$(NO_ORACLE)
 	$(call install,bench$(ORACLE),130 packages (1.8 GB),one or two minutes)
 
-$(VENV)/.kernels: pyproject.toml constraints.txt
+# Numba sees that a kernel's own file has changed, not that of a kernel which it calls.
+KERNELS := $(shell grep -lr --include='*.py' -e njit -e @compiled besman)
+
+$(VENV)/.kernels: pyproject.toml constraints.txt $(KERNELS)
+	@find besman -name '*.nb[ic]' -delete
 	@echo "compiling kernels, once: about a quarter of a minute on two cores"
 	@$(BIN)/python -m besman.pipeline.compile_kernels
 	@touch $@
