@@ -10,7 +10,6 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.robot.mujoco_log import silence_mujoco
-from besman.simulation.no_clock import stop_clock
 from besman.simulation.perturbation import Perturbation, perturb_controls, perturb_model
 
 if TYPE_CHECKING:
@@ -78,6 +77,8 @@ def run_physics(
     """
     import mujoco
     import mujoco.rollout
+
+    from besman.simulation.no_clock import stop_clock
 
     silence_mujoco()
     stop_clock()
