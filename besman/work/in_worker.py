@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
-from multiprocessing import parent_process
+from multiprocessing import forkserver, parent_process
 from pathlib import Path
 from typing import Any
 
@@ -32,9 +32,14 @@ def begin_worker() -> None:
 def end_with_parent() -> None:
     """Have the system end this process when the one ends that it was forked from.
 
-    That one ends as soon as the process does that has started it, however that comes.
+    That one ends as soon as the process does that has started it, however that comes: it reads from
+    a pipe whose other end is that process's. Python hands that end to workers too, so that they
+    could start more; while one of them had it open, all of them would live on.
     """
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    server: Any = forkserver._forkserver  # type: ignore[attr-defined]
+    os.close(server._forkserver_alive_fd)
+    server._forkserver_alive_fd = None
     owner = parent_process()
     if owner is None or not owner.is_alive():
         os._exit(1)
