@@ -37,7 +37,7 @@ def end_with_parent() -> None:
     could start more; while one of them had it open, all of them would live on.
     """
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    server: Any = forkserver._forkserver  # type: ignore[attr-defined]
+    server: Any = forkserver._forkserver
     os.close(server._forkserver_alive_fd)
     server._forkserver_alive_fd = None
     owner = parent_process()
