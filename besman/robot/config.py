@@ -19,7 +19,7 @@ def _check_part_name(name: str) -> str:
 
 
 PartName = Annotated[str, AfterValidator(_check_part_name)]
-"""Name of a robot, joint, link or tool: it names columns of tables and bodies in other programs."""
+"""Name of a robot, joint, link or tool; it names columns of tables and bodies in other programs."""
 
 Triple = tuple[float, float, float]
 Share = Annotated[float, Field(gt=0, le=1)]
