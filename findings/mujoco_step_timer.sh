@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # MuJoCo 4.0 in Python: mjcb_time says None, and every step is timed all the same; setting it to None does not end that.
 #
-# One takes None for a profiler that is off, in C it is. The Python package switches it on when it is imported, by a clock of its own that
+# One takes None for a profiler that is off. The Python package switches it on when it is imported, by a clock of its own that
 # get_mjcb_time() does not show: each step reads the clock several times. Only another clock takes its place, and None brings the
 # hidden one back.
 set -euo pipefail
