@@ -50,6 +50,7 @@ from besman.stages.segment.valleys import (
     smooth_path,
     typical_speed,
 )
+from besman.stages.segment.vmci_online import check_sample
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -177,16 +178,9 @@ class OnlineMovements:
         SegmentationError
             If the sample has another shape or is not finite, or `finish` was called.
         """
-        x = np.asarray(sample, dtype=np.float64)
-        n = len(self._pace.change)
         if self._done:
             raise SegmentationError("the segmentation is finished; start a new one")
-        if x.shape != (n, 3) or not np.isfinite(x).all():
-            raise SegmentationError(
-                f"sample {self._n_given}: expected {n} finite positions of shape ({n}, 3), got "
-                f"{np.array2string(x, threshold=6)}"
-            )
-        self._samples.append(x)
+        self._samples.append(check_sample(sample, len(self._pace.change), self._n_given))
         self._n_given += 1
         return self._segment() if self._n_given % self._step == 0 else []
 

@@ -126,15 +126,9 @@ class OnlineVmci:
         SegmentationError
             If the sample has another shape or is not finite, or `finish` was called.
         """
-        x = np.asarray(sample, dtype=np.float64)
         if self._done:
             raise SegmentationError("the segmentation is finished; start a new one")
-        if x.shape != (self._n_markers, 3) or not np.isfinite(x).all():
-            raise SegmentationError(
-                f"sample {self._n_given}: expected {self._n_markers} finite positions of shape "
-                f"({self._n_markers}, 3), got {np.array2string(x, threshold=6)}"
-            )
-        self._recent.append(x)
+        self._recent.append(check_sample(sample, self._n_markers, self._n_given))
         self._n_given += 1
         half = 0.5 * self._sample_rate_hz / self._rate_hz
         centre = self._n_resampled * self._sample_rate_hz / self._rate_hz
@@ -299,3 +293,28 @@ class OnlineVmci:
         """Bring borders to the number of samples given."""
         ratio = self._sample_rate_hz / self._rate_hz
         return [int(np.round(border * ratio)) for border in borders]
+
+
+def check_sample(sample: npt.ArrayLike, n_markers: int, number: int) -> FloatArray:
+    """Return a sample of a stream as an array, shape (m, 3), metres.
+
+    Parameters
+    ----------
+    sample : array, shape (m, 3)
+    n_markers : int
+        How many are expected.
+    number : int
+        Which sample it is, for the message.
+
+    Raises
+    ------
+    SegmentationError
+        If it has another shape or is not finite.
+    """
+    x: FloatArray = np.asarray(sample, dtype=np.float64)
+    if x.shape != (n_markers, 3) or not np.isfinite(x).all():
+        raise SegmentationError(
+            f"sample {number}: expected {n_markers} finite positions of shape ({n_markers}, 3), "
+            f"got {np.array2string(x, threshold=6)}"
+        )
+    return x

@@ -150,17 +150,6 @@ news.addEventListener("close", () => {
 });
 
 themeToggle($("theme"), draw);
-canvas.addEventListener("pointerdown", (event) => canvas.setPointerCapture(event.pointerId));
-canvas.addEventListener("pointermove", (event) => {
-  if (!event.buttons) return;
-  camera.azimuth -= 0.008 * event.movementX;
-  camera.elevation = Math.min(1.5, Math.max(-0.1, camera.elevation + 0.008 * event.movementY));
-  drawSoon();
-});
-canvas.addEventListener("wheel", (event) => {
-  camera.distance = Math.min(20, Math.max(1, camera.distance * Math.exp(0.001 * event.deltaY)));
-  event.preventDefault();
-  drawSoon();
-}, { passive: false });
+camera.attach(canvas, drawSoon);
 window.addEventListener("resize", drawSoon);
 draw();
