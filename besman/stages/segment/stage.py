@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from typing import Literal
 
 import numpy as np
@@ -112,7 +113,25 @@ class SegmentConfig(SegmentingStage):
         return to_segments(borders, rate_hz, recording, found.log_probability, weights.probability)
 
 
-class VmciOnlineConfig(SegmentingStage):
+class _OneByOne(SegmentingStage):
+    """A method that is quick enough to look at one recording after the other."""
+
+    def run(
+        self, recordings: tuple[LabelledRecording, ...], work: Work = Work()
+    ) -> tuple[Segments, ...]:
+        """Segment recordings; as `SegmentConfig.run`."""
+        results = []
+        for index, recording in enumerate(recordings):
+            results.append(self._segment(recording))
+            work.progress((index + 1) / len(recordings))
+        return tuple(results)
+
+    @abstractmethod
+    def _segment(self, recording: LabelledRecording) -> Segments:
+        """Segment one recording."""
+
+
+class VmciOnlineConfig(_OneByOne):
     """Velocity-based multiple change-point inference, sample by sample.
 
     Attributes
@@ -132,16 +151,6 @@ class VmciOnlineConfig(SegmentingStage):
     longest_s: float = Field(default=10.0, gt=0)
     border_probability: float | None = Field(default=None, gt=0, lt=1)
     calibration_s: float | None = Field(default=None, gt=0)
-
-    def run(
-        self, recordings: tuple[LabelledRecording, ...], work: Work = Work()
-    ) -> tuple[Segments, ...]:
-        """Segment recordings; as `SegmentConfig.run`."""
-        results = []
-        for index, recording in enumerate(recordings):
-            results.append(self._segment(recording))
-            work.progress((index + 1) / len(recordings))
-        return tuple(results)
 
     def _segment(self, recording: LabelledRecording) -> Segments:
         samples, rate_hz = sample_paths(recording, self.markers, self.rate_hz)
@@ -173,7 +182,7 @@ class VmciOnlineConfig(SegmentingStage):
         )
 
 
-class ValleyVmciConfig(SegmentingStage):
+class ValleyVmciConfig(_OneByOne):
     """vMCI over the valleys of the speed, with rests; see `besman.stages.segment.valley_vmci`.
 
     Attributes
@@ -186,16 +195,6 @@ class ValleyVmciConfig(SegmentingStage):
 
     method: Literal["valley_vmci"] = "valley_vmci"
     longest_s: float | None = Field(default=None, gt=0)
-
-    def run(
-        self, recordings: tuple[LabelledRecording, ...], work: Work = Work()
-    ) -> tuple[Segments, ...]:
-        """Segment recordings; as `SegmentConfig.run`."""
-        results = []
-        for index, recording in enumerate(recordings):
-            results.append(self._segment(recording))
-            work.progress((index + 1) / len(recordings))
-        return tuple(results)
 
     def _segment(self, recording: LabelledRecording) -> Segments:
         paths = gather_gapless_paths(recording, self.markers)
@@ -225,7 +224,7 @@ class ValleyVmciConfig(SegmentingStage):
         )
 
 
-class ValleyOnlineConfig(SegmentingStage):
+class ValleyOnlineConfig(_OneByOne):
     """Movements and rests as of `valley_vmci`, sample by sample, as a stream has to.
 
     See `besman.stages.segment.valley_online`. People who walk are looked at as from the laboratory.
@@ -242,16 +241,6 @@ class ValleyOnlineConfig(SegmentingStage):
     method: Literal["valley_online"] = "valley_online"
     longest_s: float | None = Field(default=None, gt=0)
     calibration_s: float | None = Field(default=None, gt=0)
-
-    def run(
-        self, recordings: tuple[LabelledRecording, ...], work: Work = Work()
-    ) -> tuple[Segments, ...]:
-        """Segment recordings; as `SegmentConfig.run`."""
-        results = []
-        for index, recording in enumerate(recordings):
-            results.append(self._segment(recording))
-            work.progress((index + 1) / len(recordings))
-        return tuple(results)
 
     def measure(self, recording: LabelledRecording, markers: tuple[str, ...] | None = None) -> Pace:
         """Measure how fast markers move, those of the stage if none are named."""
