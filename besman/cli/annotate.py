@@ -1,7 +1,5 @@
 """The command ``besman annotate``. Everything heavy is imported when it runs."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """``besman evaluate``: tables of the thesis, measured on given or simulated data."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """The command that writes a run for other tools: export."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

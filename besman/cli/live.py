@@ -1,8 +1,5 @@
 """Commands about live streams: follow --live, mirror, and play, which serves a recording as one."""
 
-from __future__ import annotations
-
-import json
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
@@ -13,7 +10,6 @@ import typer
 
 from besman.cli.terminal import complain, say
 from besman.exceptions import ConfigError, FileError, StoppedError, one_of
-from besman.web.push import Broadcast
 
 if TYPE_CHECKING:
     from besman.following.live import LiveFollower
@@ -22,6 +18,7 @@ if TYPE_CHECKING:
     from besman.live.capture import WholeLines
     from besman.live.lsl_events import LslEvents
     from besman.web.loopback import LoopbackServer
+    from besman.web.push import Broadcast
 
 _SYSTEMS = ("qtm", "lsl", "natnet")
 # Too many; and an address that is for this machine alone.
@@ -105,12 +102,12 @@ def play(
 
 def follow_live(
     address: str,
-    plan: FollowPlan,
+    plan: "FollowPlan",
     horizon_blocks: int | None,
     steady_s: float,
     record: Path | None,
     json_file: Path | None,
-    events: LslEvents | None = None,
+    events: "LslEvents | None" = None,
     page: bool = False,
     port: int | None = None,
 ) -> None:
@@ -126,6 +123,7 @@ def follow_live(
     teller = _Teller(keeps=json_file is not None, events=events)
     if page:
         from besman.view.follow_live import open_follow_page
+        from besman.web.push import Broadcast
 
         teller.news = Broadcast()
         _show_page(open_follow_page(follower, teller.news, port), follower, teller, record)
@@ -204,7 +202,10 @@ def _refuse_useless(has_run: bool, tool: str | None, learn: float | None) -> Non
 
 
 def _show_page(
-    server: LoopbackServer, follower: LiveFollower | Mirror, teller: _Teller, record: Path | None
+    server: "LoopbackServer",
+    follower: "LiveFollower | Mirror",
+    teller: "_Teller",
+    record: Path | None,
 ) -> None:
     """Serve a page of it to this machine while the stream comes."""
     teller.tell({"kind": "page", "url": server.url})
@@ -217,7 +218,7 @@ def _show_page(
         server.stop()
 
 
-def _tell_all(follower: LiveFollower | Mirror, teller: _Teller, record: Path | None) -> None:
+def _tell_all(follower: "LiveFollower | Mirror", teller: "_Teller", record: Path | None) -> None:
     """Tell what becomes known of a source until it ends, or Ctrl-C ends it in order."""
     from besman.live.capture import CaptureFile, WholeLines
 
@@ -240,7 +241,7 @@ def _tell_all(follower: LiveFollower | Mirror, teller: _Teller, record: Path | N
         complain("", str(error))
 
 
-def announce_events(name: str | None, to_network: bool) -> LslEvents | None:
+def announce_events(name: str | None, to_network: bool) -> "LslEvents | None":
     """Return the marker stream of LSL that is asked for.
 
     Raises
@@ -265,7 +266,7 @@ def announce_events(name: str | None, to_network: bool) -> LslEvents | None:
 class _Teller:
     """Prints lines of JSON, and records them; where that fails they are printed all the same."""
 
-    def __init__(self, keeps: bool, events: LslEvents | None = None) -> None:
+    def __init__(self, keeps: bool, events: "LslEvents | None" = None) -> None:
         self._keeps, self._events = keeps, events
         self.lines: WholeLines | None = None
         self.told: list[dict[str, Any]] = []
@@ -274,6 +275,8 @@ class _Teller:
 
     def tell(self, one: dict[str, Any]) -> None:
         """Print what has become known as a line, send it on and keep it, as was asked for."""
+        import json
+
         text = json.dumps(_finite(one)) + "\n"
         sys.stdout.write(text)
         sys.stdout.flush()

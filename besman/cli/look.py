@@ -1,7 +1,5 @@
 """Commands that say what is in a recording: look, markers new."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

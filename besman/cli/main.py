@@ -3,8 +3,7 @@
 Everything heavy is imported by its command.
 """
 
-from __future__ import annotations
-
+import copy
 import os
 import sys
 import threading
@@ -156,6 +155,21 @@ def _take_value(option: str) -> str | None:
     return None
 
 
+def _leave_others(app: typer.Typer) -> typer.Typer:
+    """Return the app with only the command that is asked for: to build all takes time."""
+    from typer.main import get_command_name
+
+    asked = sys.argv[1] if len(sys.argv) > 1 else ""
+    alone = copy.copy(app)
+    alone.registered_commands = [
+        one
+        for one in app.registered_commands
+        if one.callback is not None and get_command_name(one.callback.__name__) == asked
+    ]
+    alone.registered_groups = [one for one in app.registered_groups if one.name == asked]
+    return alone if alone.registered_commands or alone.registered_groups else app
+
+
 def main() -> None:
     """Run the command line; a user's error is one line and exit code 2."""
     debug, strict, partial = _take("--debug"), _take("--strict"), _take("--partial")
@@ -177,7 +191,7 @@ def main() -> None:
         ):
             if strict:
                 warnings.simplefilter("error", RecordingWarning)
-            app()
+            _leave_others(app)()
     except (BesmanError, RecordingWarning) as error:
         if debug:
             raise

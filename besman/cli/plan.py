@@ -1,7 +1,5 @@
 """``besman plan``: blocks of a run in another order, at other places. Heavy imports are lazy."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -74,7 +72,7 @@ def plan(
         raise typer.Exit(1)
 
 
-def _table(content: dict[str, Any]) -> Table:
+def _table(content: dict[str, Any]) -> "Table":
     """Return one row a block."""
     from rich.box import SIMPLE
     from rich.table import Table

@@ -1,7 +1,5 @@
 """Progress bars for stages, on a terminal; silent where there is none."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 

@@ -1,7 +1,5 @@
 """Commands about recordings, without a pipeline: train, segment, follow, label-markers, synth."""
 
-from __future__ import annotations
-
 from collections import Counter
 from pathlib import Path
 from typing import Annotated

@@ -1,7 +1,5 @@
 """``besman robots``: what there is, and your own arm."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Any
 

@@ -1,7 +1,5 @@
 """Commands about runs: run, report, video, robustness, verify, retarget, check."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

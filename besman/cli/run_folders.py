@@ -1,7 +1,5 @@
 """Commands about run folders: runs, clean, join; and what check says of one."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

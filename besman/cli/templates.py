@@ -1,7 +1,5 @@
 """The commands of ``besman template``. Everything heavy is imported by its command."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 from typing import Annotated

@@ -1,7 +1,5 @@
 """The commands of ``besman transfer``. Everything heavy is imported by its command."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -126,7 +124,7 @@ def record(
             _print(line)
 
 
-def _tries(state: TransferState, target: FloatArray, radius: float) -> list[str]:
+def _tries(state: "TransferState", target: "FloatArray", radius: float) -> list[str]:
     """Say of every try how far it was from the target."""
     from besman.transfer.tries import miss_distances
 

@@ -1,7 +1,5 @@
 """The command ``besman view``. Everything heavy is imported by it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -44,7 +42,7 @@ def view(
     server.serve(browser=not no_browser)
 
 
-def _export(content: RunContent, run: Path, motion: str | None, out: Path) -> None:
+def _export(content: "RunContent", run: Path, motion: str | None, out: Path) -> None:
     """Write the file and say what is in it."""
     from besman.cli.progress_bars import stage_display
     from besman.cli.terminal import open_terminal
