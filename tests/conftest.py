@@ -30,6 +30,13 @@ def pytest_collection_finish(session):
     gc.freeze()
 
 
+@pytest.hookimpl(trylast=True)
+def pytest_sessionfinish(session):
+    """Look once for garbage whose end fails; pytest looks five times more, now through nothing."""
+    gc.collect()
+    gc.freeze()
+
+
 START = np.array([1.52, -3.75, 0.54, -1.39, -0.70, -0.12])
 GOAL = np.array([2.09, -3.15, 0.33, -2.02, -1.48, -0.62])
 
