@@ -44,6 +44,22 @@ def test_opencap_with_its_keypoints_is_opencap():
     assert complete == ["opencap", "halpe", "spl"]  # the first assumes less
 
 
+@pytest.mark.parametrize(
+    ("fingers", "name"),
+    [("THUMB PINKY", "spl"), ("FIRST_FINGER_MCP FIFTH_FINGER_MCP", "spl_fingers")],
+)
+@pytest.mark.parametrize("more", ["", "THUMB PINKY FIRST_FINGER_MCP FIFTH_FINGER_MCP"])
+def test_the_later_session_of_spl_tells_how_a_hand_is_turned(fingers, name, more):
+    parts = f"SHOULDER ELBOW WRIST HIP KNEE ANKLE BIG_TOE HEEL EYE EAR {more or fingers}".split()
+    names = [f"{side}_{part}" for side in ("LEFT", "RIGHT") for part in parts]
+    best = fit_marker_sets([*names, "NOSE", "NECK", "MID_HIP", "ball"], "a.json")[0]
+    assert best.is_complete
+    assert best.marker_set.name == name or (more and best.marker_set.name in ("spl", "spl_fingers"))
+    assert best.marker_set.frames.find_assumptions(best.found) == (
+        "the markers of the back lie as on a person of 1.70 m",
+    )
+
+
 @pytest.mark.parametrize("name", list_marker_sets())
 def test_every_set_is_found_by_its_own_names_and_is_the_same_in_the_mirror(name):
     marker_set = load_marker_set(name)

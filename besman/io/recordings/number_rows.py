@@ -6,7 +6,8 @@ An hour of a recording is read by the same quick way as a Qualisys TSV (`number_
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,11 @@ from besman.records import FloatArray
 _MISSING = frozenset({"", "-", "nan", "-nan", "nan(ind)", "-nan(ind)", "na", "n/a", "#n/a", "null",
                       "none", "1.#qnan", "-1.#ind", "1.#ind", "-1.#qnan"})  # fmt: skip
 _DECIMAL = re.compile(rb"[+-]?[0-9]*\.([0-9]+)")
+_WITH_COMMA = re.compile(r"[+-]?[0-9]*,[0-9]+([eE][+-]?[0-9]+)?")
 _ROWS_ABOVE = 100
+ROWS_SEEN = 20
+"""First rows that tell how numbers are written: of some no cell may have decimals."""
+
 TAKE = "--partial takes what is there"
 
 
@@ -69,6 +74,32 @@ def find_cells(line: str) -> Cells:
     if ";" in line:
         return Cells(b";", has_decimal_commas="," in line)
     return Cells(b"," if "," in line else b" ")
+
+
+def see_commas(cells: Cells, rows: Sequence[str]) -> Cells:
+    """Return how cells are separated, numbers with a comma for a point where rows show it.
+
+    Parameters
+    ----------
+    cells : Cells
+        As the header has them.
+    rows : sequence of str
+        The first lines of numbers.
+    """
+    if cells.separator == b"," or cells.has_decimal_commas:
+        return cells
+    found = [cell for row in rows for cell in cells.split(row)]
+    has_commas = any(_WITH_COMMA.fullmatch(cell) for cell in found)
+    return replace(cells, has_decimal_commas=has_commas and not any("." in one for one in found))
+
+
+def is_numeric(cell: str) -> bool:
+    """Tell whether a cell is a number, or stands for one that is not there."""
+    try:
+        parse_number(cell.replace(",", "."))
+    except ValueError:
+        return cell.lower() in _MISSING
+    return True
 
 
 def is_blank(line: str) -> bool:
