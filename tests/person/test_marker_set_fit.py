@@ -24,6 +24,8 @@ PUBLIC = {
     "bvh": "Hips Spine Spine1 Spine2 Neck Head LeftShoulder LeftArm LeftForeArm LeftHand "
     "LeftHandThumb1 LeftHandIndex1 LeftHandPinky1 RightShoulder RightArm RightForeArm RightHand "
     "RightHandThumb1 RightHandIndex1 RightHandPinky1 LeftUpLeg LeftLeg LeftFoot LeftToeBase",
+    "theia": "worldbody head torso l_uarm l_larm l_hand r_uarm r_larm r_hand pelvis l_thigh "
+    "l_shank l_foot l_toes r_thigh r_shank r_foot r_toes pelvis_shifted",
     "bvh_joints": "Hips Chest Chest2 Chest3 Chest4 Neck Head RightCollar RightShoulder RightElbow "
     "RightWrist LeftCollar LeftShoulder LeftElbow LeftWrist RightHip RightKnee RightAnkle",
 }
