@@ -132,10 +132,7 @@ def _read_layout(
     if n_points == 0:
         rest = ", but analog channels (of force plates, muscles, ...)" if n_analog else ""
         raise RecordingError(f"{path}: the header counts no points{rest}; expected at least one")
-    if last < first:
-        raise RecordingError(
-            f"{path}: frames {first} to {last}; expected frames that count up, at most {MAX_FRAMES}"
-        )
+    _check_frames(first, last, path)
     scale, rate_hz = _floats(content[12:16] + content[20:24], processor).tolist()
     told = parameters.get("POINT:SCALE", ())
     if scale == 0 and len(told) == 1 and isinstance(told[0], float):
@@ -189,6 +186,7 @@ def _read_bodies(
 ) -> C3dSections:
     """Return the bodies of a file without points."""
     first, last = struct.unpack_from(f"{'>' if processor == _MIPS else '<'}2H", content, 6)
+    _check_frames(first, last, path)
     (rate_hz,) = _floats(content[20:24], processor).tolist()
     n_bodies, block = (_whole(parameters, f"ROTATION:{key}") for key in ("USED", "DATA_START"))
     ratio = max(1, _whole(parameters, "ROTATION:RATIO"))
@@ -200,6 +198,13 @@ def _read_bodies(
     bodies = numbers.reshape(n_frames, n_bodies, _BODY_NUMBERS)
     points = np.empty((n_frames, 0, 4))
     return C3dSections(parameters, points, rate_hz * ratio, (first - 1) * ratio + 1, (), bodies)
+
+
+def _check_frames(first: int, last: int, path: Path) -> None:
+    if last < first:
+        raise RecordingError(
+            f"{path}: frames {first} to {last}; expected frames that count up, at most {MAX_FRAMES}"
+        )
 
 
 def _whole(parameters: dict[str, Values], name: str) -> int:

@@ -97,3 +97,8 @@ def test_what_is_cut_is_one_line(tmp_path):
     path.write_bytes(content)
     with pytest.raises(RecordingError, match="of 12 frames; is it cut"):
         read_recording(path)
+    content = bytearray(file())
+    struct.pack_into("<2H", content, 6, 9, 4)
+    path.write_bytes(content)
+    with pytest.raises(RecordingError, match="frames 9 to 4; expected frames that count up"):
+        read_recording(path)
