@@ -196,10 +196,9 @@ def _read_motion_header(lines: TextLines, at: int, path: Path) -> tuple[int, flo
     """Return how many frames there should be, frames per second, and where the numbers start."""
     below = enumerate(lines[at + 1 : at + 1 + _MOTION_LINES], start=at + 1)
     head = [(row, line) for row, line in below if line.strip()]
+    head += [(at + 1, ""), (at + 1, "")]
     numbers = []
-    for key, (row, line) in zip(
-        ("Frames:", "Frame Time:"), [*head, *2 * [(at + 1, "")]], strict=False
-    ):
+    for key, (row, line) in zip(("Frames:", "Frame Time:"), head, strict=False):
         before, colon, word = line.strip().partition(":")
         try:
             if not colon or before.lower() != key[:-1].lower():
