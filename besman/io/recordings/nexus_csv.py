@@ -93,7 +93,7 @@ def read_nexus_csv(path: Path, units: Units | None = None, partial: bool = False
         For what was concluded of units, rate and names.
     """
     lines = open_lines(path, "a Nexus CSV")
-    titles = _find_titles(lines)
+    titles = _find_titles(lines, 0, _TITLES[0])
     chosen = next((name for name in _TITLES if name in titles), None)
     if chosen is None:
         raise RecordingError(
@@ -103,6 +103,8 @@ def read_nexus_csv(path: Path, units: Units | None = None, partial: bool = False
     values = read_rows(
         lines, section.data_line, section.width, section.cells, path, partial=partial
     )
+    if chosen == _TITLES[0]:
+        titles |= _find_titles(lines, section.data_line + len(values))
     clock = _settle(section, values, path)
     columns = np.array(section.columns)[:, None] + np.arange(3)
     positions = clock.spread(np.take(values, columns, axis=1))
@@ -128,11 +130,12 @@ def read_nexus_csv(path: Path, units: Units | None = None, partial: bool = False
     )
 
 
-def _find_titles(lines: TextLines) -> dict[str, int]:
-    """Return the index of the line of every table's title."""
+def _find_titles(lines: TextLines, at: int, last: str = "") -> dict[str, int]:
+    """Return the index of the line of every table's title, from a line on and up to a title."""
     found: dict[str, int] = {}
-    at = 0
-    for block in lines.blocks(0):
+    for block in lines.blocks(at):
+        if last in found:
+            break
         codes = np.frombuffer(block + b"\n", np.uint8)
         ends = np.flatnonzero(codes == ord("\n"))
         starts = np.append(0, ends[:-1] + 1)

@@ -24,6 +24,7 @@ _MISSING = frozenset({"", "-", "nan", "-nan", "nan(ind)", "-nan(ind)", "na", "n/
 _DECIMAL = re.compile(rb"[+-]?[0-9]*\.([0-9]+)")
 _WITH_COMMA = re.compile(r"[+-]?[0-9]*,[0-9]+([eE][+-]?[0-9]+)?")
 _ROWS_ABOVE = 100
+_MARGIN = 1.05
 ROWS_SEEN = 20
 """First rows that tell how numbers are written: of some no cell may have decimals."""
 
@@ -147,12 +148,15 @@ def read_rows(
         If there is no row, one has too many cells, a cell is no number, or the last line was cut.
     """
     prepare(lines.n_bytes)
-    found, row = [np.empty((0, width))], first
+    found, n_found, row = np.empty((0, width)), 0, first
     for block in lines.blocks(first):
         n_lines = count_lines(block)
         is_last = row + n_lines >= len(lines)
         is_whole = not texts and (lines.is_ended or not is_last)
-        values = _parse_plain(block, cells, n_lines, width) if is_whole else None
+        if n_found + n_lines > len(found):
+            found = _make_room(found[:n_found], n_lines, len(block), lines, row)
+        into = found[n_found : n_found + n_lines]
+        values = _parse_plain(block, cells, into) if is_whole else None
         text = b"" if values is not None else cells.tabbed(block)
         if values is None and is_whole and _is_even(text, width):
             values = parse_cells(text, n_lines * width)
@@ -165,23 +169,35 @@ def read_rows(
                 above = lines.last(min(_ROWS_ABOVE, len(lines) - first))[:-1]
                 body = _look_for_cut(body, cells, above, width, lines.is_ended, path, row, partial)
             values = _parse(body, width, texts, path, row, lines) if body else None
-        if values is not None:
-            found.append(values.reshape(-1, width))
+        n_here = 0 if values is None else values.size // width
+        if values is not None and values is not into:
+            into[:n_here] = values.reshape(-1, width)
+        n_found += n_here
         if end < n_lines or is_last:
             break
         row += n_lines
-    values = np.concatenate(found) if len(found) != 2 else found[1]
-    if len(values) == 0:
+    if n_found == 0:
         raise RecordingError(f"{path}:{first + 1}: no frames after the header; is the file cut?")
-    return values
+    return found[:n_found]
 
 
-def _parse_plain(block: bytes, cells: Cells, n_rows: int, width: int) -> FloatArray | None:
+def _make_room(
+    found: FloatArray, n_lines: int, n_bytes: int, lines: TextLines, row: int
+) -> FloatArray:
+    """Return rows with room for those that follow, if all are as long as so many lines."""
+    n_more = max(n_lines, int(_MARGIN * n_lines * lines.n_bytes / max(n_bytes, 1)))
+    room = np.empty((len(found) + min(n_more, len(lines) - row), found.shape[1]))
+    room[: len(found)] = found
+    return room
+
+
+def _parse_plain(block: bytes, cells: Cells, into: FloatArray) -> FloatArray | None:
     """Parse lines as they are, where one byte separates cells and all of them are plain."""
     if cells.is_doubled or cells.separator == b" " or b'"' in block:
         return None
     point = b"," if cells.has_decimal_commas else b"."
-    return parse_table(block, n_rows, width, cells.separator, point, False)
+    n_rows, width = into.shape
+    return parse_table(block, n_rows, width, cells.separator, point, False, into)
 
 
 def _is_even(text: bytes, width: int) -> bool:
