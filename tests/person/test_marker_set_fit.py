@@ -24,6 +24,8 @@ PUBLIC = {
     "bvh": "Hips Spine Spine1 Spine2 Neck Head LeftShoulder LeftArm LeftForeArm LeftHand "
     "LeftHandThumb1 LeftHandIndex1 LeftHandPinky1 RightShoulder RightArm RightForeArm RightHand "
     "RightHandThumb1 RightHandIndex1 RightHandPinky1 LeftUpLeg LeftLeg LeftFoot LeftToeBase",
+    "theia": "worldbody head torso l_uarm l_larm l_hand r_uarm r_larm r_hand pelvis l_thigh "
+    "l_shank l_foot l_toes r_thigh r_shank r_foot r_toes pelvis_shifted",
     "bvh_joints": "Hips Chest Chest2 Chest3 Chest4 Neck Head RightCollar RightShoulder RightElbow "
     "RightWrist LeftCollar LeftShoulder LeftElbow LeftWrist RightHip RightKnee RightAnkle",
 }
@@ -42,6 +44,22 @@ def test_opencap_with_its_keypoints_is_opencap():
     names = f"{PUBLIC['opencap']} {PUBLIC['halpe'].replace('Hip ', 'midHip ', 1)}".split()
     complete = [fit.marker_set.name for fit in fit_marker_sets(names, "a.trc") if fit.is_complete]
     assert complete == ["opencap", "halpe", "spl"]  # the first assumes less
+
+
+@pytest.mark.parametrize(
+    ("fingers", "name"),
+    [("THUMB PINKY", "spl"), ("FIRST_FINGER_MCP FIFTH_FINGER_MCP", "spl_fingers")],
+)
+@pytest.mark.parametrize("more", ["", "THUMB PINKY FIRST_FINGER_MCP FIFTH_FINGER_MCP"])
+def test_the_later_session_of_spl_tells_how_a_hand_is_turned(fingers, name, more):
+    parts = f"SHOULDER ELBOW WRIST HIP KNEE ANKLE BIG_TOE HEEL EYE EAR {more or fingers}".split()
+    names = [f"{side}_{part}" for side in ("LEFT", "RIGHT") for part in parts]
+    best = fit_marker_sets([*names, "NOSE", "NECK", "MID_HIP", "ball"], "a.json")[0]
+    assert best.is_complete
+    assert best.marker_set.name == name or (more and best.marker_set.name in ("spl", "spl_fingers"))
+    assert best.marker_set.frames.find_assumptions(best.found) == (
+        "the markers of the back lie as on a person of 1.70 m",
+    )
 
 
 @pytest.mark.parametrize("name", list_marker_sets())

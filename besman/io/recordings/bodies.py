@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -42,6 +43,37 @@ def warn_of_no_turns(written: FloatArray, turns: FloatArray, body: str, source: 
             RecordingWarning,
             stacklevel=6,
         )
+
+
+def read_orientations(
+    values: FloatArray, columns: Sequence[int | None], names: Sequence[str], source: str
+) -> FloatArray | None:
+    """Return the quaternions of a table, w first.
+
+    Parameters
+    ----------
+    values : array, shape (T, N)
+        The table.
+    columns : sequence of int or None, length M
+        Where the four numbers of each body begin, w last; None of what has none.
+    names : sequence of str, length M
+    source : str
+        Name of the file, for warnings.
+
+    Returns
+    -------
+    array, shape (T, M, 4), or None
+        NaN of what has none; None if nothing has one.
+    """
+    if all(column is None for column in columns):
+        return None
+    found = np.full((len(values), len(columns), 4), np.nan)
+    for index, (column, name) in enumerate(zip(columns, names, strict=True)):
+        if column is not None:
+            quaternions = values[:, [column + k for k in (3, 0, 1, 2)]]
+            found[:, index] = to_unit(quaternions)
+            warn_of_no_turns(quaternions, found[:, index], name, source)
+    return found
 
 
 def hold_orientations(orientations: FloatArray) -> FloatArray:

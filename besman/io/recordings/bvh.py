@@ -26,15 +26,17 @@ from besman.io.recordings.bodies import from_matrices
 from besman.io.recordings.c3d_names import find_names
 from besman.io.recordings.clock import whole_if_near
 from besman.io.recordings.conventions import BY_HABIT
-from besman.io.recordings.format import Units
+from besman.io.recordings.format import READING, Units
 from besman.io.recordings.lengths import body_length
-from besman.io.recordings.number_rows import TAKE, Cells, read_rows
+from besman.io.recordings.number_rows import ROWS_SEEN, TAKE, Cells, read_rows, see_commas
 from besman.io.recordings.text_lines import TextLines, open_lines
 from besman.records import FloatArray, Origin, Recording
 from besman.records.frozen import hand_over
 from besman.records.recordings import RATES_HZ
 
 _CHANNEL = re.compile(r"([XYZ])(position|rotation)", re.IGNORECASE)
+# Lines below MOTION in which count and time of frames stand, blank ones among them.
+_MOTION_LINES = 8
 _MOST_JOINTS = 2000
 # A joint that moves away from its offset by less than this share of it has positions beside it.
 _BESIDE = 0.2
@@ -89,7 +91,8 @@ def read_bvh(path: Path, units: Units | None = None, partial: bool = False) -> R
     if n_channels == 0:
         raise RecordingError(f"{path}:{at}: no joint has channels; expected at least one")
     n_frames, rate_hz, first = _read_motion_header(lines, at, path)
-    values = read_rows(lines, first, n_channels, Cells(b" "), path, partial=partial)
+    cells = see_commas(Cells(b" "), lines[first : first + ROWS_SEEN])
+    values = read_rows(lines, first, n_channels, cells, path, partial=partial)
     _check_values(values, path, first)
     values = _check_count(n_frames, values, path, partial)
     channels = max(joint.first + len(joint.channels) for joint in joints)
@@ -154,7 +157,7 @@ class _Tree:
         elif kind == "}":
             self.above.pop()
         elif kind == "OFFSET":
-            x, y, z = (parse_number(word) for word in words[1:4])
+            x, y, z = (parse_number(word.replace(",", ".")) for word in words[1:4])
             if not max(abs(x), abs(y), abs(z)) <= _FARTHEST:
                 raise ValueError
             self.joints[-1].offset = (x, y, z)
@@ -191,26 +194,32 @@ def _read_channels(words: list[str]) -> list[str]:
 
 def _read_motion_header(lines: TextLines, at: int, path: Path) -> tuple[int, float, int]:
     """Return how many frames there should be, frames per second, and where the numbers start."""
-    head = lines[at + 1 : at + 3]
+    below = enumerate(lines[at + 1 : at + 1 + _MOTION_LINES], start=at + 1)
+    head = [(row, line) for row, line in below if line.strip()]
+    head += [(at + 1, ""), (at + 1, "")]
     numbers = []
-    for key, line in zip(("Frames:", "Frame Time:"), [*head, "", ""], strict=False):
+    for key, (row, line) in zip(("Frames:", "Frame Time:"), head, strict=False):
         before, colon, word = line.strip().partition(":")
         try:
             if not colon or before.lower() != key[:-1].lower():
                 raise ValueError
-            numbers.append(parse_number(word))
+            numbers.append(parse_number(word.replace(",", ".")))
         except ValueError:
             raise RecordingError(
-                f"{path}:{at + 2 + len(numbers)}: got {line.strip()!r:.60}; expected {key!r} and a "
+                f"{path}:{row + 1}: got {line.strip()!r:.60}; expected {key!r} and a "
                 "number; is the file cut?"
             ) from None
     slowest, fastest = RATES_HZ
-    if not 1.0 / fastest <= numbers[1] <= 1.0 / slowest:
+    step_s, asked_hz = numbers[1], READING.get().rate_hz
+    if asked_hz is None and not 1.0 / fastest <= step_s <= 1.0 / slowest:
         raise RecordingError(
-            f"{path}:{at + 3}: Frame Time is {numbers[1]:g} s; expected {1 / fastest:g} to "
-            f"{1 / slowest:g}"
+            f"{path}:{row + 1}: Frame Time is {step_s:g} s; expected {1 / fastest:g} to "
+            f"{1 / slowest:g}: say the rate with --rate, in a recipe with read.rate_hz"
         )
-    return int(max(min(numbers[0], 1e9), -1.0)), whole_if_near(1.0 / numbers[1]), at + 3
+    after = lines[row + 1 : row + 1 + _MOTION_LINES]
+    first = next((k for k, line in enumerate(after, start=row + 1) if line.strip()), row + 1)
+    rate_hz = asked_hz or whole_if_near(1.0 / step_s)
+    return int(max(min(numbers[0], 1e9), -1.0)), rate_hz, first
 
 
 def _check_values(values: FloatArray, path: Path, first: int) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tempfile
 from pathlib import Path
 from typing import cast
@@ -11,12 +12,13 @@ import numpy as np
 from besman.exceptions import RecordingError
 from besman.geometry.gaps import find_seen
 from besman.io.atomic_files import written_aside
+from besman.io.recordings.bodies import from_matrices, hold_orientations
 from besman.io.recordings.c3d_counts import MAX_FRAMES
 from besman.io.recordings.c3d_layout import C3dSections, read_sections
 from besman.io.recordings.c3d_names import find_names
 from besman.io.recordings.format import READING, Units
 from besman.io.recordings.lengths import find_length, parse_unit
-from besman.records import Axis, Origin, Recording
+from besman.records import Axis, FloatArray, Origin, Recording
 from besman.records.frozen import hand_over
 from besman.records.recordings import RATES_HZ
 
@@ -27,6 +29,7 @@ _NO_POSITIONS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "REACTIONS"
 _OF_USERS = "USERMOS"
 _PLACES = ("length", "position", "distance")
 _EVENTS_NAMED = 8
+_OF_BODIES = re.compile(r"_4X4$", re.IGNORECASE)
 _SCREEN_AXES = {
     sign + axis: cast(Axis, sign.replace("+", "") + axis)
     for axis in "xyz"
@@ -45,7 +48,7 @@ def read_c3d(path: Path, units: Units | None = None, partial: bool = False) -> R
     Variants seen: Intel, DEC and SGI/MIPS; floats and integers; frames from 0 and from 1; LABELS2
     and on; labels of four letters with whole names as descriptions; parameters without the byte of
     their description; no units, or ``mete``; analog words counted wrong (`c3d_layout`); more than
-    65,535 frames with TRIAL:ACTUAL_END_FIELD.
+    65,535 frames with TRIAL:ACTUAL_END_FIELD; segments in place of points (ROTATION, Theia3D).
 
     Parameters
     ----------
@@ -78,6 +81,8 @@ def read_c3d(path: Path, units: Units | None = None, partial: bool = False) -> R
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read: {error.strerror}") from None
     sections = read_sections(content, path, partial)
+    if sections.bodies is not None:
+        return _make_of_bodies(sections, sections.bodies, units, path)
     coordinates, residuals = sections.points[..., :3], sections.points[..., 3]
     n_points = coordinates.shape[1]
     labels = _values(sections, "LABELS")[:n_points]
@@ -116,6 +121,39 @@ def read_c3d(path: Path, units: Units | None = None, partial: bool = False) -> R
                 *_tell_outputs(len(labels) - len(kept)),
                 *_read_events(sections),
             ),
+        ),
+    )
+
+
+def _make_of_bodies(
+    sections: C3dSections, bodies: FloatArray, units: Units | None, path: Path
+) -> Recording:
+    """Return the segments of a markerless system, with their orientations."""
+    matrices = bodies[..., :16].reshape(*bodies.shape[:2], 4, 4)
+    positions = np.array(matrices[..., 3, :3])
+    positions[(bodies[..., 16] < 0) | ~find_seen(positions)] = np.nan
+    # Columns stand one behind the other, so that rows of what was read are the body's axes.
+    turns = from_matrices(matrices[..., :3, :3].swapaxes(-1, -2))
+    labels = _values(sections, "LABELS", "ROTATION")[: positions.shape[1]]
+    labels = [_OF_BODIES.sub("", label) for label in labels]
+    labels += [""] * (positions.shape[1] - len(labels))
+    rate_hz = _read_rate(sections, path, "ROTATION:RATE")
+    words = [one for one in _values(sections, "UNITS", "ROTATION") if parse_unit(one)]
+    length = find_length(next(iter(words), None), units, positions, str(path), "ROTATION:UNITS")
+    positions *= length.metres
+    return Recording(
+        time=(sections.first_frame - 1 + np.arange(len(positions))) / rate_hz,
+        positions=hand_over(positions),
+        names=find_names(labels, [""] * len(labels), positions, path.name),
+        rate_hz=rate_hz,
+        source=path.name,
+        first_frame=sections.first_frame,
+        orientations=hold_orientations(turns),
+        origin=Origin(
+            writer=_text(sections, "MANUFACTURER:SOFTWARE", "MANUFACTURER:COMPANY"),
+            units=length.name,
+            units_by=length.told_by,
+            notes=_read_events(sections),
         ),
     )
 
@@ -197,22 +235,22 @@ def write_c3d(recording: Recording, path: Path) -> None:
         temporary.write_bytes(content)
 
 
-def _values(sections: C3dSections, name: str) -> list[str]:
-    """Return the texts of a parameter of the points; beyond 255 they go on in NAME2, NAME3, ..."""
+def _values(sections: C3dSections, name: str, group: str = "POINT") -> list[str]:
+    """Return the texts of a parameter of a group; beyond 255 they go on in NAME2, NAME3, ..."""
     values: list[str] = []
     number = 1
-    while (key := f"POINT:{name}{'' if number == 1 else number}") in sections.parameters:
+    while (key := f"{group}:{name}{'' if number == 1 else number}") in sections.parameters:
         values += [str(value) for value in sections.parameters[key]]
         number += 1
     return values
 
 
-def _read_rate(sections: C3dSections, path: Path) -> float:
+def _read_rate(sections: C3dSections, path: Path, key: str = "POINT:RATE") -> float:
     """Return frames per second."""
     asked_hz = READING.get().rate_hz
     if asked_hz is not None:
         return asked_hz
-    values = sections.parameters.get("POINT:RATE") or [sections.rate_hz]
+    values = sections.parameters.get(key) or [sections.rate_hz]
     if values == [0.0]:
         values = [sections.rate_hz]
     # The shortest number that means the same in the file's single precision.
@@ -220,7 +258,7 @@ def _read_rate(sections: C3dSections, path: Path) -> float:
     slowest, fastest = RATES_HZ
     if not slowest <= rate <= fastest:
         raise RecordingError(
-            f"{path}: POINT:RATE is {values[0]!r:.60}; expected frames per second, {slowest:g} to "
+            f"{path}: {key} is {values[0]!r:.60}; expected frames per second, {slowest:g} to "
             f"{fastest:g}"
         )
     return float(str(np.float32(rate)))

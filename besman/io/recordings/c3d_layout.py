@@ -30,6 +30,7 @@ from besman.io.recordings.c3d_counts import (
 
 _MAGIC = 0x50
 _INTEL, _DEC, _MIPS = 84, 85, 86
+_BODY_NUMBERS = 17
 _CHAR, _BYTE, _INTEGER, _FLOAT = -1, 1, 2, 4
 
 Values = list[str] | list[float]
@@ -45,6 +46,9 @@ class C3dSections:
         Values by ``GROUP:NAME`` in capitals: text without blanks around it, or numbers.
     points : array, shape (T, M, 4)
         Coordinates in the file's units, and the residual: negative in a gap.
+    bodies : array, shape (T', N, 17), or None
+        Of a file without points the 16 numbers of each body's place and turn, column by column, and
+        the residual. C-Motion's group ROTATION, which Theia3D writes.
     rate_hz : float
         Frames per second in the header.
     first_frame : int
@@ -58,6 +62,7 @@ class C3dSections:
     rate_hz: float
     first_frame: int
     notes: tuple[str, ...] = ()
+    bodies: npt.NDArray[np.float64] | None = None
 
 
 class _Entry(NamedTuple):
@@ -104,6 +109,8 @@ def read_sections(content: bytes, path: Path, partial: bool = False) -> C3dSecti
             f"{path}: byte order {processor} is unknown; expected 84 (Intel), 85 (DEC), 86 (MIPS)"
         )
     parameters = _read_parameters(content, start + 4, processor, path)
+    if not any(content[2:4]) and _whole(parameters, "ROTATION:USED"):
+        return _read_bodies(content, processor, parameters, path, partial)
     found = _read_points(content, processor, parameters, path, partial)
     n_points = found.points.shape[1]
     declared = parameters.get("POINT:USED", [n_points])
@@ -115,7 +122,9 @@ def read_sections(content: bytes, path: Path, partial: bool = False) -> C3dSecti
     return found
 
 
-def _read_layout(content: bytes, processor: int, path: Path) -> tuple[Layout, float, float]:
+def _read_layout(
+    content: bytes, processor: int, parameters: dict[str, Values], path: Path
+) -> tuple[Layout, float, float]:
     """Return what the header says: counts, scale and frames per second."""
     order = ">" if processor == _MIPS else "<"
     n_points, n_analog, first, last = struct.unpack_from(f"{order}4H", content, 2)
@@ -123,11 +132,12 @@ def _read_layout(content: bytes, processor: int, path: Path) -> tuple[Layout, fl
     if n_points == 0:
         rest = ", but analog channels (of force plates, muscles, ...)" if n_analog else ""
         raise RecordingError(f"{path}: the header counts no points{rest}; expected at least one")
-    if last < first:
-        raise RecordingError(
-            f"{path}: frames {first} to {last}; expected frames that count up, at most {MAX_FRAMES}"
-        )
+    _check_frames(first, last, path)
     scale, rate_hz = _floats(content[12:16] + content[20:24], processor).tolist()
+    told = parameters.get("POINT:SCALE", ())
+    if scale == 0 and len(told) == 1 and isinstance(told[0], float):
+        scale = told[0]
+    data_block = data_block or _whole(parameters, "POINT:DATA_START")
     if not np.isfinite(scale) or scale == 0:
         raise RecordingError(f"{path}: the scale in the header is {scale:g}; is the file damaged?")
     word_bytes = 4 if scale < 0 else 2
@@ -144,7 +154,7 @@ def _read_points(
 ) -> C3dSections:
     """Return the points, shape (T, M, 4), and what is known of them."""
     order = ">" if processor == _MIPS else "<"
-    layout, scale, rate_hz = _read_layout(content, processor, path)
+    layout, scale, rate_hz = _read_layout(content, processor, parameters, path)
     n_points, data_block, size = layout.n_points, layout.data_block, layout.word_bytes
     room = len(content) - (data_block - 1) * BLOCK
     layout = layout._replace(last=find_last_frame(layout, parameters, room))
@@ -165,6 +175,43 @@ def _read_points(
     if scale > 0:
         points[..., :3] *= scale
     return C3dSections(parameters, points, rate_hz, layout.first, (note,) if note else ())
+
+
+def _read_bodies(
+    content: bytes,
+    processor: int,
+    parameters: dict[str, Values],
+    path: Path,
+    partial: bool,
+) -> C3dSections:
+    """Return the bodies of a file without points."""
+    first, last = struct.unpack_from(f"{'>' if processor == _MIPS else '<'}2H", content, 6)
+    _check_frames(first, last, path)
+    (rate_hz,) = _floats(content[20:24], processor).tolist()
+    n_bodies, block = (_whole(parameters, f"ROTATION:{key}") for key in ("USED", "DATA_START"))
+    ratio = max(1, _whole(parameters, "ROTATION:RATIO"))
+    frames = (first, first + (last - first + 1) * ratio - 1)
+    frame_bytes = 4 * _BODY_NUMBERS * n_bodies
+    n_frames = _check_length(len(content), block, frame_bytes, frames, path, partial)
+    at = (block - 1) * BLOCK
+    numbers = _floats(content[at : at + n_frames * frame_bytes], processor)
+    bodies = numbers.reshape(n_frames, n_bodies, _BODY_NUMBERS)
+    points = np.empty((n_frames, 0, 4))
+    return C3dSections(parameters, points, rate_hz * ratio, (first - 1) * ratio + 1, (), bodies)
+
+
+def _check_frames(first: int, last: int, path: Path) -> None:
+    if last < first:
+        raise RecordingError(
+            f"{path}: frames {first} to {last}; expected frames that count up, at most {MAX_FRAMES}"
+        )
+
+
+def _whole(parameters: dict[str, Values], name: str) -> int:
+    """Return a parameter that is one whole number; 0 where it is none."""
+    values = parameters.get(name, ())
+    value = values[0] if len(values) == 1 else 0.0
+    return int(value) if isinstance(value, float) and 0 <= value <= MAX_FRAMES else 0
 
 
 def _check_length(

@@ -19,8 +19,19 @@ from besman.records.recordings import GREATEST_FRAME, RATES_HZ
 _TOLERANCE = 0.05
 # A step of time may deviate this much from the usual one.
 _UNEVEN = 0.5
-# A rate is meant to be whole if it is this near.
+# A rate is meant to be whole if it is this near, or as near as times tell that are rounded so.
 _WHOLE = 5e-4
+_ROUNDED = (1e-2, 1e-3, 1e-4)
+# What times may count, in a second.
+_PARTS_OF_SECOND = (1.0, 1e3, 1e6, 1e9)
+TIME_NAMES: dict[str, float | None] = (
+    dict.fromkeys(("time", "timestamp", "t"), None)
+    | dict.fromkeys(("time_s", "time (s)", "time (seconds)", "seconds"), 1.0)
+    | dict.fromkeys(("time_ms", "time (ms)", "timestamp_ms"), 1e3)
+    | dict.fromkeys(("timestamp_us", "timestamp_usec"), 1e6)
+    | {"timestamp_ns": 1e9}
+)
+"""What columns of times are called, and how many of what they count a second has, if it says so."""
 
 
 @dataclass(frozen=True)
@@ -120,9 +131,32 @@ def read_rate(text: str) -> float | None:
     if text.strip().upper() in {"", "EXT"}:
         return None
     try:
-        return parse_number(text)
+        return parse_number(text.replace(",", "."))
     except ValueError:
         return float("nan")
+
+
+def in_seconds(times: FloatArray, name: str, rate_hz: float | None = None) -> FloatArray:
+    """Return times in seconds, of a column that may count milliseconds, micro- or nanoseconds.
+
+    Parameters
+    ----------
+    times : array, shape (N,)
+    name : str
+        Of `TIME_NAMES`.
+    rate_hz : float or None
+        Frames per second, where something says it. If not no frame lasts longer than a second.
+    """
+    said = TIME_NAMES[name]
+    if said is not None:
+        return times / said
+    step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+    if rate_hz is None:
+        parts = next((one for one in _PARTS_OF_SECOND if step <= one), 1.0)
+    else:
+        usual = (one for one in _PARTS_OF_SECOND if 0.5 * one < step * rate_hz < 2.0 * one)
+        parts = next(usual, 1.0)
+    return times / parts
 
 
 def _count(frames: FloatArray, path: Path, first_line: int) -> npt.NDArray[np.int64]:
@@ -167,6 +201,15 @@ def _show_rate(
     times: FloatArray, rows: npt.NDArray[np.int64], path: Path, first_line: int
 ) -> float | None:
     """Return frames per second of a column of times, None of a single one."""
+    rounded = _find_rounding(times)
+    if rounded:
+        places, span = rows - rows[0], float(times[-1] - times[0])
+        along = times[0] + span / places[-1] * places
+        # At more frames than the steps of rounding times repeat, and rise by one step or two.
+        if np.abs(times - along).max() <= rounded:
+            centred = places - places.mean()
+            step = float(centred @ times / (centred @ centred))
+            return whole_if_near(1.0 / step, rounded / span)
     steps = np.diff(times)
     wrong = np.flatnonzero(~(steps > 0))
     if wrong.size or not np.isfinite(times[0]):
@@ -226,10 +269,33 @@ def _tell(odd_hz: float) -> str:
     return "no number where the rate stands" if np.isnan(odd_hz) else f"{odd_hz:g} frames a second"
 
 
-def whole_if_near(rate_hz: float) -> float:
-    """Return a rate without what rounding of times left of it."""
-    near = round(rate_hz)
-    return float(near) if near and abs(rate_hz / near - 1.0) < _WHOLE else round(rate_hz, 6)
+def _find_rounding(times: FloatArray) -> float:
+    """Return the step to which rising times are rounded, seconds; 0 if it is fine, or frames'."""
+    if len(times) < 2 or not np.isfinite(times).all() or not times[0] < times[-1]:
+        return 0.0
+    for step in _ROUNDED:
+        counted = np.round(times / step)
+        if np.abs(times / step - counted).max() < 1e-3:
+            steps = np.diff(counted)
+            return step if 0 <= steps.min() < steps.max() else 0.0
+    return 0.0
+
+
+def whole_if_near(rate_hz: float, uncertain: float = 0.0) -> float:
+    """Return a rate without what rounding of times left of it.
+
+    Parameters
+    ----------
+    rate_hz : float
+    uncertain : float
+        The share of it that times tell no better.
+    """
+    allowed = max(_WHOLE, min(uncertain, _TOLERANCE))
+    # Where times tell little, cameras run at tens of frames a second rather than at others.
+    for near in (10 * round(rate_hz / 10), round(rate_hz)):
+        if near and abs(rate_hz / near - 1.0) < allowed:
+            return float(near)
+    return round(rate_hz, 6)
 
 
 def _warn(message: str) -> None:

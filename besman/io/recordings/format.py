@@ -268,6 +268,8 @@ def _text(head: bytes) -> bytes:
     """Return the first bytes of a text without marks of its encoding and blank lines before it."""
     if head[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return head[2:].replace(b"\0", b"")
+    if b"\r" in head and b"\n" not in head:
+        head = head.replace(b"\r", b"\n")
     return head.removeprefix(b"\xef\xbb\xbf").lstrip()
 
 
@@ -306,7 +308,7 @@ _PLACES = re.compile(
 
 def is_keypoints(head: bytes) -> bool:
     """Tell keypoints: frames of which each has names of positions, or names with lists of them."""
-    text = head.removeprefix(b"\xef\xbb\xbf").lstrip()
+    text = _text(head)
     if text[:1] not in (b"{", b"["):
         return False
     if b'"pose_keypoints_3d"' in text:

@@ -32,7 +32,6 @@ if TYPE_CHECKING:
 
 _HEAD_BYTES = 16_384
 
-
 FORMATS = (
     Format(
         "Qualisys TSV",
@@ -89,11 +88,12 @@ FORMATS = (
         "Nexus CSV",
         (".csv",),
         text_begins(
-            rb'(?i)"?(trajectories|model outputs|devices|joints|segments)"?[,;\t ]*\r?\n'
+            rb'(?i)"?(trajectories|model outputs|devices|joints|segments|objects)"?[,;\t ]*\r?\n'
             rb'"?[0-9]+(\.[0-9]+)?"?([,;\t ]*\r?$|[,;\t] *hz)'
+            rb'|"?events"?[,;\t ]*\r?\n("?[0-9][^\n]*\n)?"?subject"?[,;\t]'
         ),
         "nexus_csv:read_nexus_csv",
-        "Vicon Nexus, Workstation, Tracker: trajectories, or the positions among model outputs",
+        "Vicon Nexus, Workstation, Tracker: trajectories, positions among model outputs, objects",
         takes_units=True,
         takes_partial=True,
         writes_zeros=True,

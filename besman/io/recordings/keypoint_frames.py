@@ -28,8 +28,8 @@ _NAMES = (
 )  # fmt: skip
 _NAME = ("name", "label", "keypoint", "joint", "marker", "landmark", "part", "body_part")
 _PLACE = ("position", "pos", "xyz", "point", "coordinates", "coords", "location", "translation")
-_PEOPLE = ("people", "persons", "subjects", "skeletons")
-_IDS = ("name", "subject", "person_id", "id", "track_id")
+_PEOPLE = ("people", "persons", "subjects", "skeletons", "bodies")
+_IDS = ("name", "subject", "person_id", "body_id", "id", "track_id")
 _FLAT = "pose_keypoints_3d"
 # OpenPose's BODY_25, in its order.
 _BODY_25 = (
@@ -126,7 +126,20 @@ def _frames_of_mapping(
         if isinstance(inner, list) and inner and isinstance(inner[0], framed):
             return inner
     numbered = _by_number(content)
-    return numbered if numbered is not None else _turn_over(content, path)
+    return numbered if numbered is not None else _turn_over(content, path) or _find_list(content)
+
+
+def _find_list(content: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return the longest list of mappings with places in them, whatever it is called."""
+    lists = (one for one in content.values() if isinstance(one, list) and one)
+    framed = [
+        one
+        for one in lists
+        if all(isinstance(frame, dict) for frame in one)
+        and not _named_place(one[0])
+        and any(_is_position(value) for _, value in _flatten(one[0]))
+    ]
+    return max(framed, key=len, default=[])
 
 
 def _by_number(content: Mapping[str, Any]) -> list[dict[str, Any]] | None:
@@ -359,7 +372,8 @@ def collect_positions(
     for at, frame in enumerate(frames, start=1):
         row = {}
         for name, value in _flatten(frame, names=names):
-            if not isinstance(value, list):
+            # An empty list stands where something was not seen.
+            if not isinstance(value, list) or not value:
                 continue
             if name.rpartition(":")[2].lower() in _IDS:
                 continue

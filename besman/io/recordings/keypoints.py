@@ -22,7 +22,7 @@ import numpy as np
 from besman.exceptions import RecordingError, RecordingWarning
 from besman.foreign.json_text import parse_json
 from besman.io.recordings.c3d_names import keep_single_names
-from besman.io.recordings.clock import read_rate, settle_clock
+from besman.io.recordings.clock import TIME_NAMES, in_seconds, read_rate, settle_clock
 from besman.io.recordings.format import Units, parse_up
 from besman.io.recordings.keypoint_frames import (
     collect_positions,
@@ -31,12 +31,12 @@ from besman.io.recordings.keypoint_frames import (
     names_for_all,
 )
 from besman.io.recordings.lengths import Length, body_length, find_length, parse_unit
+from besman.io.recordings.text_lines import in_usual_text
 from besman.records import Axis, FloatArray, Origin, Recording
 from besman.records.frozen import hand_over
 from besman.records.recordings import RATES_HZ
 
 _RATES = ("rate_hz", "fps", "frame_rate", "framerate", "sampling_rate", "sample_rate", "rate")
-_TIMES = ("time", "time_s", "timestamp", "t")
 _NUMBERS = ("frame", "frame_number", "frame_id", "index")
 # Parts that only a whole body has.
 _ENDS = (("nose", "head", "eye", "ear"), ("ankle", "foot", "toe", "heel"))
@@ -73,15 +73,14 @@ def read_keypoints(path: Path, units: Units | None = None) -> Recording:
     frames, about = find_frames(content, path)
     names, positions = collect_positions(frames, names_for_all(about), path)
     numbers = _column(frames, _NUMBERS, path)
-    times = _column(frames, _TIMES, path)
     rate_hz = _find_rate(about)
     is_rate = rate_hz is not None and RATES_HZ[0] <= rate_hz <= RATES_HZ[1]
-    if times is not None and not is_rate and np.median(np.diff(times)) > 1.0:
-        times = times / 1000.0
-    elif times is not None and rate_hz is not None and len(times) > 1:
-        # Milliseconds count a thousand times as far as the rate says.
-        shown = np.median(np.diff(times)) * rate_hz
-        times = times / 1000.0 if 500.0 < shown < 2000.0 else times
+    times = None
+    for name in TIME_NAMES:
+        column = _column(frames, (name,), path)
+        if column is not None:
+            times = in_seconds(column, name, rate_hz if is_rate else None)
+            break
     if numbers is None and times is None:
         numbers = np.arange(1.0, len(positions) + 1)
     clock = settle_clock(numbers, times, rate_hz, path, 1, 0.0)
@@ -112,7 +111,7 @@ def _parse(path: Path) -> Any:
         raise RecordingError(f"{path}: cannot be read: {error.strerror}") from None
     if not text.strip():
         raise RecordingError(f"{path}: the file is empty; expected keypoints in JSON")
-    text = text.removeprefix(b"\xef\xbb\xbf")
+    text = in_usual_text(text).removeprefix(b"\xef\xbb\xbf")
     try:
         lines = text.split(b"\n")
         if len(lines) > 1 and all(line.strip()[-1:] == b"}" for line in lines[:2]):

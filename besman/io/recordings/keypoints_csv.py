@@ -10,14 +10,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from besman.exceptions import RecordingError
 from besman.io.recordings.c3d_names import keep_single_names
-from besman.io.recordings.clock import read_rate, settle_clock
+from besman.io.recordings.clock import TIME_NAMES, in_seconds, read_rate, settle_clock
 from besman.io.recordings.format import Units
 from besman.io.recordings.keypoint_columns import find_columns, join_header
 from besman.io.recordings.keypoint_rows import (
@@ -26,16 +25,20 @@ from besman.io.recordings.keypoint_rows import (
     read_keypoint_rows,
 )
 from besman.io.recordings.keypoints import find_keypoint_length
-from besman.io.recordings.number_rows import Cells, find_cells, is_blank, read_rows
+from besman.io.recordings.number_rows import (
+    ROWS_SEEN,
+    Cells,
+    find_cells,
+    is_blank,
+    is_numeric,
+    read_rows,
+    see_commas,
+)
 from besman.io.recordings.text_lines import TextLines, open_lines
 from besman.records import Origin, Recording
 from besman.records.frozen import hand_over
 
 _ABOUT = re.compile(r"#\s*([A-Za-z_]+)\s*[:=,]\s*(\S+)")
-_SECONDS = ("time", "time_s", "time (s)", "time (seconds)", "t", "timestamp", "seconds")
-_TIMES = dict.fromkeys(_SECONDS, 1.0) | dict.fromkeys(
-    ("time_ms", "time (ms)", "timestamp_ms"), 1e-3
-)
 _FRAMES = {"frame", "frame#", "frame_number", "framenumber", "frame_id", "fnum", "index", ""}
 
 
@@ -75,8 +78,7 @@ def read_keypoints_csv(path: Path, units: Units | None = None, partial: bool = F
     while labels and not labels[-1]:
         labels.pop()
     at += n_header
-    if cells.separator == b";" and at < len(lines) and "," in lines[at]:
-        cells = replace(cells, has_decimal_commas=True)
+    cells = see_commas(cells, lines[at : at + ROWS_SEEN])
     found, unit = _read_table(lines, at, labels, cells, path, partial)
     names: list[str | None] = list(found.names)
     clock = settle_clock(found.frames, found.times, _rate(about), path, at + 1)
@@ -100,7 +102,7 @@ def _read_table(
     """Read what stands below a header, and the unit that it says: a row a frame, or a keypoint."""
     lowered = [label.lower() for label in labels]
     frame = next((k for k, one in enumerate(lowered) if one in _FRAMES), None)
-    time = next((k for k, one in enumerate(lowered) if one in _TIMES), None)
+    time = next((k for k, one in enumerate(lowered) if one in TIME_NAMES), None)
     # ``x_mm`` of a row is no keypoint called mm.
     in_rows = find_row_columns(labels)
     if in_rows is not None:
@@ -110,7 +112,9 @@ def _read_table(
         names, columns, unit = find_columns(labels)
         if not names:
             raise RecordingError(f"{path}:{at}: no keypoint with three columns, x, y and z")
-        values = read_rows(lines, at, len(labels), cells, path, partial=partial)
+        used = {column for place in columns for column in place} | {frame, time}
+        texts = _find_texts(lines[at : at + ROWS_SEEN], len(labels), used, cells)
+        values = read_rows(lines, at, len(labels), cells, path, partial=partial, texts=texts)
         found = KeypointRows(
             names,
             np.take(values, np.array(columns), axis=1),
@@ -119,7 +123,20 @@ def _read_table(
         )
     if found.times is None or time is None:
         return found, unit
-    return found._replace(times=found.times * _TIMES[lowered[time]]), unit
+    return found._replace(times=in_seconds(found.times, lowered[time])), unit
+
+
+def _find_texts(
+    rows: Sequence[str], width: int, used: set[int | None], cells: Cells
+) -> tuple[int, ...]:
+    """Return the columns that nothing is taken from and that hold words, as of a trial's result."""
+    split = [cells.split(row) for row in rows]
+    return tuple(
+        column
+        for column in range(width)
+        if column not in used
+        and any(not is_numeric(row[column]) for row in split if column < len(row))
+    )
 
 
 def _read_comments(lines: TextLines) -> tuple[int, dict[str, str]]:

@@ -18,7 +18,7 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
@@ -26,13 +26,13 @@ import numpy as np
 
 from besman.exceptions import RecordingError, RecordingWarning
 from besman.foreign.numbers import parse_number
-from besman.io.recordings.bodies import hold_orientations, to_unit, warn_of_no_turns
+from besman.io.recordings.bodies import hold_orientations, read_orientations
 from besman.io.recordings.c3d_names import keep_single_names
 from besman.io.recordings.clock import read_rate, settle_clock
 from besman.io.recordings.conventions import BY_HABIT
 from besman.io.recordings.format import Units
 from besman.io.recordings.lengths import find_length
-from besman.io.recordings.number_rows import Cells, find_cells, read_rows
+from besman.io.recordings.number_rows import ROWS_SEEN, Cells, find_cells, read_rows, see_commas
 from besman.io.recordings.text_lines import TextLines, open_lines
 from besman.records import FloatArray, Origin, Recording
 from besman.records.frozen import hand_over
@@ -40,7 +40,7 @@ from besman.records.frozen import hand_over
 _HEADER_LINES = 16
 _TIME = re.compile(r"time( \(.*\))?")
 _LABELS = {"type", "name", "id", "parent"}
-_UNLABELLED = re.compile(r"(Unlabel+ed|Active)?[ _-]*\d*", re.IGNORECASE)
+_UNLABELLED = re.compile(r"(Unlabel+ed|Active)?[ _:-]*\d*", re.IGNORECASE)
 _FITTED = {"rigid body marker", "bone marker"}
 _MEASURED = "marker"
 
@@ -114,7 +114,7 @@ def read_motive_csv(path: Path, units: Units | None = None, partial: bool = Fals
         texts=header.texts,
     )  # fmt: skip
     said = (header.values.get(f"{key} frame rate", "") for key in ("export", "capture"))
-    rate_hz = read_rate(next(filter(None, said), "").replace(",", "."))
+    rate_hz = read_rate(next(filter(None, said), ""))
     times = None if header.time_column is None else values[:, header.time_column]
     clock = settle_clock(values[:, 0], times, rate_hz, path, header.data_line + 1)
     _check_count(header, len(values), path)
@@ -124,7 +124,8 @@ def read_motive_csv(path: Path, units: Units | None = None, partial: bool = Fals
     word = header.values.get("length units")
     length = find_length(word, units, positions, str(path), "Length Units")
     positions *= length.metres
-    orientations = _read_orientations(values, tracks, path.name)
+    turns = [track.rotation for track in tracks]
+    orientations = read_orientations(values, turns, [track.name for track in tracks], path.name)
     return Recording(
         time=clock.time,
         positions=hand_over(positions),
@@ -171,8 +172,7 @@ def _read_header(lines: TextLines, path: Path) -> _Header:
     time = next((k for k, axis in enumerate(lowered) if _TIME.fullmatch(axis)), None)
     texts = tuple(k for k, axis in enumerate(lowered) if axis.startswith("timecode"))
     tracks = _find_tracks(axes, above)
-    if cells.separator == b";" and at + 1 < len(head) and "," in head[at + 1]:
-        cells = replace(cells, has_decimal_commas=True)
+    cells = see_commas(cells, lines[at + 1 : at + 1 + ROWS_SEEN])
     if not tracks:
         raise RecordingError(
             f"{path}:{at + 1}: no columns of positions; expected at least one X, Y, Z"
@@ -251,22 +251,6 @@ def _name(tracks: Sequence[_Track], positions: FloatArray, source: str) -> tuple
     """Return the names of trajectories, None of those that are unlabelled."""
     names = [None if _UNLABELLED.fullmatch(track.name) else track.name for track in tracks]
     return keep_single_names(names, positions, source, "trajectories")
-
-
-def _read_orientations(
-    values: FloatArray, tracks: Sequence[_Track], source: str
-) -> FloatArray | None:
-    """Return quaternions w first, NaN of what has none; None if nothing has one."""
-    if all(track.rotation is None for track in tracks):
-        return None
-    found = np.full((len(values), len(tracks), 4), np.nan)
-    for index, track in enumerate(tracks):
-        if track.rotation is not None:
-            # The file has w last.
-            quaternions = values[:, [track.rotation + k for k in (3, 0, 1, 2)]]
-            found[:, index] = to_unit(quaternions)
-            warn_of_no_turns(quaternions, found[:, index], track.name, source)
-    return found
 
 
 def _check_count(header: _Header, n_rows: int, path: Path) -> None:

@@ -2,7 +2,8 @@
 
 Variants seen: ``Trajectories`` first, or behind ``Devices`` and ``Model Outputs``; model outputs
 with angles, forces and positions in one table, of bodies RX to SZ; several subjects before a colon;
-sub frames; Workstation and Tracker with ``Field #``, a rate such as ``120,Hz`` and no line of
+sub frames; objects with quaternions before or behind their places;
+events first; Workstation and Tracker with ``Field #``, a rate such as ``120,Hz`` and no line of
 units; commas, semicolons or tabs; commas to the end of every line; blank cells at gaps.
 
 References
@@ -14,28 +15,32 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from besman.exceptions import RecordingError
 from besman.foreign.numbers import parse_number
+from besman.io.recordings.bodies import hold_orientations, read_orientations
 from besman.io.recordings.c3d_names import find_names
 from besman.io.recordings.clock import RowClock, read_rate, settle_clock
 from besman.io.recordings.format import Units
 from besman.io.recordings.lengths import find_length, parse_unit
-from besman.io.recordings.number_rows import Cells, find_cells, read_rows
+from besman.io.recordings.number_rows import ROWS_SEEN, Cells, find_cells, read_rows, see_commas
 from besman.io.recordings.text_lines import TextLines, open_lines
 from besman.records import FloatArray, Origin, Recording
 from besman.records.frozen import hand_over
 
 _TITLE = re.compile(
-    rb'"?(Trajectories|Model Outputs|Devices|Joints|Segments|Events|Global Angles|Analog)\b',
+    rb'"?(Trajectories|Model Outputs|Devices|Joints|Segments|Objects|Events|Global Angles|Analog)'
+    rb"\b",
     re.IGNORECASE,
 )
 # What positions are taken from, the best first.
-_TITLES = ("trajectories", "model outputs", "segments")
+_TITLES = ("trajectories", "objects", "model outputs", "segments")
+# Tracker's word before an object, which says how its turns are written.
+_TURNS = re.compile(r"Global Angle \([^)]*\) *", re.IGNORECASE)
 _FIRST = {"frame", "field #", "field", "frame#"}
 
 
@@ -47,6 +52,7 @@ class _Section:
     rate_hz: float | None
     labels: tuple[str, ...]
     columns: tuple[int, ...]
+    turns: tuple[int | None, ...]
     unit: str | None
     sub_column: int | None
     width: int
@@ -57,8 +63,9 @@ class _Section:
 def read_nexus_csv(path: Path, units: Units | None = None, partial: bool = False) -> Recording:
     """Read a CSV of Vicon Nexus, Workstation or Tracker.
 
-    Trajectories are taken; where there are none, the positions among model outputs, which are
-    columns X, Y, Z in a unit of length, and TX, TY, TZ of bodies.
+    Trajectories are taken; where there are none, objects, or the positions among model outputs,
+    which are columns X, Y, Z in a unit of length, and TX, TY, TZ of bodies. Columns RX, RY, RZ, RW
+    of a body are a quaternion, w last.
 
     Parameters
     ----------
@@ -86,7 +93,7 @@ def read_nexus_csv(path: Path, units: Units | None = None, partial: bool = False
         For what was concluded of units, rate and names.
     """
     lines = open_lines(path, "a Nexus CSV")
-    titles = _find_titles(lines)
+    titles = _find_titles(lines, 0, _TITLES[0])
     chosen = next((name for name in _TITLES if name in titles), None)
     if chosen is None:
         raise RecordingError(
@@ -96,11 +103,14 @@ def read_nexus_csv(path: Path, units: Units | None = None, partial: bool = False
     values = read_rows(
         lines, section.data_line, section.width, section.cells, path, partial=partial
     )
+    if chosen == _TITLES[0]:
+        titles |= _find_titles(lines, section.data_line + len(values))
     clock = _settle(section, values, path)
     columns = np.array(section.columns)[:, None] + np.arange(3)
     positions = clock.spread(np.take(values, columns, axis=1))
     length = find_length(section.unit, units, positions, str(path), "the line of units")
     positions *= length.metres
+    orientations = read_orientations(values, section.turns, section.labels, path.name)
     others = [title for title in titles if title != chosen]
     return Recording(
         time=clock.time,
@@ -109,6 +119,9 @@ def read_nexus_csv(path: Path, units: Units | None = None, partial: bool = False
         rate_hz=clock.rate_hz,
         source=path.name,
         first_frame=clock.first_frame,
+        orientations=None
+        if orientations is None
+        else hold_orientations(clock.spread(orientations)),
         origin=Origin(
             units=length.name,
             units_by=length.told_by,
@@ -117,11 +130,12 @@ def read_nexus_csv(path: Path, units: Units | None = None, partial: bool = False
     )
 
 
-def _find_titles(lines: TextLines) -> dict[str, int]:
-    """Return the index of the line of every table's title."""
+def _find_titles(lines: TextLines, at: int, last: str = "") -> dict[str, int]:
+    """Return the index of the line of every table's title, from a line on and up to a title."""
     found: dict[str, int] = {}
-    at = 0
-    for block in lines.blocks(0):
+    for block in lines.blocks(at):
+        if last in found:
+            break
         codes = np.frombuffer(block + b"\n", np.uint8)
         ends = np.flatnonzero(codes == ord("\n"))
         starts = np.append(0, ends[:-1] + 1)
@@ -152,18 +166,27 @@ def _read_header(lines: TextLines, at: int, title: str, path: Path) -> _Section:
     units = row + [""] * (len(axes) - len(row)) if row and not _is_number(row[0]) else None
     n_ends = next((k for k in range(len(axes), 0, -1) if axes[k - 1]), 0)
     columns, labels, words = _find_positions(axes[:n_ends], names, units)
+    turns = _find_turns(axes[:n_ends], columns, labels, names)
     if not columns:
         raise RecordingError(
             f"{path}:{at + table + 1}: no columns of positions in {title!r}; expected X, Y, Z in a "
             "unit of length"
         )
-    if cells.separator == b";" and "," in "".join(head[table + 2 : table + 3]):
-        cells = replace(cells, has_decimal_commas=True)
     sub = 1 if "".join(axes[1:2]).lower().startswith("sub") else None
     data_line = at + table + (1 if units is None else 2)
-    rate_hz = read_rate(rate.replace(",", "."))
+    cells = see_commas(cells, lines[data_line : data_line + ROWS_SEEN])
+    rate_hz = read_rate(rate)
     return _Section(
-        title, rate_hz, labels, columns, min(words, default=None), sub, n_ends, cells, data_line
+        title,
+        rate_hz,
+        labels,
+        columns,
+        turns,
+        min(words, default=None),
+        sub,
+        n_ends,
+        cells,
+        data_line,
     )
 
 
@@ -187,7 +210,7 @@ def _find_positions(
     owner = ""
     for at in range(len(axes)):
         owner = names[at] or owner
-        letters = "".join(axes[at : at + 3]).upper()
+        letters = _letters(axes, at, 3)
         is_body = letters == "TXTYTZ"
         if letters != "XYZ" and not is_body:
             continue
@@ -196,9 +219,32 @@ def _find_positions(
             continue
         columns.append(at)
         # A trajectory without a name stands beside one that has one.
-        labels.append(owner if is_body else names[at])
+        labels.append(_call_body(owner) if is_body else names[at])
         words.update({word} - {""})
     return tuple(columns), tuple(labels), words
+
+
+def _call_body(owner: str) -> str:
+    """Return the name of a body; Tracker repeats that of an object, ``hand:hand``."""
+    name = _TURNS.sub("", owner)
+    before, _, after = name.partition(":")
+    return before if before == after else name
+
+
+def _find_turns(
+    axes: Sequence[str], columns: Sequence[int], labels: Sequence[str], names: Sequence[str]
+) -> tuple[int | None, ...]:
+    """Return where the quaternion of every position begins, before it or behind it, if anywhere."""
+    found: list[int | None] = []
+    for label, column in zip(labels, columns, strict=True):
+        near = (column - 4, column + 3)
+        turns = (at for at in near if at >= 0 and _letters(axes, at, 4) == "RXRYRZRW")
+        found.append(next((at for at in turns if _call_body(names[at]) in (label, "")), None))
+    return tuple(found)
+
+
+def _letters(axes: Sequence[str], at: int, count: int) -> str:
+    return "".join(axes[at : at + count]).upper()
 
 
 def _settle(section: _Section, values: FloatArray, path: Path) -> RowClock:

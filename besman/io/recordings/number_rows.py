@@ -6,7 +6,8 @@ An hour of a recording is read by the same quick way as a Qualisys TSV (`number_
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,12 @@ from besman.records import FloatArray
 _MISSING = frozenset({"", "-", "nan", "-nan", "nan(ind)", "-nan(ind)", "na", "n/a", "#n/a", "null",
                       "none", "1.#qnan", "-1.#ind", "1.#ind", "-1.#qnan"})  # fmt: skip
 _DECIMAL = re.compile(rb"[+-]?[0-9]*\.([0-9]+)")
+_WITH_COMMA = re.compile(r"[+-]?[0-9]*,[0-9]+([eE][+-]?[0-9]+)?")
 _ROWS_ABOVE = 100
+_MARGIN = 1.05
+ROWS_SEEN = 20
+"""First rows that tell how numbers are written: of some no cell may have decimals."""
+
 TAKE = "--partial takes what is there"
 
 
@@ -71,6 +77,32 @@ def find_cells(line: str) -> Cells:
     return Cells(b"," if "," in line else b" ")
 
 
+def see_commas(cells: Cells, rows: Sequence[str]) -> Cells:
+    """Return how cells are separated, numbers with a comma for a point where rows show it.
+
+    Parameters
+    ----------
+    cells : Cells
+        As the header has them.
+    rows : sequence of str
+        The first lines of numbers.
+    """
+    if cells.separator == b"," or cells.has_decimal_commas:
+        return cells
+    found = [cell for row in rows for cell in cells.split(row)]
+    has_commas = any(_WITH_COMMA.fullmatch(cell) for cell in found)
+    return replace(cells, has_decimal_commas=has_commas and not any("." in one for one in found))
+
+
+def is_numeric(cell: str) -> bool:
+    """Tell whether a cell is a number, or stands for one that is not there."""
+    try:
+        parse_number(cell.replace(",", "."))
+    except ValueError:
+        return cell.lower() in _MISSING
+    return True
+
+
 def is_blank(line: str) -> bool:
     """Tell whether a line has nothing but separators."""
     return not line.strip(" \t,;\"'")
@@ -116,12 +148,15 @@ def read_rows(
         If there is no row, one has too many cells, a cell is no number, or the last line was cut.
     """
     prepare(lines.n_bytes)
-    found, row = [np.empty((0, width))], first
+    found, n_found, row = np.empty((0, width)), 0, first
     for block in lines.blocks(first):
         n_lines = count_lines(block)
         is_last = row + n_lines >= len(lines)
         is_whole = not texts and (lines.is_ended or not is_last)
-        values = _parse_plain(block, cells, n_lines, width) if is_whole else None
+        if n_found + n_lines > len(found):
+            found = _make_room(found[:n_found], n_lines, len(block), lines, row)
+        into = found[n_found : n_found + n_lines]
+        values = _parse_plain(block, cells, into) if is_whole else None
         text = b"" if values is not None else cells.tabbed(block)
         if values is None and is_whole and _is_even(text, width):
             values = parse_cells(text, n_lines * width)
@@ -134,23 +169,35 @@ def read_rows(
                 above = lines.last(min(_ROWS_ABOVE, len(lines) - first))[:-1]
                 body = _look_for_cut(body, cells, above, width, lines.is_ended, path, row, partial)
             values = _parse(body, width, texts, path, row, lines) if body else None
-        if values is not None:
-            found.append(values.reshape(-1, width))
+        n_here = 0 if values is None else values.size // width
+        if values is not None and values is not into:
+            into[:n_here] = values.reshape(-1, width)
+        n_found += n_here
         if end < n_lines or is_last:
             break
         row += n_lines
-    values = np.concatenate(found) if len(found) != 2 else found[1]
-    if len(values) == 0:
+    if n_found == 0:
         raise RecordingError(f"{path}:{first + 1}: no frames after the header; is the file cut?")
-    return values
+    return found[:n_found]
 
 
-def _parse_plain(block: bytes, cells: Cells, n_rows: int, width: int) -> FloatArray | None:
+def _make_room(
+    found: FloatArray, n_lines: int, n_bytes: int, lines: TextLines, row: int
+) -> FloatArray:
+    """Return rows with room for those that follow, if all are as long as so many lines."""
+    n_more = max(n_lines, int(_MARGIN * n_lines * lines.n_bytes / max(n_bytes, 1)))
+    room = np.empty((len(found) + min(n_more, len(lines) - row), found.shape[1]))
+    room[: len(found)] = found
+    return room
+
+
+def _parse_plain(block: bytes, cells: Cells, into: FloatArray) -> FloatArray | None:
     """Parse lines as they are, where one byte separates cells and all of them are plain."""
     if cells.is_doubled or cells.separator == b" " or b'"' in block:
         return None
     point = b"," if cells.has_decimal_commas else b"."
-    return parse_table(block, n_rows, width, cells.separator, point, False)
+    n_rows, width = into.shape
+    return parse_table(block, n_rows, width, cells.separator, point, False, into)
 
 
 def _is_even(text: bytes, width: int) -> bool:

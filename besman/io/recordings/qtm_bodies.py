@@ -26,7 +26,7 @@ from besman.io.recordings.bodies import (
 )
 from besman.io.recordings.c3d_names import keep_single_names
 from besman.io.recordings.clock import read_rate, settle_clock
-from besman.io.recordings.number_rows import TAKE, Cells, read_rows
+from besman.io.recordings.number_rows import ROWS_SEEN, TAKE, Cells, read_rows, see_commas
 from besman.io.recordings.text_lines import TextLines
 from besman.records import FloatArray, Origin, Recording
 from besman.records.frozen import hand_over
@@ -84,7 +84,8 @@ def read_bodies(lines: TextLines, path: Path, partial: bool) -> Recording:
     """
     keys, columns, first = _read_header(lines, path)
     bodies, width = _find_bodies(keys, columns, lines[first] if first < len(lines) else "", path)
-    values = read_rows(lines, first, width, _TABS, path, partial=partial)
+    cells = see_commas(_TABS, lines[first : first + ROWS_SEEN])
+    values = read_rows(lines, first, width, cells, path, partial=partial)
     _check_count(_count(keys, "NO_OF_FRAMES", path), len(values), path, partial)
     lowered = [column.lower() for column in columns[:2]]
     extra = [values[:, lowered.index(one)] if one in lowered else None for one in ("frame", "time")]

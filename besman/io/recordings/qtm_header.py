@@ -71,11 +71,12 @@ def read_header(lines: Sequence[str], path: Path) -> QtmHeader:
     number = 0
     for number, line in enumerate(lines):
         cells = [cell.strip() for cell in line.split("\t")]
-        first = cells[0]
+        # Some programs that cut takes write blanks behind a key.
+        first, *rest = cells[0].split(None, 1) or [""]
         if _is_column_line(cells):
             columns = cells[:-1] if cells[-1] == "" else cells
         elif _KEY.fullmatch(first) and first not in {"NULL", "NAN"}:
-            keys.setdefault(first, (number + 1, cells[1:]))
+            keys.setdefault(first, (number + 1, [*rest, *cells[1:]]))
         else:
             break
     else:
@@ -187,7 +188,7 @@ def _read_rate(keys: dict[str, tuple[int, list[str]]], path: Path) -> float | No
     if text.upper() in {"EXT", ""}:
         return None
     try:
-        rate_hz = parse_number(text)
+        rate_hz = parse_number(text.replace(",", "."))
     except ValueError:
         rate_hz = -1.0
     slowest, fastest = RATES_HZ

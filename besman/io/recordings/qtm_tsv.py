@@ -14,6 +14,7 @@ from besman.foreign.numbers import has_odd_digits, parse_number
 from besman.io.atomic_files import written_aside
 from besman.io.recordings.format import READING, Columns
 from besman.io.recordings.number_cells import parse_cells, parse_table, prepare
+from besman.io.recordings.number_rows import ROWS_SEEN, Cells, see_commas
 from besman.io.recordings.qtm_bodies import has_bodies, read_bodies
 from besman.io.recordings.qtm_header import QtmHeader, read_header
 from besman.io.recordings.text_lines import TextLines, count_lines, open_lines
@@ -146,7 +147,7 @@ def _look_for_cut(lines: TextLines, header: QtmHeader, path: Path, partial: bool
     n_rows = len(lines) - header.data_line
     if n_rows < 2:
         return
-    *before, last = lines.last(min(_ROWS_ABOVE, n_rows))
+    *before, last = (line.replace(",", ".") for line in lines.last(min(_ROWS_ABOVE, n_rows)))
     width, n_tabs = header.n_columns, last.count("\t")
     if n_tabs not in (width, width - 1):
         reason = f"got {n_tabs + 1} columns, expected {width}"
@@ -195,6 +196,7 @@ def _read_numbers(lines: TextLines, header: QtmHeader, path: Path) -> tuple[Floa
     if n_rows < 1:
         raise RecordingError(f"{path}:{len(lines)}: no frames after the header; is the file cut?")
     prepare(lines.n_bytes)
+    cells = see_commas(Cells(b"\t"), lines[header.data_line : header.data_line + ROWS_SEEN])
     clock = np.empty((n_rows, width - 3 * n_markers))
     positions = np.empty((n_rows, n_markers, 3))
     row = 0
@@ -202,14 +204,16 @@ def _read_numbers(lines: TextLines, header: QtmHeader, path: Path) -> tuple[Floa
         rows = slice(row, row + count_lines(block))
         if rows.stop > n_rows:
             break
+        if cells.has_decimal_commas:
+            block = block.replace(b",", b".")
         values = parse_table(block, rows.stop - row, width, b"\t", b".", True)
         if values is None:
             n_tabs = _count_tabs(lines, header, path) if n_tabs is None else n_tabs
             if len(n_tabs) != n_rows:
                 break
             values = _parse_block(block, n_tabs[rows], lines, header, path, row)
-        clock[rows], cells = values[:, : clock.shape[1]], values[:, clock.shape[1] :]
-        positions[rows] = cells.reshape(-1, n_markers, 3)
+        clock[rows], places = values[:, : clock.shape[1]], values[:, clock.shape[1] :]
+        positions[rows] = places.reshape(-1, n_markers, 3)
         row = rows.stop
     if row != n_rows:
         raise RecordingError(f"{path}: changed while it was read; is it still being written?")

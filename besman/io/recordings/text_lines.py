@@ -13,6 +13,7 @@ import numpy as np
 from besman.exceptions import RecordingError
 
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
+_UTF16_MARKS = (b"\xff\xfe", b"\xfe\xff")
 _LINE_END = ord("\n")
 # Bytes that are read together.
 _AT_ONCE = 2**22
@@ -67,17 +68,26 @@ class TextLines(Sequence[str]):
 
     @classmethod
     def of(cls, path: Path) -> TextLines:
-        """Return the lines of a file."""
-        if path.stat().st_size > _AT_ONCE:
+        """Return the lines of a file, also of what Excel saves as Unicode text or for old Macs."""
+        with path.open("rb") as file:
+            head = file.read(_FIRST)
+        is_odd = head[:2] in _UTF16_MARKS or (b"\r" in head and b"\n" not in head)
+        if path.stat().st_size > _AT_ONCE and not is_odd:
             return cls(lambda first: _read(path, first))
         content = path.read_bytes()
+        if is_odd:
+            content = in_usual_text(content)
         return cls(lambda first: _part(content, first))
 
     def __len__(self) -> int:
         return self._n_lines
 
     def __iter__(self) -> Iterator[str]:
-        for part in self.blocks(0):
+        return self._since(0)
+
+    def _since(self, first: int) -> Iterator[str]:
+        """Yield the lines from one on."""
+        for part in self.blocks(first):
             yield from self.decode(part).split("\n")
 
     @overload
@@ -88,9 +98,10 @@ class TextLines(Sequence[str]):
 
     def __getitem__(self, index: int | slice) -> str | list[str]:
         if isinstance(index, slice):
-            return list(islice(self, *index.indices(len(self))))
+            start, stop, step = index.indices(len(self))
+            return list(islice(self._since(start), 0, max(stop - start, 0), step))
         first = index if index >= 0 else len(self) + index
-        found = list(islice(self, first, first + 1)) if first >= 0 else []
+        found = list(islice(self._since(first), 1)) if first >= 0 else []
         if not found:
             raise IndexError(f"no line {index}")
         return found[0]
@@ -161,6 +172,21 @@ def open_lines(path: Path, expected: str) -> TextLines:
     if lines.is_blank:
         raise RecordingError(f"{path}: the file is empty; expected {expected}")
     return lines
+
+
+def in_usual_text(content: bytes) -> bytes:
+    """Return a text in UTF-16 as UTF-8, and lines that end with a carriage return as others do.
+
+    Parameters
+    ----------
+    content : bytes
+        Of a whole file, or its first bytes.
+    """
+    if content[:2] in _UTF16_MARKS:
+        content = content.decode("utf-16", "replace").encode("utf-8", "replace")
+    if b"\r" in content and b"\n" not in content:
+        content = content.replace(b"\r", b"\n")
+    return content
 
 
 def _read(path: Path, first: int) -> Iterator[bytes]:

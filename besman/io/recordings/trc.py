@@ -27,7 +27,14 @@ from besman.io.recordings.c3d_names import find_names
 from besman.io.recordings.clock import read_rate, settle_clock
 from besman.io.recordings.format import Units
 from besman.io.recordings.lengths import find_length
-from besman.io.recordings.number_rows import Cells, find_cells, is_blank, read_rows
+from besman.io.recordings.number_rows import (
+    ROWS_SEEN,
+    Cells,
+    find_cells,
+    is_blank,
+    read_rows,
+    see_commas,
+)
 from besman.io.recordings.text_lines import TextLines, open_lines
 from besman.records import FloatArray, Origin, Recording
 from besman.records.frozen import hand_over
@@ -49,7 +56,7 @@ class _Header:
     def number(self, key: str) -> float | None:
         """Return a number of the header, None if there is none."""
         try:
-            return parse_number(self.values.get(key.lower(), ""))
+            return parse_number(self.values.get(key.lower(), "").replace(",", "."))
         except ValueError:
             return None
 
@@ -129,6 +136,7 @@ def _read_header(lines: TextLines, path: Path) -> _Header:
     n_markers = max(len(labelled), n_labels // 3)
     if _is_doubled(cells.split(head[first]), 2 + 3 * n_markers):
         cells = Cells(cells.separator, cells.has_decimal_commas, is_doubled=True)
+    cells = see_commas(cells, lines[first : first + ROWS_SEEN])
     if not n_markers:
         raise RecordingError(f"{path}:{names + 1}: no markers are named; expected at least one")
     labelled += [""] * (n_markers - len(labelled))
@@ -136,8 +144,9 @@ def _read_header(lines: TextLines, path: Path) -> _Header:
 
 
 def _words(line: str) -> list[str]:
-    """Return the words of a line, whatever separates them."""
-    return re.split(r"[\s,;\"]+", line.strip())
+    """Return the words of a line, whatever separates them; a comma may stand in a number."""
+    has_others = "\t" in line or ";" in line
+    return re.split(r'[\s;"]+' if has_others else r'[\s,;"]+', line.strip(" \t,;"))
 
 
 def _is_row(line: str) -> bool:

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from besman.exceptions import RecordingError, RecordingWarning
 from besman.io.recordings.bvh import read_bvh
+from besman.io.recordings.format import reading
 from besman.records import Recording
 
 CONCLUDING = pytest.mark.filterwarnings("ignore::besman.exceptions.RecordingWarning")
@@ -177,3 +178,29 @@ def test_fewer_frames_than_the_file_says(tmp_path):
     write_tree(tmp_path / "a.bvh", JOINTS, said=9)
     with pytest.warns(RecordingWarning, match="Frames is 9 and 5 follow"):
         assert len(read_bvh(tmp_path / "a.bvh", partial=True).time) == 5
+
+
+@pytest.mark.filterwarnings("ignore::besman.exceptions.RecordingWarning")
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda text: text.replace("MOTION", "MOTION\n").replace("Frame Time", "\nFrame Time"),
+        lambda text: text.replace("0.0083333", "0.0083333\n \n"),
+        lambda text: text.replace(".", ","),
+        lambda text: text.replace("\n", "\r"),
+    ],
+)
+def test_blank_lines_decimal_commas_and_old_macs(tmp_path, change):
+    lines, _, _ = write_tree(tmp_path / "a.bvh", JOINTS)
+    plain = read_bvh(tmp_path / "a.bvh")
+    (tmp_path / "b.bvh").write_bytes(change("\n".join(lines) + "\n").encode())
+    found = read_bvh(tmp_path / "b.bvh")
+    np.testing.assert_array_equal(found.positions, plain.positions)
+    assert (found.names, found.rate_hz) == (plain.names, plain.rate_hz)
+
+
+def test_a_rate_that_is_asked_for_stands_for_a_time_that_is_none(tmp_path):
+    lines, _, _ = write_tree(tmp_path / "a.bvh", JOINTS)
+    path = write_lines([line.replace("0.0083333", "0") for line in lines], tmp_path / "b.bvh")
+    with reading(rate_hz=25.0), pytest.warns(RecordingWarning, match="no units are named"):
+        assert read_bvh(path).rate_hz == 25.0

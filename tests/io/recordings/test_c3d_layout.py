@@ -54,6 +54,16 @@ def points():
     return np.random.default_rng(0).integers(-400, 400, (5, 3, 4)).astype(float)
 
 
+def test_where_the_header_has_no_start_of_the_frames_the_parameter_counts(points):
+    content = bytearray(file(points))
+    content[16:18] = b"\0\0"
+    used = entry(1, b"USED", "<", [3])
+    at = content.index(used) + len(used)
+    more = entry(1, b"DATA_START", "<", [3])
+    content[at : at + len(more)] = more
+    np.testing.assert_array_equal(read_sections(bytes(content), PATH).points, points)
+
+
 @pytest.mark.parametrize("processor", [INTEL, DEC, MIPS])
 @pytest.mark.parametrize("scale", [-1.0, 0.5])
 def test_points_come_back_from_every_processor(points, processor, scale):

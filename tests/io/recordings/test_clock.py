@@ -21,6 +21,27 @@ def test_rounded_times_count_a_whole_rate():
     assert whole_if_near(59.94) == 59.94
 
 
+def cut(times, digits):
+    return np.trunc(times * 10.0**digits) / 10.0**digits
+
+
+@pytest.mark.parametrize(
+    ("rate", "digits"),
+    [(30, 2), (60, 2), (240, 2), (120, 3), (1500, 3), (29.97, 6), (23.976, 6), (59.94, 4)],
+)
+@pytest.mark.parametrize("change", [np.round, cut])
+def test_the_coarser_times_are_rounded_the_less_they_tell(rate, digits, change):
+    for n_frames in (60, 500):
+        times = change(3.0 + np.arange(n_frames) / rate, digits)
+        found = settle(times=times)
+        if rate % 1 == 0:
+            assert found.rate_hz == rate
+        else:
+            assert found.rate_hz == pytest.approx(rate, rel=10.0**-digits)
+    with pytest.raises(RecordingError, match="expected rising times"):
+        settle(times=np.where(np.arange(500) == 70, 0.0, times))
+
+
 def test_every_second_frame_and_those_that_are_missing():
     even = settle([0, 2, 4, 6], rate_hz=50.0)
     assert (len(even.time), even.first_frame, even.rows) == (4, 0, None)

@@ -65,6 +65,9 @@ LAYOUTS = {
     "names once, keypoints": {**FPS, "names": NAMES, "keypoints": [bare(f) for f in FRAMES]},
     "names once, bare keypoints a frame": {**FPS, "joint_names": NAMES, "frames": [{"keypoints": bare(f)} for f in FRAMES]},
     "names once, flat": {**FPS, "joint_names": NAMES, "frames": [{"keypoints": list(chain.from_iterable(bare(f)))} for f in FRAMES]},
+    "frames by another name": {**FPS, "poses_3d": [{"id": k, "landmark_positions": f} for k, f in enumerate(FRAMES)]},
+    "bodies of a depth camera": {**FPS, "joint_names": NAMES, "frames": [{"bodies": [{"joint_positions": bare(f)}]} for f in FRAMES]},
+    "nothing where nothing was seen": {**FPS, "frames": [{n: v if v[0] is not None else [] for n, v in f.items()} for f in FRAMES]},
     "frames by number": {str(at): one for at, one in reversed(list(enumerate(FRAMES)))},
     "frames by number inside": {**FPS, "frames": {str(at): one for at, one in enumerate(FRAMES)}},
     "one level deeper": {"data": {**FPS, "frames": [{"keypoints": one} for one in FRAMES]}},
@@ -81,7 +84,7 @@ LAYOUTS = {
 
 
 def assert_is_the_recording(found):
-    assert found.names == NAMES
+    assert tuple(name.removeprefix("person0:") for name in found.names) == NAMES
     np.testing.assert_allclose(found.positions, POSITIONS, atol=1e-9)
     np.testing.assert_allclose(np.diff(found.time), 1 / 30, atol=1e-6)
 
@@ -210,3 +213,39 @@ def test_a_label_longer_than_any_name_takes_no_time():
     axes = [f"nose_{axis}" for axis in "xyz"]
     assert find_columns([long, *axes, *(f"{long}_{axis}" for axis in "xyz")]).names == ["nose"]
     assert not is_keypoint_table(f"{long},{long},{long}\n1,2,3\n")
+
+
+CLOCKS = {
+    "time": 1,
+    "timestamp": 1e3,
+    "time_ms": 1e3,
+    "t": 1e6,
+    "timestamp_us": 1e6,
+    "timestamp_ns": 1e9,
+}
+
+
+@CONCLUDING
+@pytest.mark.parametrize("name", CLOCKS)
+@pytest.mark.parametrize("is_table", [True, False])
+def test_times_of_computers(tmp_path, name, is_table):
+    path, start = tmp_path / "a", 1.7e9 if name == "timestamp_ns" else 0.0
+    times = [round(CLOCKS[name] * (start + at / 30), 4) for at in range(N_FRAMES)]
+    frames = [{name: time, **columns(one)} for time, one in zip(times, FRAMES, strict=True)]
+    rows = [
+        list(frames[0]),
+        *(["" if one is None else str(one) for one in each.values()] for each in frames),
+    ]
+    path.write_text("\n".join(map(",".join, rows)) if is_table else json.dumps(frames))
+    assert_is_the_recording(read_recording(path))
+
+
+@CONCLUDING
+def test_words_beside_the_places_of_a_table(tmp_path):
+    path = tmp_path / "a.csv"
+    rows = [["trial", "time", *columns(FRAMES[0]), "result"]]
+    for at, frame in enumerate(FRAMES):
+        places = ["" if one is None else str(one) for one in columns(frame).values()]
+        rows.append(["T1", f"{at / 30:.6f}", *places, "made" if at > 3 else ""])
+    path.write_text("".join(",".join(row) + "\n" for row in rows))
+    assert_is_the_recording(read_recording(path))

@@ -128,3 +128,12 @@ def test_what_is_wrong_is_one_line(tmp_path, change, message):
     with pytest.raises(RecordingError, match=message) as caught:
         read_motive_csv(path)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "called", ["Unlabeled 1001", "Unlabeled:1001", "Unlabeled_1001", "Active 3"]
+)
+def test_what_motive_did_not_label_has_no_name(tmp_path, called):
+    written = take(("a", "b", None))
+    lines = [line.replace("Unlabeled 1002", called) for line in motive_lines(written)]
+    assert_reads(lines, written, tmp_path)

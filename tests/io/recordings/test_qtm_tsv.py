@@ -277,3 +277,12 @@ def test_real_recordings():
             [float(cell) / 1000 for cell in cells[column : column + 3]],
         )
         assert abs(recording.time[row] - float(cells[1])) < 1e-5
+
+
+def test_decimal_commas_and_blanks_behind_keys(tmp_path):
+    lines = HEADER.replace("DESCRIPTION\t--", "DESCRIPTION -- ").replace("\t60", "\t60,0 ")
+    found = read_tsv(write(tmp_path, lines + COLUMNS + ROWS.replace(".", ",")))
+    np.testing.assert_allclose(found.positions, EXPECTED / 1000)
+    assert found.rate_hz == 60
+    with pytest.raises(RecordingError, match="ends before those above it do; is the file cut"):
+        read_tsv(write(tmp_path, HEADER + COLUMNS + ROWS[:-3].replace(".", ",")))

@@ -1,4 +1,5 @@
 # ruff: noqa: E501
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -6,7 +7,7 @@ import pytest
 from foreign_recordings import trc_lines, write_lines, y_up
 
 from besman.exceptions import RecordingError, RecordingWarning
-from besman.io.recordings.formats import read_recording
+from besman.io.recordings.formats import read_recording, recognise
 from besman.io.recordings.trc import read_trc
 from besman.records import Recording
 
@@ -190,3 +191,27 @@ def test_a_last_line_that_was_cut(tmp_path):
 def test_a_file_that_is_not_there(tmp_path):
     with pytest.raises(RecordingError, match="cannot be read"):
         read_trc(Path(tmp_path))
+
+
+@pytest.mark.parametrize("sep", ["\t", ";"])
+def test_decimal_commas_in_header_and_rows(tmp_path, sep):
+    written = replace(walk(), rate_hz=12.5, time=np.arange(20) / 12.5)
+    lines = trc_lines(written, sep, units="m", scale=1.0, digits=9)
+    german = [*lines[:2], *(line.replace(".", ",") for line in lines[2:])]
+    german[3] = lines[3]
+    assert assert_reads(german, written, tmp_path).origin.units_by == "the file"
+
+
+@pytest.mark.parametrize(
+    ("encoding", "end"),
+    [("utf-16", "\r\n"), ("utf-16-be", "\n"), ("utf-8", "\r"), ("utf-16", "\r")],
+)
+def test_as_excel_saves_unicode_text_and_for_old_macs(tmp_path, encoding, end):
+    written = walk(("\u00c9paule", "Coude", "Main"))
+    path = tmp_path / "a.txt"
+    mark = "\ufeff" if encoding == "utf-16-be" else ""
+    path.write_bytes((mark + end.join(trc_lines(written)) + end).encode(encoding))
+    found = read_trc(path)
+    np.testing.assert_allclose(found.positions, y_up(written.positions), atol=2e-6)
+    assert found.names == written.names
+    assert recognise(path.read_bytes()[:16_384]).name == "TRC"
