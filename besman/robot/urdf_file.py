@@ -99,8 +99,18 @@ def parse_urdf_bytes(content: bytes, urdf: Path) -> ElementTree.Element:
         tree = parse_urdf(text)
     except UrdfTextError as error:
         raise RobotError(f"{urdf}: {error}") from None
+    _drop_empty(tree)
     _split_capsules(tree)
     return tree
+
+
+def _drop_empty(tree: ElementTree.Element) -> None:
+    """Leave out what is a point or a line: it encloses nothing, and simulators refuse it."""
+    for link in tree.findall("link"):
+        for shape in [one for tag in _SHAPES for one in link.findall(tag)]:
+            radii = [one.get("radius") for one in shape.findall("geometry/*")]
+            if any(radius is not None and parse_number(radius) == 0 for radius in radii):
+                link.remove(shape)
 
 
 def _split_capsules(tree: ElementTree.Element) -> None:

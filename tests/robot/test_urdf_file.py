@@ -40,6 +40,15 @@ def test_a_urdf_that_cannot_be_used(tmp_path, text, message):
         read(tmp_path, text)
 
 
+def test_shapes_of_no_width_are_none(tmp_path):
+    words = ('<sphere radius="0.00"/>', '<cylinder radius="0" length="1"/>',
+             '<capsule radius="0" length="1"/>', '<sphere radius="0.01"/>')  # fmt: skip
+    shapes = "".join(f"<collision><geometry>{one}</geometry></collision>" for one in words)
+    tree = read(tmp_path, f"<robot><link name='a'>{shapes}</link></robot>")
+    assert [one.get("radius") for one in tree.iter("sphere")] == ["0.01"]
+    assert len(tree.findall("link/collision")) == 1
+
+
 @pytest.mark.parametrize(
     "address", ["../../etc/passwd", "/etc/passwd", "file:///etc/passwd", "package://../x.stl"]
 )
