@@ -38,12 +38,15 @@ class CompiledArm:
         Angles of the keyframe ``home`` by joint, rad; empty without one.
     notes : list of str
         What was left out.
+    parts : list of str
+        Names of the files that it includes, without their endings.
     """
 
     tree: ElementTree.Element
     meshes: dict[str, bytes] = field(default_factory=dict)
     home: dict[str, float] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
+    parts: list[str] = field(default_factory=list)
 
 
 def is_mjcf(content: bytes) -> bool:
@@ -68,7 +71,7 @@ def read_mjcf(path: Path, allowed: Collection[Path] = ()) -> CompiledArm:
     RobotError
         If MuJoCo does not compile it, or it includes files that are elsewhere.
     """
-    refuse_files_outside(path, allowed)
+    parts = refuse_files_outside(path, allowed)
     silence_mujoco()
     try:
         model, notes = compile_bare(path)
@@ -77,6 +80,7 @@ def read_mjcf(path: Path, allowed: Collection[Path] = ()) -> CompiledArm:
     name = ElementTree.fromstring(path.read_bytes()).get("model", path.stem)  # noqa: S314
     arm = _Writer(model, name).write()
     arm.notes += notes
+    arm.parts += [one.stem for one in parts]
     return arm
 
 
@@ -210,7 +214,8 @@ class _Writer:
 
         model, kinds = self.model, mujoco.mjtTrn
         to_joint = np.isin(model.actuator_trntype, (kinds.mjTRN_JOINT, kinds.mjTRN_JOINTINPARENT))
-        return [int(one) for one in np.flatnonzero(to_joint & (model.actuator_trnid[:, 0] == joint))]
+        own = to_joint & (model.actuator_trnid[:, 0] == joint)
+        return [int(one) for one in np.flatnonzero(own)]
 
     def _speed(self, joint: int) -> float:
         """Return the greatest speed that a joint's speed controllers take, 0 where it is not given.

@@ -20,7 +20,7 @@ _UNREAD = ("texture", "skin")
 _INCLUDED = ("include", "model")
 
 
-def refuse_files_outside(path: Path, allowed: Collection[Path] = ()) -> None:
+def refuse_files_outside(path: Path, allowed: Collection[Path] = ()) -> list[Path]:
     """Refuse a MJCF that has entities, or reads what is not below its folders.
 
     Parameters
@@ -29,6 +29,11 @@ def refuse_files_outside(path: Path, allowed: Collection[Path] = ()) -> None:
         The file.
     allowed : collection of Path
         Further folders that may be read.
+
+    Returns
+    -------
+    list of Path
+        What it includes.
 
     Raises
     ------
@@ -57,6 +62,7 @@ def refuse_files_outside(path: Path, allowed: Collection[Path] = ()) -> None:
         tags = {one.tag for one in tree.iter()} - {*_INCLUDED, *_UNREAD}
         for name in _names_in(tree, tags):
             _refuse(_places(name, above[0], file, folders), roots, package, path)
+    return list(trees)[1:]
 
 
 def _refuse(places: list[Path], roots: list[Path], package: Path, path: Path) -> None:
@@ -96,8 +102,8 @@ def _read(file: Path, path: Path) -> ElementTree.Element:
 
 def _names_in(tree: ElementTree.Element, tags: Collection[str]) -> list[str]:
     """Return the files that elements of some kinds name."""
-    elements = [one for one in tree.iter() if one.tag in tags]
-    return [name for one in elements for key, name in one.items() if key.startswith("file") and name]
+    pairs = [pair for one in tree.iter() if one.tag in tags for pair in one.items()]
+    return [name for key, name in pairs if key.startswith("file") and name]
 
 
 def _places(name: str, home: Path, file: Path, folders: Collection[str]) -> list[Path]:

@@ -210,6 +210,7 @@ def test_a_scene_reads_what_was_installed_with_it(tmp_path, monkeypatch):
         read_mjcf(outer)
     (tmp_path / "maker-1.0.dist-info").mkdir()
     assert read_mjcf(arm).meshes
+    assert read_mjcf(outer).parts == ["bench"]
     # Of what an included file names, whether or not the path is relative.
     monkeypatch.chdir(scenes.parent)
     assert set(read_mjcf(outer.relative_to(scenes.parent)).meshes) == set(read_mjcf(outer).meshes)
