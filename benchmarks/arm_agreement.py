@@ -16,6 +16,7 @@ from besman.config.yaml_file import load_config
 from besman.robot.config import RobotConfig
 from besman.robot.files.joint_limits import FILE
 from besman.robot.files.mjcf_file import is_mjcf
+from besman.robot.files.mjcf_meshes import compile_bare
 from besman.robot.files.touching_links import random_poses
 from besman.robot.model import Robot, load_robot
 from besman.robot.urdf_file import read_urdf_text
@@ -200,7 +201,8 @@ def _by_mujoco(file: Path, config: RobotConfig, poses: FloatArray) -> FloatArray
     """Place the tip, a body, a site or a joint's link, by MuJoCo."""
     import mujoco
 
-    model = mujoco.MjModel.from_xml_path(str(file))
+    # Without pictures and missing meshes, which MuJoCo would refuse.
+    model, _ = compile_bare(file)
     data = mujoco.MjData(model)
     placed = []
     for pose in poses:
@@ -226,6 +228,7 @@ def _mujoco_mass(file: Path, config: RobotConfig) -> float:
     """Return the mass that the first joint moves, by MuJoCo."""
     import mujoco
 
-    model = mujoco.MjModel.from_xml_path(str(file))
+    # Without pictures and missing meshes, which MuJoCo would refuse.
+    model, _ = compile_bare(file)
     joint = model.joint(config.joints[0].name)
     return float(model.body_subtreemass[int(joint.bodyid[0])])

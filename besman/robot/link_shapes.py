@@ -21,6 +21,8 @@ IntArray = npt.NDArray[np.int64]
 
 _CORNERS = np.array(np.meshgrid([-1.0, 1.0], [-1.0, 1.0], [-1.0, 1.0])).reshape(3, 8).T
 # Primitives of a link that get capsules of their own; more are enclosed together.
+# No link is wider: a mesh that is was drawn in millimetres.
+_LARGEST_M = 20.0
 _MOST_SHAPES = 4
 _ROUNDING_M = 1e-6
 # Round shapes as polyhedra.
@@ -225,7 +227,7 @@ def collision_shapes(
     Raises
     ------
     RobotError
-        If a mesh cannot be read.
+        If a mesh cannot be read, or is wider than any arm.
     """
     text = text_for_model(tree)
     try:
@@ -244,6 +246,11 @@ def collision_shapes(
         frame = model.frames[model.getFrameId(link.name, pinocchio.FrameType.BODY)]
         pose = frame.placement * link.placement.actInv(item.placement)
         mirrored = bool(np.prod(item.meshScale) < 0)
+        if _is_mesh(item.geometry) and np.ptp(item.geometry.vertices(), axis=0).max() > _LARGEST_M:
+            raise RobotError(
+                f"{urdf}: mesh {item.meshPath} is wider than {_LARGEST_M:g} m; expected metres, or "
+                'scale="0.001 0.001 0.001" for millimetres'
+            )
         found.append((link.name, frame.parentJoint - 1, pose, item.geometry, mirrored))
     return found
 

@@ -295,7 +295,7 @@ def _complete(
     """Add what is computed: capsules, masses, torques, mounting, home, ignored pairs."""
     import coal
 
-    from besman.robot.files import fitted_shapes
+    from besman.robot.files import assumed_masses, fitted_shapes
     from besman.robot.files.standing import (
         arm_reach,
         assume_mounting,
@@ -320,11 +320,14 @@ def _complete(
     )
     end(True)
     config = _as_config(content)
-    content["inertia"], weights = fitted_shapes.assume_masses(model, config)
+    content["inertia"], weights = assumed_masses.assume_masses(model, config)
     config, model = model_now()
     accelerations = [joint["acceleration_rad_s2"] for joint in content["joints"]]
     reach, shoulder = arm_reach(model, content["tip"])
-    weights += assume_torques(content["joints"], model, accelerations, content["tip"], reach)
+    asked = (accelerations, content["tip"], reach)
+    weights += assumed_masses.lighten_masses(content["inertia"], content["joints"], model, *asked)
+    config, model = model_now()
+    weights += assume_torques(content["joints"], model, *asked)
     content["mounting"] = assume_mounting(reach, shoulder, moves_about or bool(content["held"]))
     quaternion, flange = flange_rotation(model, content["tip"])
     if flange:
