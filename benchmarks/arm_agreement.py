@@ -226,7 +226,6 @@ def _no_body(model: Any, name: str) -> bool:
 
 def _mujoco_mass(file: Path, config: RobotConfig) -> float:
     """Return the mass that the first joint moves, by MuJoCo."""
-    import mujoco
 
     # Without pictures and missing meshes, which MuJoCo would refuse.
     model, _ = compile_bare(file)
