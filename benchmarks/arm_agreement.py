@@ -72,7 +72,10 @@ def agreement(file: Path, path: Path) -> dict[str, float]:
 
 def _flanges(robot: Robot, config: RobotConfig, poses: FloatArray) -> FloatArray:
     """Return the tip link in the root of the file, (B, 4, 4), without the mounting."""
-    data, frame = robot.model.createData(), robot.model.getFrameId(config.tip)
+    data, frame = (
+        robot.model.createData(),
+        robot.model.getFrameId(config.tip, pinocchio.FrameType.BODY),
+    )
     lower = pinocchio.SE3(np.eye(3), np.array([0.0, 0.0, config.mounting.height_m]))
     placed = []
     for pose in poses:

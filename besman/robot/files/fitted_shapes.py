@@ -16,7 +16,7 @@ from besman.exceptions import RobotError
 from besman.robot.config import RobotConfig
 from besman.robot.files import carved_capsules
 from besman.robot.files.touching_links import MeshesTouch
-from besman.robot.link_shapes import link_capsules
+from besman.robot.link_shapes import LARGEST_M, collision_shapes, link_capsules
 from besman.robot.model import Robot
 
 FloatArray = npt.NDArray[np.float64]
@@ -80,9 +80,14 @@ def fit_shapes(
             bad = _drop_named_mesh(tree, str(error))
             if bad is None:
                 raise
-            wide = str(error).partition(f"{bad} is wider")[2]
-            fault = f"is wider{wide}" if wide else "cannot be read"
-            notes.append(f"mesh {bad} {fault}: the link has no shape of it")
+            notes.append(f"mesh {bad} cannot be read: the link has no shape of it")
+    wide: list[str] = []
+    collision_shapes(model, tree, urdf, loader, wide)
+    notes += [
+        f"mesh {one} is wider than {LARGEST_M:g} m, the link has no shape of it; expected metres, "
+        'or scale="0.001 0.001 0.001" for millimetres'
+        for one in dict.fromkeys(wide)
+    ]
     bare = _along_links(model, config, {joint for _, joint, *_ in capsules})
     if bare:
         links = ", ".join(link for link, *_ in bare)
