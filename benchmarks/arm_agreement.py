@@ -16,6 +16,7 @@ from besman.config.yaml_file import load_config
 from besman.robot.config import RobotConfig
 from besman.robot.files.joint_limits import FILE
 from besman.robot.files.mjcf_file import is_mjcf
+from besman.robot.files.mjcf_meshes import compile_bare
 from besman.robot.files.touching_links import random_poses
 from besman.robot.model import Robot, load_robot
 from besman.robot.urdf_file import read_urdf_text
@@ -71,7 +72,10 @@ def agreement(file: Path, path: Path) -> dict[str, float]:
 
 def _flanges(robot: Robot, config: RobotConfig, poses: FloatArray) -> FloatArray:
     """Return the tip link in the root of the file, (B, 4, 4), without the mounting."""
-    data, frame = robot.model.createData(), robot.model.getFrameId(config.tip)
+    data, frame = (
+        robot.model.createData(),
+        robot.model.getFrameId(config.tip, pinocchio.FrameType.BODY),
+    )
     lower = pinocchio.SE3(np.eye(3), np.array([0.0, 0.0, config.mounting.height_m]))
     placed = []
     for pose in poses:
@@ -200,7 +204,8 @@ def _by_mujoco(file: Path, config: RobotConfig, poses: FloatArray) -> FloatArray
     """Place the tip, a body, a site or a joint's link, by MuJoCo."""
     import mujoco
 
-    model = mujoco.MjModel.from_xml_path(str(file))
+    # Without pictures and missing meshes, which MuJoCo would refuse.
+    model, _ = compile_bare(file)
     data = mujoco.MjData(model)
     placed = []
     for pose in poses:
@@ -224,8 +229,8 @@ def _no_body(model: Any, name: str) -> bool:
 
 def _mujoco_mass(file: Path, config: RobotConfig) -> float:
     """Return the mass that the first joint moves, by MuJoCo."""
-    import mujoco
 
-    model = mujoco.MjModel.from_xml_path(str(file))
+    # Without pictures and missing meshes, which MuJoCo would refuse.
+    model, _ = compile_bare(file)
     joint = model.joint(config.joints[0].name)
     return float(model.body_subtreemass[int(joint.bodyid[0])])

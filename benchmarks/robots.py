@@ -6,7 +6,8 @@
 URDFs, xacros and MJCFs of arms are brought in with no option but the file: five arms of the
 installed example-robot-data; with ``--all`` all of it; with FOLDERs what is below these; with
 ``--packages`` all of it and of packages that pip puts into that folder. A file counts as
-an arm if one chain of four hinges or more is found in it; what is refused otherwise is listed.
+an arm if one chain of four hinges or more is found in it, and one that is refused if it names as
+many in a row, with what it includes (`hinges_in_a_row`); all that is refused is listed.
 The flange, limits and masses are held against other libraries' on the same file (`agreement`), and
 capsules against the meshes (coal) in 1000 random poses, or ``--poses``. ``--throws`` maps
 the 16 embedded throws (synthetic) to every arm, smaller ones to arms that are shorter than a
@@ -61,6 +62,7 @@ BOTH = ("ur_description/urdf/ur5_robot.urdf", "panda_description/urdf/panda.urdf
         "z1_description/urdf/z1.urdf", "xarm_description/urdf/xarm7.urdf")  # fmt: skip
 # Meshes that are this far apart should be called clear.
 APART_M = 0.01
+_LEAST_ARM = 4
 _NO_ARM = re.compile(
     r"more than one chain|longest chain has|no hinge|no joint moves|expected <robot>|not valid XML"
     r"|only macros"
@@ -79,6 +81,38 @@ def find_files(folders: list[Path], words: tuple[str, ...]) -> list[Path]:
             if MJCF.match(file.name) and is_mjcf(file.read_bytes()[:20_000]):
                 files.append(file)
     return [file for file in files if any(word in str(file) for word in words)]
+
+
+def hinges_in_a_row(file: Path) -> int:
+    """Count the hinges of the longest chain that a file and those it includes name.
+
+    So it is told of a refused file, which may lack links, packages or names, whether it is an arm.
+    """
+    waiting, joints, seen = [file], [], set[Path]()
+    while waiting:
+        one = waiting.pop()
+        if one in seen:
+            continue
+        seen.add(one)
+        try:
+            tree = ElementTree.fromstring(one.read_bytes())
+        except (OSError, ElementTree.ParseError):
+            continue
+        joints += [joint for joint in tree.iter("joint") if joint.find("child") is not None]
+        for included in [it for it in tree.iter() if it.tag.endswith("include")]:
+            name = Path(included.get("filename", included.get("file", ""))).name
+            waiting += [found for found in file.parent.rglob(name) if name]
+    above = {joint.find("child").get("link"): joint for joint in joints}  # type: ignore[union-attr]
+
+    def depth(link: str | None, passed: frozenset[str | None]) -> int:
+        joint = above.get(link)
+        if joint is None or link in passed:
+            return 0
+        parent = joint.find("parent")
+        rest = depth(None if parent is None else parent.get("link"), passed | {link})
+        return rest + (joint.get("type") in ("revolute", "continuous"))
+
+    return max((depth(link, frozenset()) for link in above), default=0)
 
 
 def fetch(folder: Path) -> list[Path]:
@@ -204,7 +238,7 @@ def measure(
         return {"error": str(error).removeprefix(f"{file}: ")}
     spent, worked = time.perf_counter() - start, time.process_time() - work
     robot = load_robot(path)
-    if robot.n < 4:
+    if robot.n < _LEAST_ARM:
         return {"error": "no hinge moves more than three links"}
     found: dict[str, object] = {"seconds": spent, "cpu_s": worked, "n": robot.n}
     found |= agreement(file, path)
@@ -251,6 +285,8 @@ def main() -> None:
             name = f"{file.parent.name}/{file.name}"
             if "error" in found:
                 is_arm = not _NO_ARM.search(str(found["error"]))
+                if is_arm and not is_mjcf(file.read_bytes()[:20_000]):
+                    is_arm = hinges_in_a_row(file) >= _LEAST_ARM
                 refused += [name] if is_arm else []
                 print(f"{name:45} {'REFUSED' if is_arm else 'no arm'}: {str(found['error'])[:90]}")
                 continue

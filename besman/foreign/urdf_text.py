@@ -27,8 +27,6 @@ class UrdfRange:
         How many numbers it has.
     low, high : float
         Least and greatest of each, in SI units.
-    is_extent : bool
-        Whether zero is none.
     """
 
     element: str
@@ -36,12 +34,11 @@ class UrdfRange:
     count: int
     low: float
     high: float
-    is_extent: bool = False
 
     @property
     def words(self) -> str:
         """For example ``-100 to 100``."""
-        return f"{'more than ' if self.is_extent else ''}{self.low:g} to {self.high:g}"
+        return f"{self.low:g} to {self.high:g}"
 
 
 RANGES = (
@@ -53,11 +50,11 @@ RANGES = (
         UrdfRange("inertia", f"i{axes}", 1, -1e6, 1e6)
         for axes in ["xx", "yy", "zz", "xy", "xz", "yz"]
     ),
-    UrdfRange("cylinder", "radius", 1, 0.0, 10.0, True),
+    UrdfRange("cylinder", "radius", 1, 0.0, 10.0),
     UrdfRange("cylinder", "length", 1, 0.0, 100.0),
-    UrdfRange("capsule", "radius", 1, 0.0, 10.0, True),
+    UrdfRange("capsule", "radius", 1, 0.0, 10.0),
     UrdfRange("capsule", "length", 1, 0.0, 100.0),
-    UrdfRange("sphere", "radius", 1, 0.0, 10.0, True),
+    UrdfRange("sphere", "radius", 1, 0.0, 10.0),
     UrdfRange("box", "size", 3, 0.0, 100.0),
     UrdfRange("mesh", "scale", 3, -1e6, 1e6),
     UrdfRange("mimic", "multiplier", 1, -1e6, 1e6),
@@ -238,7 +235,6 @@ def _check_attribute(text: str, allowed: UrdfRange, where: str) -> list[float]:
     if len(values) != allowed.count:
         number = "a number" if allowed.count == 1 else f"{allowed.count} numbers"
         raise UrdfTextError(f"{where}: got {text!r:.60}, expected {number}")
-    inside = all(allowed.low <= value <= allowed.high for value in values)
-    if not inside or (allowed.is_extent and min(values) <= 0):
+    if not all(allowed.low <= value <= allowed.high for value in values):
         raise UrdfTextError(f"{where}: got {text!r:.60}, expected {allowed.words}")
     return values

@@ -21,6 +21,9 @@ IntArray = npt.NDArray[np.int64]
 
 _CORNERS = np.array(np.meshgrid([-1.0, 1.0], [-1.0, 1.0], [-1.0, 1.0])).reshape(3, 8).T
 # Primitives of a link that get capsules of their own; more are enclosed together.
+LARGEST_M = 20.0
+"""No link is wider: a mesh that is was drawn in millimetres, or is a hall."""
+
 _MOST_SHAPES = 4
 _ROUNDING_M = 1e-6
 # Round shapes as polyhedra.
@@ -205,9 +208,13 @@ def link_meshes(
 
 
 def collision_shapes(
-    model: Any, tree: ElementTree.Element, urdf: Path, loader: Any = None
+    model: Any,
+    tree: ElementTree.Element,
+    urdf: Path,
+    loader: Any = None,
+    left_out: list[str] | None = None,
 ) -> list[tuple[str, int, Any, Any, bool]]:
-    """List the collision shapes of a URDF.
+    """List the collision shapes of a URDF, but meshes that are wider than any arm.
 
     Parameters
     ----------
@@ -215,6 +222,8 @@ def collision_shapes(
         As in `link_capsules`.
     loader : coal.MeshLoader, optional
         Reads the meshes; one that keeps them reads each once.
+    left_out : list of str, optional
+        The meshes that are too wide are added to it.
 
     Returns
     -------
@@ -244,6 +253,10 @@ def collision_shapes(
         frame = model.frames[model.getFrameId(link.name, pinocchio.FrameType.BODY)]
         pose = frame.placement * link.placement.actInv(item.placement)
         mirrored = bool(np.prod(item.meshScale) < 0)
+        if _is_mesh(item.geometry) and np.ptp(item.geometry.vertices(), axis=0).max() > LARGEST_M:
+            if left_out is not None:
+                left_out.append(str(item.meshPath))
+            continue
         found.append((link.name, frame.parentJoint - 1, pose, item.geometry, mirrored))
     return found
 

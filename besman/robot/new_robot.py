@@ -22,7 +22,7 @@ from besman.robot.files.arm_base import split_at_base
 from besman.robot.files.arm_chain import find_chain, find_tip, held_joints
 from besman.robot.files.arm_files import check_name, free_name, write_arm, write_new
 from besman.robot.files.joint_limits import assume_torques, parse_limit_list, read_joints
-from besman.robot.files.known_limits import find_known_arm
+from besman.robot.files.known_limits import arm_titles, find_known_arm
 from besman.robot.files.mesh_folders import (
     MeshFolders,
     find_mesh_folders,
@@ -148,7 +148,8 @@ def _bring(file: Path, wishes: Wishes, show: Display, made: list[Path]) -> Path:
         urdf, home = write_arm(arm, folder, name, made), arm.home
         tree = read_urdf_text(urdf)
     try:
-        content = _describe(tree, urdf, path, name, wishes, show)
+        titles = arm_titles(tree, [file.stem, *(arm.parts if arm else []), name])
+        content = _describe(tree, urdf, path, titles, wishes, show)
     except RobotError as error:
         # What was written of another file is deleted again: that one is named.
         raise RobotError(str(error).replace(str(urdf), str(file))) from None
@@ -193,14 +194,19 @@ def _set_home(content: dict[str, Any], home: Mapping[str, float], urdf: Path, pa
 
 
 def _describe(
-    tree: ElementTree.Element, urdf: Path, path: Path, name: str, wishes: Wishes, show: Display
+    tree: ElementTree.Element,
+    urdf: Path,
+    path: Path,
+    titles: list[str],
+    wishes: Wishes,
+    show: Display,
 ) -> dict[str, Any]:
-    """Return the content of a robot.yaml."""
+    """Return the content of a robot.yaml; its limits may be known by what the arm is called."""
     tip = wishes.tip or find_tip(tree, urdf, wishes.base)
     chain = find_chain(tree, tip, urdf, wishes.base)
     held, standing = _held_values(tree, tip, urdf, wishes.base)
     names = [str(joint.get("name")) for joint in chain]
-    known = find_known_arm(_titles(tree, urdf), len(chain))
+    known = find_known_arm(titles, len(chain))
     joints, assumed = read_joints(
         chain,
         urdf,
@@ -216,7 +222,7 @@ def _describe(
     folders, faults = _place_meshes(tree, urdf, wishes)
     base = path.parent.resolve()
     content = {
-        "name": name,
+        "name": path.name.removesuffix(".yaml"),
         "urdf": _relative(urdf.resolve(), base),
         "tip": tip,
         "mesh_folder": _relative(folders.home, base),
@@ -229,12 +235,6 @@ def _describe(
     notes += [*folders.guessed, *faults]
     moves_about = bool(split_at_base(tree, tip, urdf, wishes.base)[0])
     return _complete(content, tree, urdf, path, [*notes, *assumed], moves_about, show)
-
-
-def _titles(tree: ElementTree.Element, urdf: Path) -> list[str]:
-    """Return what an arm may be called by: its name, its file's, and its first joint's."""
-    first = next((str(joint.get("name")) for joint in tree.findall("joint")), "")
-    return [str(tree.get("name", "")), urdf.stem, first]
 
 
 def _relative(folder: Path, base: Path) -> str:
@@ -295,7 +295,7 @@ def _complete(
     """Add what is computed: capsules, masses, torques, mounting, home, ignored pairs."""
     import coal
 
-    from besman.robot.files import fitted_shapes
+    from besman.robot.files import assumed_masses, fitted_shapes
     from besman.robot.files.standing import (
         arm_reach,
         assume_mounting,
@@ -320,11 +320,14 @@ def _complete(
     )
     end(True)
     config = _as_config(content)
-    content["inertia"], weights = fitted_shapes.assume_masses(model, config)
+    content["inertia"], weights = assumed_masses.assume_masses(model, config)
     config, model = model_now()
     accelerations = [joint["acceleration_rad_s2"] for joint in content["joints"]]
     reach, shoulder = arm_reach(model, content["tip"])
-    weights += assume_torques(content["joints"], model, accelerations, content["tip"], reach)
+    asked = (accelerations, content["tip"], reach)
+    weights += assumed_masses.lighten_masses(content["inertia"], content["joints"], model, *asked)
+    config, model = model_now()
+    weights += assume_torques(content["joints"], model, *asked)
     content["mounting"] = assume_mounting(reach, shoulder, moves_about or bool(content["held"]))
     quaternion, flange = flange_rotation(model, content["tip"])
     if flange:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 import re
 from collections.abc import Collection, Mapping
 from pathlib import Path
@@ -26,6 +27,9 @@ MOST_MESH_BYTES = 40_000_000
 """Of one mesh: an arm's link needs a hundredth of it."""
 
 _SHAPES = ("collision", "visual")
+# In the head of a COLLADA file.
+_UNIT = re.compile(rb"""<unit\b[^>]{0,200}?\bmeter\s*=\s*["']([^"']{1,40})["']""")
+_HEAD_BYTES = 20_000
 
 
 def read_urdf(
@@ -99,8 +103,20 @@ def parse_urdf_bytes(content: bytes, urdf: Path) -> ElementTree.Element:
         tree = parse_urdf(text)
     except UrdfTextError as error:
         raise RobotError(f"{urdf}: {error}") from None
+    if not tree.get("name", "").strip():
+        tree.set("name", urdf.stem)
+    _drop_empty(tree)
     _split_capsules(tree)
     return tree
+
+
+def _drop_empty(tree: ElementTree.Element) -> None:
+    """Leave out what is a point or a line: it encloses nothing, and simulators refuse it."""
+    for link in tree.findall("link"):
+        for shape in [one for tag in _SHAPES for one in link.findall(tag)]:
+            radii = [one.get("radius") for one in shape.findall("geometry/*")]
+            if any(radius is not None and parse_number(radius) == 0 for radius in radii):
+                link.remove(shape)
 
 
 def _split_capsules(tree: ElementTree.Element) -> None:
@@ -165,6 +181,26 @@ def place_meshes(
                     link.remove(shape)
                     break
                 mesh.set("filename", str(path))
+                unit = _unit_of_mesh(path)
+                if unit != 1.0:
+                    scale = mesh.get("scale", "").split() or ["1"] * 3
+                    mesh.set("scale", " ".join(repr(parse_number(one) * unit) for one in scale))
+
+
+def _unit_of_mesh(path: Path) -> float:
+    """Return the metres of the unit that a COLLADA file is drawn in.
+
+    ROS scales by it, the reader of Pinocchio does not; what is its top it takes as ROS does.
+    """
+    if path.suffix.lower() != ".dae" or not is_file(path):
+        return 1.0
+    with path.open("rb") as file:
+        found = _UNIT.search(file.read(_HEAD_BYTES))
+    try:
+        unit = parse_number(found.group(1).decode("ascii", "replace")) if found else 1.0
+    except ValueError:
+        return 1.0
+    return unit if 0 < unit < math.inf else 1.0
 
 
 def _fault_of_mesh(path: Path) -> str | None:

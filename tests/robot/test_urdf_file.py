@@ -40,6 +40,29 @@ def test_a_urdf_that_cannot_be_used(tmp_path, text, message):
         read(tmp_path, text)
 
 
+def test_a_mesh_is_scaled_by_the_unit_of_its_file(tmp_path):
+    units = {"inch": '<unit name="inch" meter="0.0254"/>', "none": "", "odd": '<unit meter="x"/>'}
+    for name, unit in units.items():
+        (tmp_path / f"{name}.dae").write_text(f"<COLLADA><asset>{unit}</asset></COLLADA>")
+    shape = "<collision><geometry><mesh filename='{}.dae' {}/></geometry></collision>"
+    meshes = [("inch", ""), ("inch", "scale='2 2 -2'"), ("none", ""), ("odd", "scale='2 2 2'")]
+    shapes = "".join(shape.format(*one) for one in meshes)
+    tree = read(tmp_path, f"<robot><link name='a'>{shapes}</link></robot>")
+    scales = [one.get("scale") for one in tree.iter("mesh")]
+    assert scales == ["0.0254 0.0254 0.0254", "0.0508 0.0508 -0.0508", None, "2 2 2"]
+    # And a robot without a name is called by its file.
+    assert tree.get("name") == "arm"
+
+
+def test_shapes_of_no_width_are_none(tmp_path):
+    words = ('<sphere radius="0.00"/>', '<cylinder radius="0" length="1"/>',
+             '<capsule radius="0" length="1"/>', '<sphere radius="0.01"/>')  # fmt: skip
+    shapes = "".join(f"<collision><geometry>{one}</geometry></collision>" for one in words)
+    tree = read(tmp_path, f"<robot><link name='a'>{shapes}</link></robot>")
+    assert [one.get("radius") for one in tree.iter("sphere")] == ["0.01"]
+    assert len(tree.findall("link/collision")) == 1
+
+
 @pytest.mark.parametrize(
     "address", ["../../etc/passwd", "/etc/passwd", "file:///etc/passwd", "package://../x.stl"]
 )

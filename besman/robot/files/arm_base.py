@@ -96,7 +96,8 @@ def mobile_base_joints(tree: ElementTree.Element) -> set[str]:
             drives += below
             waiting += [joint_ends(joint)[1] for joint in below]
     moving = [joint for joint in drives if joint.get("type") in (*SLIDES, *HINGES)]
-    slides = sum(joint.get("type") in SLIDES for joint in moving)
     # A base has three degrees of freedom on a plane, six in space; what moves behind is the arm's.
-    most = 2 * _DEGREES_ON_A_PLANE if slides >= _DEGREES_ON_A_PLANE else _DEGREES_ON_A_PLANE
-    return {str(joint.get("name")) for joint in moving[:most]} if slides else set()
+    for most, least in ((2 * _DEGREES_ON_A_PLANE, _DEGREES_ON_A_PLANE), (_DEGREES_ON_A_PLANE, 1)):
+        if sum(joint.get("type") in SLIDES for joint in moving[:most]) >= least:
+            return {str(joint.get("name")) for joint in moving[:most]}
+    return set()

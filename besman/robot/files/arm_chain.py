@@ -118,7 +118,11 @@ def find_tip(tree: ElementTree.Element, urdf: Path, base: str | None = None) -> 
             f"{', '.join(named[:_MOST_NAMED])}{more}"
         )
     if hinges == 0:
-        raise RobotError(f"{urdf}: tip: no hinge moves any link; expected an arm")
+        left = [str(one.get("name")) for one in tree.findall("joint") if one.get("type") in HINGES]
+        more = f" but fingers, or what drives a base ({', '.join(left[:3])}); or --tip LINK"
+        raise RobotError(
+            f"{urdf}: tip: no hinge moves any link; expected an arm{more if left else ''}"
+        )
     tip = links.flange_of(end)
     others = len(links.moving_beside(end))
     if hinges < _FEWEST_HINGES and others:

@@ -1,4 +1,4 @@
-"""Capsules and masses for a robot.yaml: fitted once, when an arm is brought in."""
+"""Capsules for a robot.yaml: fitted once, when an arm is brought in."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from besman.exceptions import RobotError
 from besman.robot.config import RobotConfig
 from besman.robot.files import carved_capsules
 from besman.robot.files.touching_links import MeshesTouch
-from besman.robot.link_shapes import link_capsules
+from besman.robot.link_shapes import LARGEST_M, collision_shapes, link_capsules
 from besman.robot.model import Robot
 
 FloatArray = npt.NDArray[np.float64]
@@ -25,9 +25,6 @@ FloatArray = npt.NDArray[np.float64]
 _SLENDERNESS = 0.06
 _LEAST_LENGTH_M = 0.03
 _SHORT = 0.1
-# Of the whole capsules: a UR5 has 18 kg in 20 litres of them.
-_DENSITY_KG_M3 = 900.0
-_LEAST_MASS_KG = 1e-3
 _DIGITS = 4
 
 
@@ -84,6 +81,13 @@ def fit_shapes(
             if bad is None:
                 raise
             notes.append(f"mesh {bad} cannot be read: the link has no shape of it")
+    wide: list[str] = []
+    collision_shapes(model, tree, urdf, loader, wide)
+    notes += [
+        f"mesh {one} is wider than {LARGEST_M:g} m, the link has no shape of it; expected metres, "
+        'or scale="0.001 0.001 0.001" for millimetres'
+        for one in dict.fromkeys(wide)
+    ]
     bare = _along_links(model, config, {joint for _, joint, *_ in capsules})
     if bare:
         links = ", ".join(link for link, *_ in bare)
@@ -116,13 +120,13 @@ def _along_links(
     shortest = max(_SHORT * whole, _LEAST_LENGTH_M)
     found = []
     for joint, (end, length) in enumerate(zip(ends, lengths, strict=True)):
-        link = _moved_link(model, joint)
+        link = moved_link(model, joint)
         if joint not in covered and length >= shortest and link is not None:
             found.append((link, joint, np.stack([np.zeros(3), end]), min(radius, length / 2)))
     return found
 
 
-def _moved_link(model: Any, joint: int) -> str | None:
+def moved_link(model: Any, joint: int) -> str | None:
     """Return the first link that a joint moves."""
     for frame in model.frames:
         if frame.type == pinocchio.FrameType.BODY and frame.parentJoint == joint + 1:
@@ -167,68 +171,3 @@ def carve(
     for link, found in others.items():
         result += [_in_link(robot.model, link, joints[link], *one) for one in found]
     return result
-
-
-def assume_masses(model: Any, config: RobotConfig) -> tuple[dict[str, dict[str, Any]], list[str]]:
-    """Return inertias for what has no mass, of the volume of its capsules.
-
-    Parameters
-    ----------
-    model : pinocchio.Model
-        The arm.
-    config : RobotConfig
-        With capsules.
-
-    Returns
-    -------
-    inertia : dict of dict
-        Of a robot.yaml, by link.
-    notes : list of str
-        What was assumed, in words.
-    """
-    inertia, notes = {}, []
-    for joint in range(model.nv):
-        link = _moved_link(model, joint)
-        if model.inertias[joint + 1].mass >= _LEAST_MASS_KG or link is None:
-            continue
-        frame = model.frames[model.getFrameId(link, pinocchio.FrameType.BODY)].placement
-        bodies = [
-            _solid(model, capsule, frame)
-            for capsule in config.capsules
-            if _parent(model, capsule.link) == joint
-        ]
-        if not bodies and joint + 1 < model.nv:
-            # Joints that cross in a point: what the next one moves has the mass.
-            continue
-        # What is nowhere wide still has to be moved.
-        whole = sum(bodies, pinocchio.Inertia.FromSphere(0.02, 0.03))
-        moments = np.maximum(np.diag(whole.inertia), 1e-6)
-        inertia[link] = {
-            "mass_kg": round(whole.mass, 3),
-            "com_m": [round(float(part), 4) for part in whole.lever],
-            "inertia_kgm2": [float(f"{part:.3g}") for part in moments],
-        }
-        notes.append(
-            f"mass of what joint {config.joints[joint].name} moves: {whole.mass:.2f} kg by the "
-            "volume of its capsules, none is given"
-        )
-    return inertia, notes
-
-
-def _parent(model: Any, link: str) -> int:
-    """Return the joint that moves a link, -1 for none."""
-    return int(model.frames[model.getFrameId(link, pinocchio.FrameType.BODY)].parentJoint) - 1
-
-
-def _solid(model: Any, capsule: Any, frame: Any) -> Any:
-    """Return the inertia of a capsule in a link's frame, kg m^2."""
-    own = model.frames[model.getFrameId(capsule.link, pinocchio.FrameType.BODY)].placement
-    ends = np.array(capsule.ends_m)
-    along = ends[1] - ends[0]
-    length = max(float(np.linalg.norm(along)), 1e-6)
-    radius = capsule.radius_m
-    mass = _DENSITY_KG_M3 * math.pi * radius**2 * (length + 4 / 3 * radius)
-    turn = pinocchio.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), along / length)
-    place = pinocchio.SE3(turn.matrix(), ends.mean(axis=0))
-    body = pinocchio.Inertia.FromCylinder(mass, radius, length + 4 / 3 * radius)
-    return body.se3Action(frame.actInv(own * place))

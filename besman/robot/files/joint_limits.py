@@ -9,10 +9,13 @@ from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
+import numpy.typing as npt
 
 from besman.exceptions import RobotError
 from besman.foreign.numbers import parse_number
 from besman.robot.files.known_limits import KnownArm
+
+FloatArray = npt.NDArray[np.float64]
 
 # URDF has no limits of acceleration; this is what planners take for arms of which nothing is known.
 ACCELERATION_RAD_S2 = 10.0
@@ -221,10 +224,51 @@ def assume_torques(
     list of str
         What was assumed, in words.
     """
-    import pinocchio
-
     if all(joint["torque_nm"] is not None for joint in joints):
         return []
+    most, load_kg = _asked_torques(model, accelerations, tip, reach_m)
+    assumed = []
+    for joint, torque in zip(joints, most, strict=True):
+        if joint["torque_nm"] is None:
+            value = min(max(_TORQUE_RESERVE * float(torque), _LEAST_TORQUE_NM), _MOST_TORQUE_NM)
+            joint["torque_nm"] = float(f"{value:.2g}")
+            assumed.append(
+                f"torque of {joint['name']}: {joint['torque_nm']:g} Nm, not given; the weight of "
+                f"the arm and of {load_kg:.2g} kg and acceleration ask for two thirds"
+            )
+    return assumed
+
+
+def borne_share(
+    joints: Sequence[dict[str, Any]],
+    model: Any,
+    accelerations: Sequence[float],
+    tip: str,
+    reach_m: float,
+) -> float:
+    """Return the least share that torques which are given are of 1.5 times what is asked for.
+
+    Parameters
+    ----------
+    joints, model, accelerations, tip, reach_m
+        As in `assume_torques`.
+    """
+    if all(joint["torque_nm"] is None for joint in joints):
+        return math.inf
+    most, _ = _asked_torques(model, accelerations, tip, reach_m)
+    return min(
+        joint["torque_nm"] / max(_TORQUE_RESERVE * float(torque), 1e-9)
+        for joint, torque in zip(joints, most, strict=True)
+        if joint["torque_nm"] is not None
+    )
+
+
+def _asked_torques(
+    model: Any, accelerations: Sequence[float], tip: str, reach_m: float
+) -> tuple[FloatArray, float]:
+    """Return the torques (n,), Nm, that weight, a load, kg, and acceleration ask for; the load."""
+    import pinocchio
+
     random = np.random.default_rng(0)
     load_kg = _LOAD_SHARE * sum(inertia.mass for inertia in list(model.inertias)[1:])
     flange = model.frames[model.getFrameId(tip, pinocchio.FrameType.BODY)]
@@ -240,13 +284,4 @@ def assume_torques(
         inertia = np.diag(pinocchio.crba(model, data, pose)) * accelerations
         weight = np.abs(pinocchio.computeGeneralizedGravity(model, data, pose))
         most = np.maximum(most, weight + np.abs(inertia))
-    assumed = []
-    for joint, torque in zip(joints, most, strict=True):
-        if joint["torque_nm"] is None:
-            value = min(max(_TORQUE_RESERVE * float(torque), _LEAST_TORQUE_NM), _MOST_TORQUE_NM)
-            joint["torque_nm"] = float(f"{value:.2g}")
-            assumed.append(
-                f"torque of {joint['name']}: {joint['torque_nm']:g} Nm, not given; the weight of "
-                f"the arm and of {load_kg:.2g} kg and acceleration ask for two thirds"
-            )
-    return assumed
+    return most, load_kg

@@ -6,6 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import Annotated
+from xml.etree import ElementTree
 
 from pydantic import Field, field_validator, model_validator
 
@@ -87,6 +88,20 @@ class KnownLimits(Config):
 def known_arms() -> Mapping[str, KnownArm]:
     """Return all arms of ``robots/known_limits.yaml``."""
     return load_config(resource_folder("robots") / _FILE, KnownLimits).arms
+
+
+def arm_titles(tree: ElementTree.Element, names: Sequence[str]) -> list[str]:
+    """Return what an arm may be called by: its description's name, some others, its first joint's.
+
+    Parameters
+    ----------
+    tree : Element
+        The URDF.
+    names : sequence of str
+        Of its files.
+    """
+    first = [str(joint.get("name")) for joint in tree.findall("joint")][:1]
+    return [str(tree.get("name", "")), *names, *first]
 
 
 def find_known_arm(titles: Sequence[str], n: int) -> KnownArm | None:

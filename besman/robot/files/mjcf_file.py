@@ -13,19 +13,15 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.exceptions import RobotError, in_one_line
-from besman.robot.files.mesh_folders import folders_above, home_of
-from besman.robot.files.mjcf_meshes import compile_without
+from besman.robot.files.mjcf_meshes import compile_bare
+from besman.robot.files.mjcf_sources import refuse_files_outside
 from besman.robot.mujoco_log import silence_mujoco
 
 FloatArray = npt.NDArray[np.float64]
 
-_MOST_CHARACTERS = 20_000_000
-_MOST_FILES = 200
-_DECLARATION = re.compile(r"<!\s*(DOCTYPE|ENTITY)", re.IGNORECASE)
 _ROOT = re.compile(rb"<\s*(?:robot|mujoco)(?=[\s>/])")
 # Sites that stand for a flange.
 _FLANGE_SITE = re.compile(r"attachment|flange|tool0|(^|_)ee(_|$)|end_effector|grip_site", re.I)
-_FOLDERS = ("meshdir", "texturedir", "assetdir")
 
 
 @dataclass
@@ -42,12 +38,15 @@ class CompiledArm:
         Angles of the keyframe ``home`` by joint, rad; empty without one.
     notes : list of str
         What was left out.
+    parts : list of str
+        Names of the files that it includes, without their endings.
     """
 
     tree: ElementTree.Element
     meshes: dict[str, bytes] = field(default_factory=dict)
     home: dict[str, float] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
+    parts: list[str] = field(default_factory=list)
 
 
 def is_mjcf(content: bytes) -> bool:
@@ -63,7 +62,7 @@ def read_mjcf(path: Path, allowed: Collection[Path] = ()) -> CompiledArm:
     ----------
     path : Path
         The file; what it includes must be in its folder or below, or in its package
-        (`besman.robot.files.mesh_folders.home_of`).
+        (`besman.robot.files.mjcf_sources`).
     allowed : collection of Path
         Further folders that may be read, those of ``--package``.
 
@@ -72,66 +71,17 @@ def read_mjcf(path: Path, allowed: Collection[Path] = ()) -> CompiledArm:
     RobotError
         If MuJoCo does not compile it, or it includes files that are elsewhere.
     """
-    import mujoco
-
-    _refuse_files_outside(path, allowed)
-    notes: list[str] = []
+    parts = refuse_files_outside(path, allowed)
     silence_mujoco()
     try:
-        model = mujoco.MjModel.from_xml_path(str(path))
+        model, notes = compile_bare(path)
     except ValueError as error:
-        try:
-            model, notes = compile_without(path)
-        except ValueError:
-            notes = []
-        if not notes:
-            raise RobotError(f"{path}: cannot be used as MJCF: {in_one_line(error)}") from None
+        raise RobotError(f"{path}: cannot be used as MJCF: {in_one_line(error)}") from None
     name = ElementTree.fromstring(path.read_bytes()).get("model", path.stem)  # noqa: S314
     arm = _Writer(model, name).write()
     arm.notes += notes
+    arm.parts += [one.stem for one in parts]
     return arm
-
-
-def _refuse_files_outside(path: Path, allowed: Collection[Path]) -> None:
-    """Refuse a MJCF that has entities, or reads what is not below its folders."""
-    home = path.resolve().parent
-    package = home_of(folders_above(path))
-    roots = [home, package, *(one.resolve() for one in allowed)]
-    waiting, seen = [path.resolve()], set[Path]()
-    while waiting:
-        file = waiting.pop()
-        if file in seen or len(seen) > _MOST_FILES:
-            continue
-        seen.add(file)
-        for one in _files_of(file, home, path):
-            if not any(one.is_relative_to(root) for root in roots):
-                raise RobotError(
-                    f"{path}: the file {str(one)!r:.200} is outside {package}; expected what a "
-                    "MJCF includes below that folder (robots add --package NAME=FOLDER: another "
-                    "folder that may be read)"
-                )
-            if one.suffix.lower() in (".xml", ".mjcf") and one.is_file():
-                waiting.append(one)
-
-
-def _files_of(file: Path, home: Path, path: Path) -> list[Path]:
-    """Return the files that a MJCF names, in every folder that they may be meant in."""
-    try:
-        text = file.read_text(encoding="utf-8")
-        if len(text) > _MOST_CHARACTERS or _DECLARATION.search(text):
-            raise RobotError(f"{path}: document types and entities are not allowed in a MJCF")
-        # Entities are refused above.
-        tree = ElementTree.fromstring(text)  # noqa: S314
-    except (OSError, UnicodeDecodeError, ElementTree.ParseError) as error:
-        raise RobotError(f"{path}: {file.name}: not valid XML: {in_one_line(error)}") from None
-    folders = {home, file.parent}
-    for compiler in tree.iter("compiler"):
-        folders |= {home / compiler.get(key, "") for key in _FOLDERS}
-    named = [one for element in tree.iter() for key, one in element.items()
-             if key.startswith("file") and one]  # fmt: skip
-    inside = [(folder / one).resolve() for folder in folders for one in named]
-    outside = [folder.resolve() for folder in folders if named]
-    return [*inside, *outside]
 
 
 class _Writer:
@@ -231,8 +181,9 @@ class _Writer:
         joint = self._joint(self._name("jnt", index), kind, ends, place)
         ElementTree.SubElement(joint, "axis", {"xyz": _words(axis)})
         low, high = model.jnt_range[index] if limited else (0.0, 0.0)
-        limit = {"lower": repr(float(low)), "upper": repr(float(high)), "velocity": "0"}
-        ElementTree.SubElement(joint, "limit", limit | {"effort": repr(self._effort(index))})
+        limit = {"lower": repr(float(low)), "upper": repr(float(high))}
+        most = {"velocity": repr(self._speed(index)), "effort": repr(self._effort(index))}
+        ElementTree.SubElement(joint, "limit", limit | most)
         dof = int(model.jnt_dofadr[index])
         losses = {
             "damping": repr(float(np.ravel(model.dof_damping[dof])[0])),
@@ -248,16 +199,37 @@ class _Writer:
         if model.jnt_actfrclimited[joint]:
             return float(np.abs(model.jnt_actfrcrange[joint]).max())
         most = 0.0
-        for motor in range(model.nu):
-            # Transmission 0: to a joint.
-            if int(model.actuator_trntype[motor]) or int(model.actuator_trnid[motor, 0]) != joint:
-                continue
+        for motor in self._motors(joint):
             gear = abs(float(model.actuator_gear[motor, 0]))
             if model.actuator_forcelimited[motor]:
                 most += gear * float(np.abs(model.actuator_forcerange[motor]).max())
             elif model.actuator_ctrllimited[motor] and int(model.actuator_biastype[motor]) == 0:
                 gain = abs(float(model.actuator_gainprm[motor, 0]))
                 most += gear * gain * float(np.abs(model.actuator_ctrlrange[motor]).max())
+        return most
+
+    def _motors(self, joint: int) -> list[int]:
+        """Return the motors of a joint, in its own frame or its parent's."""
+        import mujoco
+
+        model, kinds = self.model, mujoco.mjtTrn
+        to_joint = np.isin(model.actuator_trntype, (kinds.mjTRN_JOINT, kinds.mjTRN_JOINTINPARENT))
+        own = to_joint & (model.actuator_trnid[:, 0] == joint)
+        return [int(one) for one in np.flatnonzero(own)]
+
+    def _speed(self, joint: int) -> float:
+        """Return the greatest speed that a joint's speed controllers take, 0 where it is not given.
+
+        Such a one has a bias of -kv times the speed and none of the position.
+        """
+        model, most = self.model, 0.0
+        for motor in self._motors(joint):
+            gain = model.actuator_gainprm[motor, 0]
+            stiffness, damping = model.actuator_biasprm[motor, 1:3]
+            is_speed = gain > 0 and stiffness == 0 and np.isclose(damping, -gain)
+            if is_speed and model.actuator_ctrllimited[motor] and model.actuator_gear[motor, 0]:
+                fastest = np.abs(model.actuator_ctrlrange[motor]).max()
+                most = max(most, float(fastest / abs(model.actuator_gear[motor, 0])))
         return most
 
     def _couplings(self) -> dict[int, dict[str, str]]:

@@ -25,7 +25,8 @@ from besman.robot.files.mesh_folders import (
 from besman.robot.urdf_file import parse_urdf_bytes
 
 _LONGEST_S = 120.0
-_MOST_PACKAGES = 20
+# A run more for each package and each argument that is used early.
+_MOST_TRIES = 40
 _HERE = "xacro_folder"
 
 
@@ -97,9 +98,13 @@ def read_xacro(
     above = folders_above(path)
     home = home_of(above)
     known = {name: folder.resolve() for name, folder in packages.items()}
-    for _ in range(_MOST_PACKAGES):
-        told = _run(path, home, known, arguments)
-        package = told.get("package")
+    given = dict(arguments)
+    for _ in range(_MOST_TRIES):
+        told = _run(path, home, known, given)
+        package, early = told.get("package"), _used_early(told)
+        if early:
+            given |= early
+            continue
         if package is None:
             break
         found = find_package(package, above) or _folder_with_files_of(package, path, above)
@@ -126,6 +131,16 @@ def read_xacro(
         if name not in arguments and default is not None
     ]
     return ExpandedXacro(tree, _name_relative_meshes(tree, path, known), notes)
+
+
+def _used_early(told: Mapping[str, Any]) -> dict[str, str]:
+    """Return an argument with its default where a file uses it above the line that declares it.
+
+    So do descriptions whose robot is called by an argument.
+    """
+    name = str(told.get("error", "")).removeprefix("Undefined substitution argument ")
+    default = told["declared"].get(name)
+    return {} if default is None or told.get("refused") or "$" in default else {name: default}
 
 
 def _folder_with_files_of(package: str, path: Path, above: list[Path]) -> Path | None:

@@ -21,6 +21,8 @@ from typing import Any
 _INNARDS = ("_", "f_", "gi_", "cr_", "ag_", "tb_", "co_", "func_")
 _LEADS_OUT = {"mro", "format", "format_map", "vars", "type", "fromhex"}
 _USED = re.compile(r"""(?:\$\(arg\s+|xacro\.arg\(['"])(\w+)""")
+# Files of before 2014 write these without a prefix; no URDF has elements called so below its root.
+_OLD_TAGS = ("property", "macro", "include", "arg")
 _DECLARATIONS = ("<!DOCTYPE", "<!ENTITY")
 _MOST_CHARACTERS = 20_000_000
 # An expression is a number or a name.
@@ -153,7 +155,7 @@ def _close_ways_out(xacro: Any, substitution: Any, packages: Mapping[str, str], 
 
 
 def _watch_parsing(xacro: Any, declared: dict[str, str | None], macros: list[str]) -> None:
-    """Refuse document types and entities in every file; note arguments and macros."""
+    """Refuse document types and entities in every file, read old ones; note arguments, macros."""
     parse = xacro.parse
 
     def careful(given: Any, filename: str | None = None) -> Any:
@@ -166,6 +168,9 @@ def _watch_parsing(xacro: Any, declared: dict[str, str | None], macros: list[str
                 declared.setdefault(name, None)
             given = given.encode()
         document = parse(io.BytesIO(given) if isinstance(given, bytes) else given, filename)
+        for node in list(document.documentElement.childNodes):
+            if getattr(node, "tagName", "") in _OLD_TAGS:
+                document.renameNode(node, node.namespaceURI, f"xacro:{node.tagName}")
         for node in document.getElementsByTagName("xacro:macro"):
             macros.append(node.getAttribute("name"))
         for node in document.getElementsByTagName("xacro:arg"):

@@ -76,6 +76,8 @@ def test_where_the_arm_ends(end, tip, hinges):
         ([*row(2, "head"), *row(1, "wheel")], "longest chain has 2 hinges .*or --tip LINK"),
         ([("x", "base", "a", "prismatic")], "no hinge moves any link; expected an arm"),
         ([("x", "base", "a", "fixed")], "no hinge moves any link; expected an arm"),
+        ([("finger_0", "base", "a"), ("finger_1", "a", "b")],
+         r"no hinge moves any link; expected an arm but fingers.* \(finger_0, finger_1\); or"),
     ],
 )  # fmt: skip
 def test_what_is_no_arm_says_what_is_possible(joints, message):
@@ -105,6 +107,10 @@ def test_what_drives_a_base_about_is_held():
                  zip(order, [("world", "a"), ("a", "b"), ("b", "base")], strict=True)]  # fmt: skip
         tree = tree_of(*chain, *row(6), bare=("world", "a", "b", "base"))
         assert mobile_base_joints(tree) == set(names)
+    # Where only a hand has shapes, the slides of its fingers make no base of the arm below it.
+    slides = [(name, "l7", name, "prismatic") for name in ("finger_l", "finger_r")]
+    shapeless = ["base", *(f"l{index + 1}" for index in range(7))]
+    assert mobile_base_joints(tree_of(*row(7), *slides, bare=shapeless)) == set()
     links = {one for joint in joints for one in joint[1:3]}
     assert mobile_base_joints(tree_of(*joints, bare=links)) == set()
 

@@ -9,7 +9,8 @@ import pytest
 from besman.config.yaml_file import load_config
 from besman.robot.config import RobotConfig
 from besman.robot.files.arm_chain import find_chain, find_tip, held_joints
-from besman.robot.files.fitted_shapes import assume_masses, fit_shapes, use_visual_shapes
+from besman.robot.files.assumed_masses import assume_masses, lighten_masses
+from besman.robot.files.fitted_shapes import fit_shapes, use_visual_shapes
 from besman.robot.files.second_reader import refuse_faults
 from besman.robot.model import find_robot, load_robot, read_robot_urdf
 
@@ -56,9 +57,15 @@ def test_fitted_capsules_are_those_of_the_robot_and_a_mesh_that_is_none_is_left_
     broken.write_text("no mesh")
     for mesh in tree.iterfind("link[@name='forearm_link']/collision/geometry/mesh"):
         mesh.set("filename", str(broken))
+    (wide,) = tree.iterfind("link[@name='upper_arm_link']/collision/geometry/mesh")
+    wide.set("scale", "1000 1000 1000")
     found, notes = fit_shapes(robot.model, bare, tree, urdf, path, shares.append)
-    assert notes[0] == f"mesh {broken} cannot be read: the link has no shape of it"
-    assert notes[1] == "capsules along forearm_link: no shape is given"
+    assert set(notes) == {
+        f"mesh {broken} cannot be read: the link has no shape of it",
+        f'mesh {wide.get("filename")} is wider than 20 m; expected metres, or scale="0.001 0.001 '
+        '0.001" for millimetres: the link has no shape of it',
+        "capsules along upper_arm_link, forearm_link: no shape is given",
+    }
     assert any(one["link"] == "forearm_link" for one in found)
 
 
@@ -86,3 +93,31 @@ def test_the_chain_of_an_arm_that_is_there(ur5):
     assert names == [joint.name for joint in config.joints]
     assert held_joints(tree, config.tip, urdf) == []
     refuse_faults(tree, urdf)
+
+
+def test_assumed_masses_are_none_that_given_torques_could_not_move(ur5):
+    robot, config, *_ = ur5
+    model = robot.model.copy()
+    for joint in range(1, model.njoints):
+        model.inertias[joint] = pinocchio.Inertia.Zero()
+    inertia, _ = assume_masses(model, config)
+    for link, one in inertia.items():
+        frame = model.frames[model.getFrameId(link, pinocchio.FrameType.BODY)]
+        body = pinocchio.Inertia(
+            one["mass_kg"], np.array(one["com_m"]), np.diag(one["inertia_kgm2"])
+        )
+        model.inertias[frame.parentJoint] = body.se3Action(frame.placement)
+    asked = ([10.0] * robot.n, "tool0", 0.85)
+    strong = [{"torque_nm": 1e4} for _ in range(robot.n)]
+    before = {link: dict(one) for link, one in inertia.items()}
+    assert lighten_masses(inertia, strong, model, *asked) == []
+    assert lighten_masses({}, strong, model, *asked) == []
+    assert inertia == before
+    weak = [{"torque_nm": torque} for torque in (None, 30.0, None, None, None, None)]
+    (note,) = lighten_masses(inertia, weak, model, *asked)
+    share = inertia["forearm_link"]["mass_kg"] / before["forearm_link"]["mass_kg"]
+    assert f"by {share:.0%}" in note
+    # Torques grow as masses do: what is asked for now is two thirds of what is given.
+    heavy = [{"torque_nm": 30.0 / share * 1.001 if one["torque_nm"] else None} for one in weak]
+    assert lighten_masses(inertia, heavy, model, *asked) == []
+    assert 0.1 < share < 0.9

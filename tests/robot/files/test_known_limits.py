@@ -1,13 +1,14 @@
 """Published limits: found by the arm's name, used where a file gives none."""
 
 import re
+from xml.etree import ElementTree
 
 import pytest
 import yaml
 from pydantic import ValidationError
 
 from besman.robot.files.arm_files import check_name, free_name
-from besman.robot.files.known_limits import KnownArm, find_known_arm, known_arms
+from besman.robot.files.known_limits import KnownArm, arm_titles, find_known_arm, known_arms
 from besman.robot.model import load_robot
 from besman.robot.new_robot import add_robot
 
@@ -91,3 +92,10 @@ def test_a_name_that_a_robot_has_is_made_another(tmp_path):
     assert free_name("ur5") == "my_ur5"
     assert free_name("try") == "my_try"
     assert check_name(free_name("ur5"), tmp_path) == "my_ur5"
+
+
+def test_a_scene_is_known_by_the_arm_that_it_includes():
+    tree = ElementTree.fromstring('<robot name="scene"><joint name="right_j0"/></robot>')
+    titles = arm_titles(tree, ["scene", "so-arm100"])
+    assert titles == ["scene", "scene", "so-arm100", "right_j0"]
+    assert find_known_arm(titles, 5).arm.startswith("SO-100")

@@ -8,7 +8,7 @@ import yaml
 from besman.exceptions import RobotError
 from besman.robot.dynamics import inverse_dynamics
 from besman.robot.files.mjcf_file import is_mjcf, read_mjcf
-from besman.robot.files.mjcf_meshes import compile_without
+from besman.robot.files.mjcf_meshes import compile_bare
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.model import load_robot
 from besman.robot.new_robot import add_robot
@@ -156,7 +156,7 @@ def test_a_mjcf_that_cannot_be_used_leaves_nothing_behind(tmp_path, change, mess
 )
 def test_without_a_mesh_an_arm_comes_in_as_far_as_it_is_there(tmp_path, name, note, count):
     path = write(tmp_path, ARM.replace("rock.obj", name, 1))
-    model, notes = compile_without(path)
+    model, notes = compile_bare(path)
     assert (len(notes), model.nmesh) == (1, count)
     compiled = read_mjcf(path)
     assert sum(one.startswith(note) for one in compiled.notes) == 1
@@ -187,6 +187,48 @@ def test_meshes_of_the_package_are_read_and_others_where_they_may_be(tmp_path):
     with pytest.raises(RobotError, match=r"is outside .*maker; .*--package NAME=FOLDER"):
         read_mjcf(path)
     assert add_robot(path, packages={"parts": elsewhere}).is_file()
+
+
+def test_pictures_are_not_read(tmp_path):
+    pictures = ('<asset><texture name="wood" type="2d" file="../../wood.png"/><material name="m" '
+                'texture="wood"/><skin file="cloth.skn"/>')  # fmt: skip
+    text = ARM.replace("<asset>", pictures, 1).replace('size="0.1 0.1 0.05"', "\\g", 1)
+    text = text.replace("\\g", 'size="0.1 0.1 0.05" material="m"')
+    model, notes = compile_bare(write(tmp_path, text))
+    assert (model.ntex, model.nmesh, notes) == (0, 1, [])
+
+
+def test_a_scene_reads_what_was_installed_with_it(tmp_path, monkeypatch):
+    scenes = tmp_path / "maker" / "assets" / "scenes" / "bench"
+    scenes.mkdir(parents=True)
+    (tmp_path / "maker" / "assets" / "parts").mkdir()
+    arm = write(scenes, ARM.replace('"rock.obj"', '"../../../parts/rock.obj"', 1))
+    (scenes / "parts" / "rock.obj").rename(tmp_path / "maker" / "assets" / "parts" / "rock.obj")
+    outer = scenes.parent / "outer.xml"
+    outer.write_text('<mujoco><include file="bench/bench.xml"/></mujoco>')
+    with pytest.raises(RobotError, match=r"rock\.obj' is outside .*scenes"):
+        read_mjcf(outer)
+    (tmp_path / "maker-1.0.dist-info").mkdir()
+    assert read_mjcf(arm).meshes
+    assert read_mjcf(outer).parts == ["bench"]
+    # Of what an included file names, whether or not the path is relative.
+    monkeypatch.chdir(scenes.parent)
+    assert set(read_mjcf(outer.relative_to(scenes.parent)).meshes) == set(read_mjcf(outer).meshes)
+
+
+def test_motors_tell_speeds_and_torques(tmp_path):
+    motors = ('<motor jointinparent="a" ctrlrange="-8 8" gear="2"/>'
+              '<velocity joint="b" kv="50" ctrlrange="-2 3"/><position joint="c" kp="9" kv="2" '
+              'ctrlrange="-1 1"/>')  # fmt: skip
+    head, tail = ARM.split("<actuator>")[0], ARM.split("</actuator>")[1]
+    text = f"{head}<actuator>{motors}</actuator>{tail}".replace('actuatorfrcrange="-70 70"', "")
+    limits = {
+        joint.get("name"): joint.find("limit").attrib
+        for joint in read_mjcf(write(tmp_path, text)).tree.findall("joint")
+        if joint.find("limit") is not None
+    }
+    given = [[float(limits[key][one]) for one in ("velocity", "effort")] for key in "abcd"]
+    assert given == [[0, 16], [3, 0], [0, 0], [0, 0]]
 
 
 def test_nothing_is_overwritten_and_nothing_of_it_stays(tmp_path):

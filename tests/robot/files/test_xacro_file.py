@@ -93,6 +93,24 @@ def test_it_is_what_the_package_itself_makes_of_it(package, monkeypatch, tmp_pat
 
 
 @has_xacro
+def test_an_argument_may_be_used_above_its_default(package):
+    text = ARM.replace("<link name=", '<xacro:arg name="name" default="early"/><link name=')
+    found = read_xacro(package(text=text), {}, {})
+    assert found.tree.get("name") == "early"
+    assert "xacro argument name: 'early', its default" in found.notes
+    assert read_xacro(package(text=text), {"name": "x"}, {}).tree.get("name") == "x"
+
+
+@has_xacro
+def test_tags_without_a_prefix_are_read_as_old_files_mean_them(package):
+    text = ARM.replace("xacro:arg", "arg").replace("<xacro:include", "<include")
+    text = text.replace("<link name=", '<property name="turn" value="0.5"/><link name=')
+    old = read_xacro(package('<material name="${turn}"/>', text=text), {"name": "x"}, {}).tree
+    new = read_xacro(package('<material name="0.5"/>'), {"name": "x"}, {}).tree
+    assert ElementTree.tostring(old) == ElementTree.tostring(new)
+
+
+@has_xacro
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
