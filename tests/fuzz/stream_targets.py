@@ -213,73 +213,6 @@ def follow(source, folder):
     return lines, frames.frames, [one for one in poses if one is not None], found.rate_hz, capture
 
 
-@cache
-def _mirror_plan():
-    """Place an arm by the first seconds of the sample, once."""
-    from places import SAMPLE
-
-    from besman.following.frame_stream import FrameStream
-    from besman.following.hand_placement import MirrorPlan, learn_placement
-    from besman.following.hand_stream import HandStream
-    from besman.live.file_source import FileSource
-    from besman.robot.model import load_robot
-
-    stream = FrameStream(FileSource(SAMPLE / "subject1.tsv", 0.0), "right_arm")
-    rate_hz = stream.open().rate_hz
-    hand, poses = HandStream(stream.blank, "right"), []
-
-    def take(frame):
-        poses.append(hand.take(frame.markers))
-        return []
-
-    with mock.patch("besman.following.frame_stream.gc"):
-        list(stream.run(take))
-    robot = load_robot("ur5")
-    rows = [row for row, one in enumerate(poses[:1000]) if one is not None]
-    seen = np.array([poses[row] for row in rows])
-    placement = learn_placement(robot, np.array(rows) / rate_hz, seen)
-    return MirrorPlan(robot, "right_arm", placement)
-
-
-def mirror(folder):
-    """Let an arm do what the hand of a stream does; return lines, its set-points, and the arm."""
-    from besman.following.mirror import Mirror
-
-    source = Told(json.loads((folder / "a.json").read_bytes()))
-    given = []
-    twin = Mirror(source, _mirror_plan(), by_frames=True, take=given.append)
-    twin.open()
-    with mock.patch("besman.following.frame_stream.gc"):
-        lines = list(twin.run())
-    for line in lines:
-        if line.get("kind") == "notice":
-            warnings.warn(line["text"], RecordingWarning, stacklevel=1)
-    return lines, [np.concatenate(parts) for parts in zip(*given, strict=True)], twin.robot
-
-
-def of_mirror(folder, found):
-    """Return what an arm must not be told."""
-    from besman.robot.limits import check_limits
-
-    lines, samples, robot = found
-    if not samples:
-        return []
-    problems = set()
-    if not all(np.isfinite(one).all() for one in samples):
-        problems.add("set-points that are no numbers")
-    elif not check_limits(robot, *samples).kept:
-        problems.add("set-points beyond a limit")
-    if np.abs(samples[1][-1]).max() > 1e-9:
-        problems.add("an arm that does not rest at the end")
-    if np.abs(np.diff(samples[0], axis=0)).max(initial=0.0) > 1e-2:
-        problems.add("an arm that jumps")
-    try:
-        json.dumps(lines, allow_nan=False)
-    except ValueError:
-        problems.add("a line that is no JSON")
-    return sorted(problems)
-
-
 def follow_told(folder):
     return follow(Told(json.loads((folder / "a.json").read_bytes())), folder)
 
@@ -363,7 +296,7 @@ def of_address(folder, found):
     return problems
 
 
-def _address(text):
+def address(text):
     return Target(
         lambda: {"address.txt": text.encode(), **whole_files.named()},
         {"address.txt": mutations.text},
@@ -375,7 +308,6 @@ def _address(text):
 
 STREAMS = {
     "stream": Target(streams.stream, {"a.json": streams.break_stream}, follow_told, of_stream, 6),
-    "mirror": Target(streams.stream, {"a.json": streams.break_stream}, mirror, of_mirror, 2),
     "stream of QTM": Target(
         streams.qtm,
         {"a.xml": mutations.xml_file, "a.bin": streams.break_packets},
@@ -389,7 +321,7 @@ STREAMS = {
     "stream of LSL": Target(
         streams.lsl, {"a.json": streams.break_stream}, follow_lsl, of_stream, 4
     ),
-    "address qtm": _address("qtm://192.168.0.7:22223?version=1.19&wait=3"),
-    "address lsl": _address("lsl:besman?source_id=left&wait=5"),
-    "address file": _address("file://a.tsv?pace=0.5"),
+    "address qtm": address("qtm://192.168.0.7:22223?version=1.19&wait=3"),
+    "address lsl": address("lsl:besman?source_id=left&wait=5"),
+    "address file": address("file://a.tsv?pace=0.5"),
 }
