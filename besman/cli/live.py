@@ -195,7 +195,8 @@ def mirror(
     if page:
         from besman.view.mirror_live import open_mirror_page
 
-        _show_page(open_mirror_page(twin, port), twin, teller, record)
+        teller.news = Broadcast()
+        _show_page(open_mirror_page(twin, teller.news, port), twin, teller, record)
     else:
         _tell_all(twin, teller, record)
     teller.close()
@@ -291,7 +292,8 @@ class _Teller:
         sys.stdout.flush()
         if self._events is not None and one.get("kind") not in _NO_EVENTS:
             self._events.send(text.rstrip())
-        if self.news is not None:
+        # A page sees where the arm is thirty times a second.
+        if self.news is not None and one.get("kind") != "joints":
             self.news.send(text)
         if self._keeps:
             self.told.append(one)
