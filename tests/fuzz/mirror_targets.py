@@ -10,7 +10,7 @@ from unittest import mock
 import numpy as np
 from fuzz import binary_mutations, stream_targets, streams
 from fuzz.target import Target
-from live.growing_bags import McapWriter, SqliteWriter
+from growing_bags import McapWriter, SqliteWriter
 from places import SAMPLE
 
 from besman.exceptions import RecordingWarning

@@ -8,10 +8,10 @@ import sys
 import threading
 from pathlib import Path
 
+import growing_bags
 import numpy as np
 import pytest
-from live import growing_bags
-from live.growing_bags import MOCAP, MOCAP_DEFINITION, McapWriter, SqliteWriter
+from growing_bags import MOCAP, MOCAP_DEFINITION, McapWriter, SqliteWriter
 from ros_bags import Messages, write_bag
 
 from besman.exceptions import RecordingError
