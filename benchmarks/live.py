@@ -5,9 +5,13 @@ client; this process follows it. The time is that from when a frame was due in t
 that follows from it was taken: transport, waiting and label. Synthetic: the embedded sample, with
 copies of its markers up to 13. And a finished run as MCAP: size, and time to write.
 
+The same through an MCAP file that is being written, and with a source that is started again.
+
 With --names: how much of recordings whose names were taken away is named right while they come.
+With --rates: 13 markers at 500 Hz and 60 at 240 Hz from the socket, for so many seconds each.
 
     python benchmarks/live.py [RUN] [--seconds 60] [--soak SECONDS]
+    python benchmarks/live.py [RUN] --rates SECONDS
     python benchmarks/live.py --names FOLDER
 
 RUN is a finished run of ``besman run``, whose model is followed; ``ur5_stick_throw`` is run if
@@ -21,6 +25,7 @@ import dataclasses
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from pathlib import Path
 
@@ -36,6 +41,7 @@ from besman.following.stream_names import LOOK_BACK_S
 from besman.geometry.gaps import find_runs
 from besman.io.recordings.formats import read_recording, write_recording
 from besman.io.ros_logs import write_mcap
+from besman.live.bag_source import BagSource
 from besman.live.qtm_source import QtmSource
 from besman.live.stream import Packet, StreamFormat
 from besman.person.marker_set import load_marker_set
@@ -51,40 +57,129 @@ RECIPE = find_resource("pipelines", "ur5_stick_throw")
 SAMPLE = resource_folder("data") / "stick_throw" / "subject1.tsv"
 
 
-def make_recording(folder: Path, seconds: float) -> Path:
-    """Write the sample with markers added up to 13, as often as it takes."""
+def make_recording(
+    folder: Path, seconds: float, n_markers: int = N_MARKERS, rate_hz: float = RATE_HZ
+) -> Path:
+    """Write the sample with markers added, as often as it takes, at a rate."""
     sample = read_recording(SAMPLE)
-    n = round(seconds * RATE_HZ)
-    rows = np.arange(n) % len(sample.time)
+    n, last = round(seconds * rate_hz), len(sample.time) - 1
+    at = np.arange(n) * sample.rate_hz / rate_hz % (2 * last)
     # There and back, so that nobody jumps.
-    rows = np.where((np.arange(n) // len(sample.time)) % 2 == 0, rows, len(sample.time) - 1 - rows)
-    positions = sample.positions[rows]
+    at = np.minimum(at, 2 * last - at)
+    low, share = np.minimum(at.astype(int), last - 1), (at % 1)[:, None, None]
+    positions = (1 - share) * sample.positions[low] + share * sample.positions[low + 1]
     names = list(sample.names)
-    while len(names) < N_MARKERS:
+    while len(names) < n_markers:
         k = len(names)
         positions = np.concatenate([positions, positions[:, k % 9 : k % 9 + 1] + 0.05], axis=1)
         names.append(f"extra {k}")
     made = dataclasses.replace(
-        sample, time=np.arange(n) / RATE_HZ, positions=positions, names=tuple(names)
+        sample,
+        time=np.arange(n) / rate_hz,
+        positions=positions,
+        names=tuple(names),
+        rate_hz=rate_hz,
     )
-    path = folder / "stream.tsv"
+    path = folder / f"stream_{n_markers}.tsv"
     write_recording(made, path)
     return path
 
 
+def play(path: Path, system: str, *options: str) -> subprocess.Popen:
+    """Play in another process; return when it has begun to listen, or to write."""
+    command = [sys.executable, "-m", "besman", "play", str(path), "--as", system, *options]
+    player = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    player.stdout.readline()
+    return player
+
+
 def follow(path: Path, plan, *options: str):
     """Play in another process, follow in this one."""
-    command = [sys.executable, "-m", "besman", "play", str(path), "--as", "qtm"]
-    player = subprocess.Popen(
-        [*command, "--port", str(PORT), *options], stdout=subprocess.PIPE, text=True
-    )
-    player.stdout.readline()
-    follower = LiveFollower(QtmSource("127.0.0.1", PORT, wait_s=1.0), plan)
+    player = play(path, "qtm", "--port", str(PORT), *options)
+    return run_through(QtmSource("127.0.0.1", PORT, wait_s=1.0), plan, player)
+
+
+def follow_bag(path: Path, plan):
+    """Follow the markers of an MCAP file that another process writes."""
+    growing = path.with_suffix(".mcap")
+    player = play(path, "mcap", "--out", str(growing))
+    return run_through(BagSource(growing, from_start=True, wait_s=3.0), plan, player)
+
+
+def run_through(source, plan, player: subprocess.Popen):
+    follower = LiveFollower(source, plan)
     follower.open()
     for _ in follower.run():
         pass
     player.wait()
     return follower
+
+
+def restart(path: Path, plan, clean: LiveFollower) -> None:
+    """End the player while the person rests, and start it again with what is left a second on."""
+    recording = read_recording(path)
+    starts, ends = (
+        np.array([getattr(one, key) for one in next(iter(clean.follower.state.blocks.values()))])
+        for key in ("start", "end")
+    )
+    # The longest block in the middle is a rest.
+    inner = np.flatnonzero((starts > 0.3 * ends[-1]) & (ends < 0.7 * ends[-1]))
+    longest = inner[np.argmax((ends - starts)[inner])]
+    row = round((starts[longest] + ends[longest]) / 2)
+    parts = []
+    for k, rows in enumerate((slice(None, row), slice(row, None))):
+        part = dataclasses.replace(
+            recording,
+            time=recording.time[rows] - recording.time[rows][0],
+            positions=recording.positions[rows],
+        )
+        parts.append(path.with_name(f"part_{k}.tsv"))
+        write_recording(part, parts[-1])
+    players = [play(parts[0], "qtm", "--port", str(PORT))]
+    follower = LiveFollower(QtmSource("127.0.0.1", PORT, wait_s=10.0), plan)
+    follower.open()
+    again = threading.Thread(
+        target=lambda: (
+            players[0].wait() or players.append(play(parts[1], "qtm", "--port", str(PORT)))
+        )
+    )
+    again.start()
+    for _ in follower.run():
+        pass
+    again.join()
+    # Nobody knows how long it was away but this machine's clock: by so much all is later.
+    away = follower.summary()["frames"] - len(recording.time)
+    truth = borders(clean)
+    truth = np.where(truth > row, truth + away, truth)
+    print(
+        f"source ended at a rest and started again, {away / RATE_HZ:.2f} s away: F1 of borders "
+        f"against those without {f1(borders(follower), truth):.4f}; {follower.summary()}"
+    )
+    for player in players:
+        player.wait()
+
+
+def rates(plan, folder: Path, seconds: float) -> None:
+    """Say what is lost of many frames from the socket, and what they leave in memory."""
+    process = psutil.Process()
+    for n_markers, rate_hz in ((13, 500.0), (60, 240.0)):
+        path = make_recording(folder, seconds, n_markers, rate_hz)
+        player = play(path, "qtm", "--port", str(PORT))
+        follower = LiveFollower(QtmSource("127.0.0.1", PORT, wait_s=1.0), plan)
+        follower.open()
+        settled, before = min(30.0, seconds / 3) * rate_hz, 0
+        for _ in follower.run():
+            if not before and follower.look().time_s * rate_hz >= settled:
+                before = process.memory_info().rss
+        player.wait()
+        grown = (process.memory_info().rss - before) / 1e6
+        found = follower.summary()
+        print(
+            f"{n_markers} markers at {rate_hz:g} Hz from the socket, {seconds:g} s: "
+            f"{found['frames']} frames of {round(seconds * rate_hz)}, {found['lost']} lost, "
+            f"{grown:.1f} MB more memory since {settled / rate_hz:.0f} s"
+        )
+        tell_times(follower, "packet to label")
 
 
 def tell_times(follower: LiveFollower, what: str) -> None:
@@ -245,6 +340,7 @@ def main() -> None:
     parser.add_argument("run", type=Path, nargs="?")
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--soak", type=float, help="so many seconds of frames, and nothing else")
+    parser.add_argument("--rates", type=float, help="so many seconds each, and nothing else")
     parser.add_argument("--names", type=Path, help="name the recordings of it, and nothing else")
     asked = parser.parse_args()
     if asked.names:
@@ -256,6 +352,9 @@ def main() -> None:
         if asked.soak:
             flood(plan, 13, 500.0, asked.soak)
             flood(plan, 60, 240.0, asked.soak)
+            return
+        if asked.rates:
+            rates(plan, Path(folder), asked.rates)
             return
         path = make_recording(Path(folder), asked.seconds)
         clean = follow(path, plan)
@@ -269,6 +368,13 @@ def main() -> None:
         print(
             f"1 % lost, late by 50 ms: F1 of borders against those without "
             f"{f1(borders(bad), borders(clean)):.4f}; {bad.summary()}"
+        )
+        restart(path, plan, clean)
+        bag = follow_bag(path, plan)
+        tell_times(bag, "MCAP being written to label")
+        print(
+            f"MCAP being written: F1 of borders against those by QTM's protocol "
+            f"{f1(borders(bag), borders(clean)):.4f}; {bag.summary()}"
         )
         # The sample alone: copies of markers beside them would be none of a person.
         named, unnamed = follow(SAMPLE, plan), follow(SAMPLE, plan, "--unnamed")

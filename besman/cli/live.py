@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from besman.web.loopback import LoopbackServer
     from besman.web.push import Broadcast
 
-_SYSTEMS = ("qtm", "lsl", "natnet")
+_SYSTEMS = ("qtm", "lsl", "natnet", "mcap")
 # Too many; and an address that is for this machine alone.
 _NO_EVENTS = ("joints", "page")
 
@@ -33,7 +33,8 @@ ToNetwork = Annotated[
 ]
 
 SOURCE = typer.Option(
-    metavar="SOURCE", help="file://PATH?pace=1, lsl:NAME, qtm:// or natnet://HOST[:PORT]."
+    metavar="SOURCE",
+    help="file://PATH?pace=1, lsl:NAME, qtm:// or natnet://HOST[:PORT], bag:FOLDER, mcap:FILE.",
 )
 """What is followed live."""
 
@@ -52,7 +53,7 @@ PagePort = Annotated[
 def play(
     recording: Annotated[Path, typer.Argument(help="A recording.")],
     system: Annotated[
-        str, typer.Option("--as", metavar="qtm|lsl|natnet", help="Which system it plays.")
+        str, typer.Option("--as", metavar="qtm|lsl|natnet|mcap", help="Which system it plays.")
     ],
     pace: Annotated[float, typer.Option(help="Seconds of it in a second.")] = 1.0,
     port: Annotated[
@@ -62,6 +63,9 @@ def play(
         ),
     ] = None,
     name: Annotated[str, typer.Option(help="Of the stream of lsl.")] = "besman",
+    out: Annotated[
+        Path | None, typer.Option(help="The file that mcap writes while it plays.")
+    ] = None,
     lose: Annotated[float, typer.Option(help="Share of the frames that get lost.")] = 0.0,
     late: Annotated[
         float, typer.Option(help="Seconds by which one frame in twenty is late at most.")
@@ -74,10 +78,14 @@ def play(
         bool, typer.Option("--to-network", help="Let lsl listen at all addresses, as it must.")
     ] = False,
 ) -> None:
-    """Serve a recording over loopback as a capture system would, to who connects first."""
+    """Serve a recording over loopback as a capture system would, to who connects first.
+
+    Of mcap a file is written, as long as it plays.
+    """
     from besman.io.recordings.formats import read_recording
     from besman.live.natnet_source import PORT as NATNET_PORT
     from besman.live.play_lsl import play_as_lsl
+    from besman.live.play_mcap import play_as_mcap
     from besman.live.play_natnet import play_as_natnet
     from besman.live.play_qtm import Delays, play_as_qtm
     from besman.live.qtm_source import PORT as QTM_PORT
@@ -89,11 +97,15 @@ def play(
             "--as lsl: liblsl listens at all addresses of this machine, and cannot be told to stay "
             "on loopback; expected --to-network, which permits it, or --as qtm"
         )
+    if (system == "mcap") != (out is not None):
+        raise ConfigError("--out: is the file of --as mcap; expected both, or neither")
     found, delays = read_recording(recording), Delays(pace, lose, late, seed)
     if unnamed:
         found = replace(found, names=(None,) * len(found.names))
     if system == "qtm":
         play_as_qtm(found, delays, QTM_PORT if port is None else port, say)
+    elif out is not None:
+        play_as_mcap(found, out, delays, say)
     elif system == "natnet":
         play_as_natnet(found, delays, NATNET_PORT if port is None else port, say)
     else:
@@ -181,7 +193,8 @@ def mirror(
     if page:
         from besman.view.mirror_live import open_mirror_page
 
-        _show_page(open_mirror_page(twin, port), twin, teller, record)
+        teller.news = Broadcast()
+        _show_page(open_mirror_page(twin, teller.news, port), twin, teller, record)
     else:
         _tell_all(twin, teller, record)
     teller.close()
@@ -282,7 +295,8 @@ class _Teller:
         sys.stdout.flush()
         if self._events is not None and one.get("kind") not in _NO_EVENTS:
             self._events.send(text.rstrip())
-        if self.news is not None:
+        # A page sees where the arm is thirty times a second.
+        if self.news is not None and one.get("kind") != "joints":
             self.news.send(text)
         if self._keeps:
             self.told.append(one)

@@ -200,8 +200,12 @@ class Mirror:
 
     def _go_on(self) -> Told:
         """Give the set-points of the time that has passed."""
-        self._advance()
-        return self._tell_change("rests" if self._rests else self._was)
+        n = self._advance()
+        changes = self._tell_change("rests" if self._rests else self._was)
+        if self._moment is not None and (n or (changes and self._n_given)):
+            # The arm moves on where no frame comes.
+            self._moment = self._moment._replace(state=self._was, joints=self._reached)
+        return changes
 
     def _take(self, frame: NamedFrame) -> Told:
         """Take one frame, and let it be seen; return what is to be told."""
@@ -252,10 +256,10 @@ class Mirror:
         self._begun_s = time.perf_counter()
         return [self._tell_begin(), self._tell_joints()]
 
-    def _advance(self) -> None:
-        """Give the set-points up to the present."""
+    def _advance(self) -> int:
+        """Give the set-points up to the present; return how many."""
         if self._twin is None:
-            return
+            return 0
         if self._by_frames:
             passed_s = (self._stream.n_frames - self._first_row) / self._stream.format.rate_hz
         else:
@@ -263,6 +267,7 @@ class Mirror:
         n = int(passed_s * RATE_HZ + 1e-6) - self._n_given
         if n > 0:
             self._pass_on(n)
+        return max(n, 0)
 
     def _pass_on(self, n: int) -> None:
         assert self._twin is not None

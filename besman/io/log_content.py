@@ -21,12 +21,12 @@ class LoggedMarkers:
         Seconds on the log's clock.
     positions : array, shape (T, M, 3)
         Metres in the laboratory frame; NaN where a marker was not seen: it is deleted there.
-    names : tuple of str, length M
+    names : tuple of str or None, length M
     """
 
     time: FloatArray
     positions: FloatArray
-    names: tuple[str, ...]
+    names: tuple[str | None, ...]
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,6 +27,9 @@ IntArray = npt.NDArray[np.int64]
 WORLD, LAB = "world", "lab"
 """Frames of the robot and of the person."""
 
+MARKERS = "visualization_msgs/msg/MarkerArray"
+"""Type of a person's markers."""
+
 _DIAMETER_M = 0.03
 _COLOUR = (0.12, 0.47, 0.71, 1.0)
 # Of visualization_msgs/Marker; a marker that is not heard of for so long is gone.
@@ -153,6 +156,30 @@ def _to_grain(values: FloatArray) -> FloatArray:
     return rounded
 
 
+def marker_messages(one: LoggedMarkers, path: Path) -> tuple[list[tuple[int, bytes]], str]:
+    """Return markers as messages, one a frame, and the definition of their type.
+
+    Parameters
+    ----------
+    one : LoggedMarkers
+    path : Path
+        Where they are to be written, for messages.
+
+    Returns
+    -------
+    messages : list of (int, bytes)
+        Time in nanoseconds, and `MARKERS` in the encoding of ROS 2.
+    definition : str
+
+    Raises
+    ------
+    FileError
+        If the library is not installed.
+    """
+    definition, _ = _load_store(path).generate_msgdef(MARKERS, ros_version=2)
+    return _Messages(path).markers(one), str(definition)
+
+
 class _Messages:
     """Makes messages, by the definitions of a distribution of ROS that most tools know."""
 
@@ -163,8 +190,8 @@ class _Messages:
         """Return all topics of a log."""
         found = {"/tf_static": self._place_of_lab(log)}
         if log.markers:
-            messages = [row for one in log.markers for row in self._markers(one)]
-            found["/person/markers"] = _Topic("visualization_msgs/msg/MarkerArray", messages)
+            messages = [row for one in log.markers for row in self.markers(one)]
+            found["/person/markers"] = _Topic(MARKERS, messages)
         for prefix, movements in log.movements.items():
             start = f"/{prefix}" if prefix else ""
             found[f"{start}/joint_trajectory"] = _Topic(
@@ -213,7 +240,7 @@ class _Messages:
         data = self._bytes(self._make("tf2_msgs/TFMessage", [message]))
         return _Topic("tf2_msgs/msg/TFMessage", [(at, data)], latched=True)
 
-    def _markers(self, one: LoggedMarkers) -> list[tuple[int, bytes]]:
+    def markers(self, one: LoggedMarkers) -> list[tuple[int, bytes]]:
         """Return one array of markers a frame."""
         make, at = self._make, _nanoseconds(one.time)
         blanks = Blanks(len(at))
@@ -232,7 +259,20 @@ class _Messages:
             lifetime = make("builtin_interfaces/Duration", 0, _LIFETIME_NS)
             picture = make("sensor_msgs/CompressedImage", self._header(0, 0, ""), "", _NOTHING)
             mesh = make("visualization_msgs/MeshFile", "", _NOTHING)
-            shape = header, name, 0, _SPHERE, action, pose, scale, colour, lifetime, False
+            # Trajectories without a name are told apart by their numbers.
+            number = 0 if name else column
+            shape = (
+                header,
+                name or "",
+                number,
+                _SPHERE,
+                action,
+                pose,
+                scale,
+                colour,
+                lifetime,
+                False,
+            )
             rest: tuple[Any, ...] = [], [], "", picture, [], "", "", mesh, False
             markers.append(make("visualization_msgs/Marker", *shape, *rest))
         message = make("visualization_msgs/MarkerArray", markers)

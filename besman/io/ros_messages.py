@@ -9,8 +9,9 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from besman.exceptions import RecordingError, in_one_line, why_not_there
 
@@ -42,6 +43,31 @@ class Topic:
     def __str__(self) -> str:
         rate = f", {self.rate_hz:.3g} Hz" if self.rate_hz else ""
         return f"{self.name} ({self.kind}, {self.n_messages} messages{rate})"
+
+
+class Definition(NamedTuple):
+    """What a file says of a type of messages: ``ros2msg`` or ``ros2idl``, and the text."""
+
+    encoding: str
+    text: str
+
+
+class RawMessage(NamedTuple):
+    """A message as it stands in a bag of ROS 2.
+
+    Attributes
+    ----------
+    topic, kind : str
+        Its topic, and its type, as ``sensor_msgs/msg/JointState``.
+    log_ns : int
+        When it was logged, nanoseconds.
+    data : bytes
+    """
+
+    topic: str
+    kind: str
+    log_ns: int
+    data: bytes
 
 
 class Bag:
@@ -132,6 +158,14 @@ def _refuse_cut_database(path: Path, head: bytes) -> None:
     """Refuse a database shorter than its header says: SQLite gives what is left of it."""
     if not head.startswith(SQLITE) or len(head) < _HEAD_BYTES:
         return
+    log = path.with_name(path.name + "-wal")
+    if log.exists() and log.stat().st_size:
+        # The library does not look into it.
+        raise RecordingError(
+            f"{path}: {log.name} beside it holds what was written last: it is still being written, "
+            f"or its writer was killed; then sqlite3 {path.name} 'PRAGMA wal_checkpoint(TRUNCATE)' "
+            "makes it whole"
+        )
     size = int.from_bytes(head[16:18], "big")
     expected = (65_536 if size == 1 else size) * int.from_bytes(head[28:32], "big")
     if path.stat().st_size < expected:
@@ -147,6 +181,40 @@ def _make_decoder(is_ros_1: bool) -> Callable[[bytes, str], Any]:
     store = get_typestore(Stores.ROS1_NOETIC if is_ros_1 else Stores.LATEST)
     decode: Callable[[bytes, str], Any] = store.deserialize_cdr
     return store.deserialize_ros1 if is_ros_1 else decode
+
+
+def make_message_decoder(kind: str, definition: Definition | None) -> Callable[[bytes], Any]:
+    """Return what makes a message of the bytes of ROS 2, as the file that it stands in defines it.
+
+    Parameters
+    ----------
+    kind : str
+        Its type.
+    definition : Definition, optional
+        As in the file; where there is none, or one that cannot be read, the library's own.
+
+    Raises
+    ------
+    RecordingError
+        If nobody says what such a message is.
+    """
+    from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+
+    store = get_typestore(Stores.EMPTY)
+    try:
+        if definition is not None and definition.text:
+            is_idl = definition.encoding.endswith("idl")
+            text = definition.text
+            types = get_types_from_idl(text) if is_idl else get_types_from_msg(text, kind)
+            store.register({name: one for name, one in types.items() if name not in store.types})
+    # Of a definition that is none the library raises whatever comes of it.
+    except Exception:
+        store = get_typestore(Stores.EMPTY)
+    if kind not in store.types:
+        store = get_typestore(Stores.LATEST)
+    if kind not in store.types:
+        raise RecordingError(f"no definition of {kind:.100} in the file")
+    return partial(store.deserialize_cdr, typename=kind)
 
 
 def _seconds(reader: Any) -> float:

@@ -1,4 +1,4 @@
-"""Which source an address means: ``file://``, ``lsl:``, ``qtm://`` or ``natnet://``."""
+"""Which source an address means: ``file://``, ``lsl:``, ``qtm://``, ``natnet://`` or ``bag:``."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from urllib.parse import parse_qsl, unquote, urlsplit
 from besman.exceptions import ConfigError, nearest
 from besman.foreign.names import fault_of_characters
 from besman.foreign.numbers import parse_number
-from besman.io.recordings.format import READING
+from besman.io.recordings.format import READING, parse_topics
 from besman.live.stream import Source
 
-KNOWN_SOURCES = "file://PATH?pace=1, lsl:NAME, qtm://HOST, natnet://HOST"
+KNOWN_SOURCES = "file://PATH?pace=1, lsl:NAME, qtm://HOST, natnet://HOST, bag:FOLDER, mcap:PATH"
 
 
 def find_source(address: str) -> Source:
@@ -24,7 +24,8 @@ def find_source(address: str) -> Source:
         ``file://PATH`` with ``pace`` (1; 0: as fast as can be); ``lsl:NAME`` with ``source_id``
         and ``wait``; ``qtm://HOST[:PORT]`` with ``version`` and ``wait``: seconds of silence after
         which a stream that had begun has ended (10); ``natnet://HOST[:PORT]`` with ``local`` and
-        ``wait``.
+        ``wait``; ``bag:PATH``, a folder or file, or ``mcap:PATH``, with ``topic`` (names between
+        commas), ``from`` (``now``, ``start``) and ``wait``.
 
     Raises
     ------
@@ -49,7 +50,21 @@ def find_source(address: str) -> Source:
     if scheme == "natnet":
         host, options = _split(address, rest.removeprefix("//"), ("local", "wait"))
         return _find_natnet(address, host, options)
+    if scheme in ("bag", "mcap"):
+        path, options = _split(address, rest.removeprefix("//"), ("topic", "from", "wait"))
+        return _find_bag(address, path, options)
     raise ConfigError(f"--live: got {address!r:.100}; expected one of {KNOWN_SOURCES}")
+
+
+def _find_bag(address: str, path: str, options: dict[str, str]) -> Source:
+    from besman.live.bag_source import BagSource
+
+    usual, begin = READING.get(), options.get("from", "now")
+    if begin not in ("now", "start"):
+        raise ConfigError(f"--live: {address!r:.100}: from: got {begin!r:.40}; expected now, start")
+    topics = parse_topics(options.get("topic")) or usual.topics
+    wait_s = _number(address, options, "wait", 10.0)
+    return BagSource(Path(path), topics, begin == "start", usual.units, usual.up, wait_s)
 
 
 def _find_natnet(address: str, host: str, options: dict[str, str]) -> Source:

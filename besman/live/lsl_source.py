@@ -117,10 +117,10 @@ class LslSource:
                 f"{self._name}: no such stream was found within {_FIND_S:g} s{rest}; expected one "
                 "that is announced in this network"
             )
-        raise RecordingError(
-            f"{self._name}: {len(chosen)} streams have this name: {ids}; say which: "
-            f"{self._name}?source_id=ID"
-        )
+        which = f"say which: {self._name}?source_id=ID"
+        if len({one.source_id() for one in chosen}) < len(chosen):
+            which = "their ids do not tell them apart: end all but one, or give them other names"
+        raise RecordingError(f"{self._name}: {len(chosen)} streams have this name: {ids}; {which}")
 
     def _describe(self, about: Any) -> tuple[StreamFormat, list[list[int]], float]:
         """Return what comes, the channels of each marker, and metres a unit."""

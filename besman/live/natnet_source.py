@@ -1,11 +1,12 @@
 """Markers of OptiTrack Motive by its NatNet protocol.
 
-The extra ``optitrack``: ``natnet``, a client in Python (MIT). Its thread receives; who follows the
-stream is not waited for. Tried on what `besman.live.play_natnet` serves, not on a Motive.
+The extra ``optitrack``: ``natnet`` (MIT), which reads datagrams. A thread receives; who follows
+the stream is not waited for. Tried on what `besman.live.play_natnet` serves, not on a Motive.
 """
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from typing import Any
@@ -14,6 +15,7 @@ import numpy as np
 
 from besman.exceptions import RecordingError, in_one_line, why_not_there
 from besman.io.recordings.conventions import turn
+from besman.live.natnet_link import NatNetLink, read_datagram
 from besman.live.stream import Inbox, Packet, StreamFormat
 from besman.records import Axis, FloatArray
 
@@ -56,11 +58,14 @@ class NatNetSource:
         self._host, self._port, self._local, self._up = host, port, local, up or "y"
         self._name = f"natnet://{host}:{port}"
         self._inbox = Inbox(wait_s, time.perf_counter)
-        self._client: Any = None
+        self._link: NatNetLink | None = None
+        self._version: Any = None
         self._sets: tuple[tuple[str, int], ...] | None = None
         self._names: tuple[str | None, ...] = ()
-        self._described, self._measured = threading.Event(), threading.Event()
+        self._met, self._described = threading.Event(), threading.Event()
+        self._measured = threading.Event()
         self._times: list[tuple[int, float]] = []
+        self._problem = ""
 
     @property
     def ended(self) -> bool:
@@ -70,39 +75,49 @@ class NatNetSource:
     def open(self) -> StreamFormat:
         """Connect, ask for names, and measure the rate; see `besman.live.stream.Source.open`."""
         try:
-            from natnet.nat_net_client import NatNetClient
+            import natnet  # noqa: F401
         except ImportError as error:
             reason = why_not_there(error, "natnet", "besman[optitrack]")
             raise RecordingError(f"{self._name}: {reason}") from None
-        client: Any = NatNetClient(
-            self._host, self._local, command_port=self._port, use_multicast=False
-        )
-        client.on_data_description_received_event.handlers.append(self._read_names)
-        client.on_data_frame_received_event.handlers.append(self._take)
+        said = ""
         try:
-            client.connect(_ANSWER_S)
-        except Exception as error:
-            said = f" ({in_one_line(error):.120})" if str(error) else ""
+            self._link = NatNetLink(self._host, self._port, self._local, self.hear)
+            answers = self._link.ask_who(self._met, _ANSWER_S)
+        except OSError as error:
+            answers, said = False, f" ({in_one_line(error):.120})"
+        if self._link is None or not answers:
+            self.close()
             raise RecordingError(
                 f"{self._name}: no answer within {_ANSWER_S:g} s{said}; expected Motive that "
                 f"streams by unicast to {self._local}; ?local=ADDRESS says another of this machine"
-            ) from None
-        self._client = client
-        client.run_async()
-        client.request_modeldef()
-        if not self._described.wait(_ANSWER_S):
+            )
+        if self._link.ask_what(self._described, _ANSWER_S):
+            self._measured.wait(_ANSWER_S)
+        try:
+            return self.describe()
+        except RecordingError:
             self.close()
-            raise RecordingError(f"{self._name}: says nothing of its markers")
-        if not self._measured.wait(_ANSWER_S):
-            self.close()
+            raise
+
+    def describe(self) -> StreamFormat:
+        """Return what comes, of what was heard.
+
+        Raises
+        ------
+        RecordingError
+            If that is not enough.
+        """
+        if not self._described.is_set():
+            raise RecordingError(f"{self._name}: says nothing of its markers{self._why_not()}")
+        if not self._measured.is_set():
             raise RecordingError(
-                f"{self._name}: sends no frames, or none with a time that rises; expected Motive "
-                "to be live, or to play"
+                f"{self._name}: sends no frames, or none with a time that rises{self._why_not()}; "
+                "expected Motive to be live, or to play"
             )
         (first, begun_s), (last, ended_s) = self._times[0], self._times[-1]
         rate_hz = (last - first) / (ended_s - begun_s)
         # Times are in steps of a microsecond or so: what is near a whole number is that.
-        if abs(rate_hz - round(rate_hz)) < 1e-3 * rate_hz:
+        if rate_hz < math.inf and abs(rate_hz - round(rate_hz)) < 1e-3 * rate_hz:
             rate_hz = float(round(rate_hz))
         return StreamFormat(self._name, self._names, rate_hz)
 
@@ -114,13 +129,32 @@ class NatNetSource:
         return self._inbox.get(timeout_s)
 
     def close(self) -> None:
-        """End the client's threads."""
-        if self._client is not None:
-            self._client.shutdown()
-            self._client = None
+        """End the thread."""
+        if self._link is not None:
+            self._link.close()
+            self._link = None
+
+    def hear(self, data: bytes) -> None:
+        """Take a datagram, in the thread of the link."""
+        try:
+            found = read_datagram(data, self._version)
+        except RecordingError as error:
+            self._problem = str(error)
+            self._inbox.put(RecordingError(f"{self._name}: {error}"))
+            return
+        if hasattr(found, "nat_net_protocol_version"):
+            self._version = found.nat_net_protocol_version
+            self._met.set()
+        elif hasattr(found, "marker_sets") and hasattr(found, "suffix"):
+            self._take(found)
+        elif found is not None and not self._described.is_set():
+            self._read_names(found)
+
+    def _why_not(self) -> str:
+        return f" ({self._problem})" if self._problem else ""
 
     def _read_names(self, found: Any) -> None:
-        """Read names out of a description, in the client's thread."""
+        """Read names out of a description."""
         sets = [one for one in found.marker_sets if one.name.lower() != _ALL and one.marker_names]
         several = len(sets) > 1
         self._names = tuple(
@@ -132,7 +166,7 @@ class NatNetSource:
         self._described.set()
 
     def _take(self, frame: Any) -> None:
-        """Take a frame, in the client's thread."""
+        """Take a frame."""
         arrived_s = time.perf_counter()
         if self._sets is None:
             return

@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-import json
 import math
-import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from besman.following.live import LiveFollower
-from besman.view.assets import WEB
-from besman.view.mirror_live import describe_place
-from besman.web.loopback import LoopbackServer, find_assets
+from besman.view.live_feed import describe_place, open_live_page
+from besman.web.loopback import LoopbackServer
 from besman.web.push import Broadcast
 
 PAGE = Path(__file__).parent / "follow_page"
-
-_FRAME_S = 1 / 30
 
 
 def open_follow_page(
@@ -25,8 +19,7 @@ def open_follow_page(
 ) -> LoopbackServer:
     """Open the server of the page: markers with their names, speed, borders, and what comes next.
 
-    Over the WebSocket ``news`` it pushes what is told, line by line of JSON, and thirty times a
-    second the markers as of then (``kind`` "frame").
+    See `besman.view.live_feed.open_live_page`.
 
     Parameters
     ----------
@@ -47,25 +40,13 @@ def open_follow_page(
     WebError
         If the port is in use or not allowed.
     """
-
-    def feed() -> Iterator[str | None]:
-        due, shown_s = 0.0, -1.0
-        for line in news.listen():
-            yield line
-            now, time_s = time.monotonic(), follower.look().time_s
-            if now >= due and time_s != shown_s:
-                due, shown_s = now + _FRAME_S, time_s
-                yield json.dumps(describe_present(follower), allow_nan=False)
-
-    assets = find_assets(PAGE) | find_assets(WEB, "web/")
-    return LoopbackServer(assets, {}, port, feeds={"news": feed})
+    return open_live_page(PAGE, news, follower.look, lambda: describe_present(follower), port)
 
 
 def describe_present(follower: LiveFollower) -> dict[str, Any]:
     """Return what the page shows of the moment; metres in the laboratory, null where not seen."""
     now = follower.look()
     return {
-        "kind": "frame",
         "time_s": now.time_s,
         "names": list(now.names),
         "markers": [describe_place(one) for one in now.markers],

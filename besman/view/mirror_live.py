@@ -8,22 +8,26 @@ from typing import Any
 import numpy as np
 
 from besman.following.mirror import Mirror
-from besman.records import FloatArray
 from besman.robot.collision import place_all
 from besman.robot.kinematics import forward_kinematics
-from besman.view.assets import WEB
-from besman.web.loopback import Answer, LoopbackServer, Request, find_assets, json_answer
+from besman.view.live_feed import describe_place, open_live_page
+from besman.web.loopback import LoopbackServer
+from besman.web.push import Broadcast
 
 PAGE = Path(__file__).parent / "mirror_page"
 
 
-def open_mirror_page(mirror: Mirror, port: int | None = None) -> LoopbackServer:
+def open_mirror_page(mirror: Mirror, news: Broadcast, port: int | None = None) -> LoopbackServer:
     """Open the server of the page: markers and the simulated arm in the arm's world, as of now.
+
+    See `besman.view.live_feed.open_live_page`.
 
     Parameters
     ----------
     mirror : Mirror
-        Opened; it is looked at whenever the page asks.
+        It is looked at whenever a frame is due.
+    news : Broadcast
+        What is told.
     port : int, optional
         Any free one if not given.
 
@@ -37,12 +41,7 @@ def open_mirror_page(mirror: Mirror, port: int | None = None) -> LoopbackServer:
     WebError
         If the port is in use or not allowed.
     """
-
-    def frame(_: Request) -> Answer:
-        return json_answer(describe_frame(mirror))
-
-    assets = find_assets(PAGE) | find_assets(WEB, "web/")
-    return LoopbackServer(assets, {"GET frame": frame}, port)
+    return open_live_page(PAGE, news, mirror.look, lambda: describe_frame(mirror), port)
 
 
 def describe_frame(mirror: Mirror) -> dict[str, Any]:
@@ -74,8 +73,3 @@ def describe_frame(mirror: Mirror) -> dict[str, Any]:
     shown["tool"] = forward_kinematics(chain, joints)[0, :3, 3].tolist()
     shown["asked"] = None if now.asked is None else describe_place(now.asked)
     return shown
-
-
-def describe_place(point: FloatArray) -> list[float] | None:
-    """Return a place, to the millimetre."""
-    return np.round(point, 3).tolist() if np.isfinite(point).all() else None

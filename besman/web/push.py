@@ -12,7 +12,8 @@ import threading
 from collections import deque
 from collections.abc import Callable, Iterator
 
-_WAIT_S = 1 / 30
+# Twice as often as a page is drawn.
+_WAIT_S = 1 / 60
 
 Feed = Callable[[], Iterator[str | None]]
 """Gives lines for as long as there are some; None after a moment in which there was none."""

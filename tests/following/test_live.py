@@ -152,6 +152,10 @@ def test_what_is_no_person_in_metres_is_one_line(plan, start):
         follow(changed(recording.positions * 20), plan)
     with pytest.raises(RecordingError, match=r"half of the coordinates .* beyond 100 m.*--units"):
         follow(changed(recording.positions * 1000), plan)
+    spaced = Network(recording, rows, times)
+    spaced.open = lambda: StreamFormat("x", (" Stick ", *recording.names[1:]), 100.0)
+    with pytest.raises(RecordingError, match="are named 'Stick'"):
+        follow(spaced, plan)
     for names, said in (("a\nb", "has the control character U"), ("Stick", "are named .Stick.")):
         odd = Network(recording, rows, times)
         odd.open = lambda names=names: StreamFormat("x", (names, *recording.names[1:]), 100.0)

@@ -14,6 +14,7 @@ from fuzz.target import Target
 
 from besman.exceptions import RecordingWarning
 from besman.live.lsl_source import LslSource
+from besman.live.natnet_source import NatNetSource
 from besman.live.qtm_source import QtmSource
 from besman.live.stream import Packet, StreamFormat
 
@@ -80,6 +81,20 @@ class FromBytes(QtmSource):
                 self._take(packet)
             data = data[size:]
         self._inbox.put(None)
+
+
+class FromDatagrams(NatNetSource):
+    """Datagrams out of a file, heard as from the link's thread."""
+
+    def __init__(self, datagrams):
+        super().__init__("x")
+        self._datagrams = datagrams
+
+    def open(self):
+        for one in self._datagrams:
+            self.hear(one)
+        self._inbox.put(None)
+        return self.describe()
 
 
 class FromChannels(LslSource):
@@ -208,6 +223,10 @@ def follow_qtm(folder):
     )
 
 
+def follow_natnet(folder):
+    return follow(FromDatagrams(streams.split((folder / "a.bin").read_bytes())), folder)
+
+
 def follow_lsl(folder):
     return follow(FromChannels(json.loads((folder / "a.json").read_bytes())), folder)
 
@@ -277,7 +296,7 @@ def of_address(folder, found):
     return problems
 
 
-def _address(text):
+def address(text):
     return Target(
         lambda: {"address.txt": text.encode(), **whole_files.named()},
         {"address.txt": mutations.text},
@@ -296,10 +315,13 @@ STREAMS = {
         of_stream,
         4,
     ),
+    "stream of NatNet": Target(
+        streams.natnet, {"a.bin": streams.break_datagrams}, follow_natnet, of_stream, 4
+    ),
     "stream of LSL": Target(
         streams.lsl, {"a.json": streams.break_stream}, follow_lsl, of_stream, 4
     ),
-    "address qtm": _address("qtm://192.168.0.7:22223?version=1.19&wait=3"),
-    "address lsl": _address("lsl:besman?source_id=left&wait=5"),
-    "address file": _address("file://a.tsv?pace=0.5"),
+    "address qtm": address("qtm://192.168.0.7:22223?version=1.19&wait=3"),
+    "address lsl": address("lsl:besman?source_id=left&wait=5"),
+    "address file": address("file://a.tsv?pace=0.5"),
 }

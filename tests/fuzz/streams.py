@@ -56,6 +56,71 @@ def qtm():
 
 
 @cache
+def natnet():
+    """Return datagrams of NatNet, each behind its length, as `besman play` serves them."""
+    from besman.live import play_natnet
+    from besman.records import Recording
+
+    names, positions = sample()
+    recording = Recording(
+        np.arange(len(positions)) / RATE_HZ, positions, tuple(names), RATE_HZ, "x"
+    )
+    about = b"x".ljust(256, b"\0") + bytes((1, 0, 0, 0, 3, 1, 0, 0))
+    turned = positions[:, :, [0, 2, 1]] * [1.0, 1.0, -1.0]
+    sent = [play_natnet._pack(1, about), play_natnet._pack(5, play_natnet._describe(recording))]
+    sent += [
+        play_natnet._pack(7, play_natnet._describe_frame(row, row / RATE_HZ, frame, True))
+        for row, frame in enumerate(turned)
+    ]
+    return {"a.bin": join(sent)}
+
+
+def join(datagrams):
+    return b"".join(struct.pack("<I", len(one)) + one for one in datagrams)
+
+
+def split(content):
+    """Return datagrams; what is cut counts as one."""
+    found = []
+    while len(content) >= 4:
+        end = 4 + min(int.from_bytes(content[:4], "little"), 1 << 16)
+        found.append(content[4:end])
+        content = content[end:]
+    return found
+
+
+def break_datagrams(rng, content):
+    """Break datagrams: counts and other fields, bytes anywhere, ends, order."""
+    changed = [bytearray(one) for one in split(content)]
+    for _ in range(rng.choice((1, 1, 2, 4))):
+        at = rng.randrange(min(len(changed), rng.choice((2, 99))))
+        one = changed[at]
+        action = rng.randrange(7)
+        if action == 0:
+            del changed[at]
+        elif action == 1:
+            changed.insert(rng.randrange(len(changed)), bytearray(one))
+        elif action == 2:
+            del one[rng.randrange(len(one) + 1) :]
+            one[2:4] = max(0, len(one) - 4).to_bytes(2, "little")
+        elif action == 3 and one:
+            one[:] = rng.choice((cut, flip, splice))(rng, bytes(one))
+        elif len(one) >= 12:
+            # Kind and size, frame, counts, names, coordinates, and the time at the end.
+            place = rng.choice(
+                (0, 4, 8, 12, 19, 23, len(one) - 34, len(one) - 30, rng.randrange(len(one) - 4))
+            )
+            value = rng.choice(
+                (0, 1, 2, 10, 2**16, 2**31, 2**32 - 1, 0x7FC00000, 0x7F800000, 0x47C35000)
+            )
+            for other in changed[at : at + rng.choice((1, 1, 5, 99))]:
+                if 0 <= place <= len(other) - 4:
+                    other[place : place + 4] = value.to_bytes(4, "little")
+        changed = changed or [bytearray(4)]
+    return join(changed)
+
+
+@cache
 def lsl():
     names, positions = sample()
     content = {

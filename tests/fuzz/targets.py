@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from fuzz import binary_mutations, mutations, sense, whole_files
+from fuzz.mirror_targets import BEHIND_STREAMS
 from fuzz.run_targets import OF_RUNS
 from fuzz.stream_targets import STREAMS
 from fuzz.target import Target
@@ -300,6 +301,7 @@ TARGETS = {
         for ending in ("json", "yaml")
     },
     **STREAMS,
+    **BEHIND_STREAMS,
     **OF_RUNS,
 }
 _DRAWN = [name for name, target in TARGETS.items() for _ in range(target.share)]

@@ -1,3 +1,5 @@
+import sqlite3
+
 import pytest
 
 from besman.exceptions import RecordingError
@@ -33,3 +35,25 @@ def test_what_is_no_bag(tmp_path):
         open_bag(tmp_path / "a.mcap"),
     ):
         pass
+
+
+def test_a_database_whose_last_messages_are_beside_it(tmp_path):
+    make = Messages()
+    rows = [(EPOCH_NS + k, make.text("hi")) for k in range(3)]
+    path = write_bag(tmp_path / "a.db3", {"/b": rows})
+    writer = sqlite3.connect(path, isolation_level=None)
+    writer.execute("PRAGMA journal_mode=WAL")
+    writer.execute(
+        "INSERT INTO messages (topic_id, timestamp, data) SELECT topic_id, 9, data FROM messages"
+    )
+    with (
+        pytest.raises(
+            RecordingError, match=r"a\.db3: a\.db3-wal beside it holds what was written last"
+        ),
+        open_bag(path),
+    ):
+        pass
+    writer.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+    with open_bag(path) as bag:
+        assert bag.topics[0].n_messages == 6
+    writer.close()

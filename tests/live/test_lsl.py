@@ -126,4 +126,7 @@ def test_streams_that_cannot_be_used_are_one_line(soon):
     uneven = announce("besman_uneven", "y", labels, ["m"] * 3, 0.0)
     with pytest.raises(RecordingError, match="says no rate"):
         LslSource("besman_uneven").open()
-    del first, second, eeg, uneven
+    same = [announce("besman_same", "z", labels, ["m"] * 3) for _ in range(2)]
+    with pytest.raises(RecordingError, match="their ids do not tell them apart: end all but one"):
+        LslSource("besman_same").open()
+    del first, second, eeg, uneven, same

@@ -2,6 +2,7 @@
 
 import contextlib
 import socket
+import struct
 import threading
 
 import numpy as np
@@ -65,6 +66,67 @@ def test_what_is_played_arrives(names):
     seen = positions[:, :2] if names[0] else np.delete(positions[:, :2], 3, axis=0)
     expected = recording.positions if names[0] else np.delete(recording.positions, 3, axis=0)
     np.testing.assert_allclose(seen, expected, atol=1e-6)
+
+
+def test_the_packages_own_client_understands_what_is_played():
+    """What is served is NatNet by another's reading of it, not by besman's alone."""
+    recording, frames, described = make_recording(), [], threading.Event()
+    with served(recording, Delays(pace=1.0)) as port:
+        client = natnet.NatNetClient(command_port=port, use_multicast=False)
+        client.on_data_frame_received_event.handlers.append(frames.append)
+        client.on_data_description_received_event.handlers.append(lambda one: described.set())
+        client.connect(5.0)
+        client.run_async()
+        client.request_modeldef()
+        assert described.wait(5.0)
+    client.shutdown()
+    assert [one.prefix.frame_number for one in frames] == list(range(len(frames)))
+    assert len(frames) > 50
+    (markers,) = frames[10].marker_sets
+    np.testing.assert_allclose(
+        markers.marker_pos_list, recording.positions[10][:, [0, 2, 1]] * [1, 1, -1], atol=1e-6
+    )
+
+
+def test_datagrams_that_are_none_are_one_line():
+    recording = make_recording()
+    with served(recording) as port:
+        source = NatNetSource("127.0.0.1", port, wait_s=0.5)
+        source.open()
+        packets = read_all(source, 60)
+    assert len(packets) == 60
+    head = struct.pack("<HH", 1, 264) + b"x".ljust(256, b"\0") + bytes((1, 0, 0, 0, 3, 1, 0, 0))
+    model = struct.pack("<HHII2sI", 5, 14, 1, 0, b"a", 2**32 - 1)
+    for data, said in (
+        (b"\x07", "a datagram of 1 bytes cannot be read: it says that it has 65536"),
+        (
+            struct.pack("<HH", 7, 99) + bytes(20),
+            "of 24 bytes cannot be read: it says that it has 99",
+        ),
+        (struct.pack("<HHII", 7, 8, 3, 2**31), "of 12 bytes cannot be read: 1 bytes more at 12"),
+        (model, "of 18 bytes cannot be read: 1 bytes more at 18"),
+    ):
+        source = NatNetSource("127.0.0.1")
+        source.hear(head)
+        source.hear(data)
+        with pytest.raises(RecordingError, match="natnet://127.0.0.1:1510: .*" + said) as error:
+            source.read(0.0)
+        assert "\n" not in str(error.value)
+        assert source.ended
+    source = NatNetSource("127.0.0.1")
+    # Before the version of the protocol is known, and of a kind that does not matter.
+    for data in (struct.pack("<HHI", 7, 4, 3), struct.pack("<HH", 8, 0), head):
+        source.hear(data)
+    assert source.read(0.0) is None
+
+
+def test_times_that_tell_no_rate_are_one_line():
+    source = NatNetSource("127.0.0.1")
+    source._described.set()
+    for row in range(20):
+        source._measure(row, 5e-324 * (row + 1))
+    # Which is no rate: what follows a stream refuses it, as of any source.
+    assert source.describe().rate_hz == np.inf
 
 
 def test_markers_of_several_assets_bear_their_names():

@@ -1,12 +1,13 @@
 """The page of a stream that is mirrored shows what the arm and the person do at the moment."""
 
-import http.client
 import json
+import time
 
 import numpy as np
 import pytest
 from command_line import besman
 from web_session import session
+from websockets.sync.client import connect
 
 from besman.config.resources import resource_folder
 from besman.following.hand_placement import MirrorPlan
@@ -14,6 +15,7 @@ from besman.following.mirror import Mirror
 from besman.live.file_source import FileSource
 from besman.robot.kinematics import forward_kinematics
 from besman.view.mirror_live import describe_frame, open_mirror_page
+from besman.web.push import Broadcast
 
 pytest.importorskip("ruckig")
 
@@ -57,24 +59,47 @@ def test_before_the_first_frame_there_is_nobody(mirrored):
     json.dumps(before, allow_nan=False)
 
 
-def test_it_is_served_to_who_has_the_address_alone(mirrored):
-    server = open_mirror_page(mirrored[0])
+def test_what_is_pushed_is_what_is_told_and_what_is_shown(mirrored):
+    news = Broadcast()
+    news.send('{"kind": "begin"}')
+    server = open_mirror_page(mirrored[0], news)
     server.start()
     try:
         place, cookie = session(server)
-        for headers, status in (({}, 403), ({"Cookie": cookie}, 200)):
-            connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=5)
-            connection.request("GET", f"{place}frame", headers=headers)
-            answer = connection.getresponse()
-            assert answer.status == status
-            content = json.loads(answer.read())
-        assert content["robot"] == "ur5, stick_holder"
+        address = f"ws://127.0.0.1:{server.port}{place}news"
+        with connect(address, additional_headers={"Cookie": cookie}) as listening:
+            told = [json.loads(listening.recv(5)) for _ in range(2)]
+        assert sorted(one["kind"] for one in told) == ["begin", "frame"]
+        shown = next(one for one in told if one["kind"] == "frame")
+        assert shown == {"kind": "frame"} | json.loads(json.dumps(describe_frame(mirrored[0])))
     finally:
+        news.end()
         server.stop()
 
 
+def test_an_arm_that_comes_to_rest_is_shown_though_nothing_comes(robot):
+    """The source says nothing any more: the moment goes on, with the arm and its state."""
+    mirror = Mirror(FileSource(SAMPLE, 0.0), MirrorPlan(robot, "right_arm"), 4.0, by_frames=True)
+    mirror.open()
+    lines = mirror.run()
+    for one in lines:
+        if one["kind"] == "joints" and one["time_s"] >= 6.0:
+            break
+    before = mirror.look()
+    # Its clock is this machine's from now on.
+    mirror._by_frames = False
+    mirror._begun_s = time.perf_counter() - mirror._n_given / 1000 - 1.5
+    mirror._go_on()
+    after = mirror.look()
+    assert (before.state, after.state) == ("follows", "rests")
+    assert not np.allclose(before.joints, after.joints)
+    assert after.time_s == before.time_s
+    lines.close()
+
+
 def test_a_browser_draws_it(mirrored, open_page, tmp_path):
-    server = open_mirror_page(mirrored[0])
+    news = Broadcast()
+    server = open_mirror_page(mirrored[0], news)
     server.start()
     try:
         page = open_page(server.url)
@@ -95,13 +120,12 @@ def test_a_browser_draws_it(mirrored, open_page, tmp_path):
         )
         # Person, robot and floor as the theme has them.
         assert {"224,120,42", "11,97,164", "195,201,210"} <= set(drawn)
-        page.close()
-        # One that stays finds nobody there any more, which the browser logs.
-        page = open_page(server.url, expect_errors=True)
-        page.locator("#time", has_text="6.00 s").wait_for()
+        news.send('{"kind": "notice", "text": "the source began anew"}')
+        page.locator("#notice", has_text="the source began anew").wait_for()
+        news.end()
+        page.locator("#state", has_text="besman mirror has ended").wait_for()
     finally:
         server.stop()
-    page.locator("#state", has_text="besman mirror has ended").wait_for()
 
 
 def test_the_command_says_where_it_is(monkeypatch, capsys):

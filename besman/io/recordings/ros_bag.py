@@ -196,7 +196,7 @@ class _Gathered:
 
     def take(self, bag: Bag, topics: Sequence[Topic]) -> None:
         """Read the messages of topics."""
-        names = _name_topics([one.name for one in topics if one.kind in _POSES])
+        names = name_topics([one.name for one in topics if one.kind in _POSES])
         takers: dict[str, Callable[[str, int, Any], None]] = {
             _JOINTS: self._take_joints,
             **dict.fromkeys(_FRAMES, self._take_frames),
@@ -283,7 +283,7 @@ def _pose_of(position: Any, turn: Any) -> tuple[float, ...]:
     return values if 0.5 < math.hypot(*values[3:]) < 2.0 else (np.nan,) * 7
 
 
-def _name_topics(topics: Sequence[str]) -> dict[str, str]:
+def name_topics(topics: Sequence[str]) -> dict[str, str]:
     """Return what bodies are called by their topics: ``hand`` of ``/vrpn/hand/pose``."""
     short = {}
     for topic in topics:

@@ -89,7 +89,7 @@ def check_rate(rate_hz: float, where: str) -> None:
 
 
 def check_names(names: Sequence[str | None], where: str) -> tuple[str | None, ...]:
-    """Return names of trajectories; one that is empty is none.
+    """Return names of trajectories without spaces around them; one that is empty is none.
 
     Raises
     ------
@@ -100,7 +100,7 @@ def check_names(names: Sequence[str | None], where: str) -> tuple[str | None, ..
         fault = None if name is None else fault_of_name(name)
         if fault is not None:
             raise RecordingError(f"{where}: trajectory {index}: name {name!r:.60} {fault}")
-    given = tuple(name if name and name.strip() else None for name in names)
+    given = tuple((name.strip() if name else "") or None for name in names)
     doubled = [name for name, count in Counter(given).items() if name and count > 1]
     if doubled:
         raise RecordingError(

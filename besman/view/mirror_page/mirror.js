@@ -1,13 +1,12 @@
-// Draws the newest frame of a live stream, thirty times a second: markers and the robot's twin.
+// Draws a live stream as it is pushed: markers of the person, and the robot's twin.
 
 import { OrbitCamera } from "./web/camera.js";
 import { color, themeToggle } from "./web/theme.js";
 
-const PERIOD_MS = 1000 / 30;
 const $ = (id) => document.getElementById(id);
 const canvas = $("canvas"), pen = canvas.getContext("2d");
 const camera = new OrbitCamera({ target: [0, 0, 1.1], distance: 3.5, azimuth: -0.7 });
-let shown = null;
+let shown = null, due = false;
 
 function line(from, to, width, style) {
   const [x0, y0, d0, x1, y1, d1] =
@@ -33,6 +32,7 @@ function dot(at, radius, style, name) {
 }
 
 function draw() {
+  due = false;
   const ratio = window.devicePixelRatio || 1;
   canvas.width = canvas.clientWidth * ratio;
   canvas.height = canvas.clientHeight * ratio;
@@ -50,28 +50,35 @@ function draw() {
   if (shown.tool) dot(shown.tool, 0.02, color("--target"));
 }
 
-async function ask() {
-  const begun = performance.now();
-  try {
-    const answer = await fetch("frame");
-    if (answer.ok) {
-      shown = await answer.json();
-      $("title").textContent = `besman mirror: ${shown.robot}`;
-      $("state").textContent = shown.state;
-      $("away").textContent = shown.away_m === null ? "-" : `${(1000 * shown.away_m).toFixed(0)} mm`;
-      $("delay").textContent = shown.delay_ms === null ? "-" : `${shown.delay_ms.toFixed(1)} ms`;
-      $("time").textContent = `${shown.time_s.toFixed(2)} s`;
-      draw();
-    }
-  } catch {
-    $("state").textContent = "besman mirror has ended";
-    return;
-  }
-  setTimeout(ask, Math.max(0, PERIOD_MS - (performance.now() - begun)));
+function drawSoon() {
+  if (!due) requestAnimationFrame(draw);
+  due = true;
 }
 
+const take = {
+  frame: (one) => {
+    shown = one;
+    $("title").textContent = `besman mirror: ${one.robot}`;
+    $("state").textContent = one.state;
+    $("away").textContent = one.away_m === null ? "-" : `${(1000 * one.away_m).toFixed(0)} mm`;
+    $("delay").textContent = one.delay_ms === null ? "-" : `${one.delay_ms.toFixed(1)} ms`;
+    $("time").textContent = `${one.time_s.toFixed(2)} s`;
+    drawSoon();
+  },
+  notice: (one) => { $("notice").textContent = one.text; },
+  end: (one) => { $("state").textContent = `ended after ${one.frames} frames`; },
+};
+
+const news = new WebSocket(new URL("news", location.href.replace(/^http/, "ws")));
+news.addEventListener("message", (event) => {
+  const one = JSON.parse(event.data);
+  take[one.kind]?.(one);
+});
+news.addEventListener("close", () => {
+  if (!$("state").textContent.startsWith("ended")) $("state").textContent = "besman mirror has ended";
+});
+
 themeToggle($("theme"), draw);
-camera.attach(canvas, draw);
-window.addEventListener("resize", draw);
+camera.attach(canvas, drawSoon);
+window.addEventListener("resize", drawSoon);
 draw();
-ask();
