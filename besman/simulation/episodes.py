@@ -39,6 +39,25 @@ class Movements:
     ends: FloatArray | None = None
     perturbations: tuple[Perturbation, ...] = ()
 
+    @property
+    def distinct(self) -> Movements:
+        """The first alone, if all are that one, see `repeat_movement`; else all of them."""
+        if len(self.positions) < 2 or self.positions.strides[0]:
+            return self
+        ends = None if self.ends is None else self.ends[:1]
+        parts = (self.positions, self.velocities, self.accelerations, self.durations)
+        return Movements(*(part[:1] for part in parts), ends)
+
+
+def repeat_movement(movement: Movements, n: int) -> Movements:
+    """Return a batch of n times the same movement, which is kept once; read-only."""
+    parts = (movement.positions, movement.velocities, movement.accelerations, movement.durations)
+    ends = movement.ends
+    return Movements(
+        *(np.broadcast_to(part[0], (n, *part.shape[1:])) for part in parts),
+        ends=None if ends is None else np.broadcast_to(ends[0], (n,)),
+    )
+
 
 @dataclass(frozen=True, eq=False)
 class Playback:
