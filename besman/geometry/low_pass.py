@@ -1,4 +1,4 @@
-"""A low-pass filter without delay, without SciPy's signals, which take longer to load than to use."""
+"""A low-pass filter without delay; SciPy's signals take longer to load than this to filter."""
 
 from __future__ import annotations
 
@@ -9,9 +9,7 @@ import numpy.typing as npt
 FloatArray = npt.NDArray[np.float64]
 
 
-def low_pass(
-    values: FloatArray, rate_hz: float, cutoff_hz: float, n_beyond: int
-) -> FloatArray:
+def low_pass(values: FloatArray, rate_hz: float, cutoff_hz: float, n_beyond: int) -> FloatArray:
     """Filter forwards and backwards with a Butterworth filter of second order.
 
     The values are those of ``scipy.signal.sosfiltfilt`` with the sections of
