@@ -21,7 +21,7 @@ DRAWING = (
 _PLACE = re.compile("\x00([0-9]+)\x00")
 
 
-class Draw(Protocol):
+class DrawFigure(Protocol):
     """Gives what stands for a figure in a page's text."""
 
     def __call__(self, figure: Callable[..., str], *content: Any) -> str:

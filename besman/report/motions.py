@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from besman.records import FloatArray, RefinedMotion
-from besman.report.drawings import Draw, draw_now
+from besman.report.drawings import DrawFigure, draw_now
 from besman.report.html_tables import html_table
 from besman.report.run_records import ArmRecords
 
@@ -26,7 +26,7 @@ _FORMATS = (
 
 
 def overview_figure(
-    records: dict[str, Any], config: dict[str, Any], arm: ArmRecords, draw: Draw = draw_now
+    records: dict[str, Any], config: dict[str, Any], arm: ArmRecords, draw: DrawFigure = draw_now
 ) -> str:
     """Draw the demonstration that was refined first.
 
@@ -75,7 +75,7 @@ def selected_segments(records: dict[str, Any], select: dict[str, Any], at: int) 
     return next((one for one in levels if select["action"] in one.labels), levels[0])
 
 
-def motion_sections(arm: ArmRecords, results: dict[str, Any], draw: Draw = draw_now) -> str:
+def motion_sections(arm: ArmRecords, results: dict[str, Any], draw: DrawFigure = draw_now) -> str:
     """Draw paths, learning curves and outcomes of an arm.
 
     Parameters
@@ -111,7 +111,7 @@ def motion_sections(arm: ArmRecords, results: dict[str, Any], draw: Draw = draw_
     )
 
 
-def _refinement(arm: ArmRecords, radius: float, draw: Draw) -> str:
+def _refinement(arm: ArmRecords, radius: float, draw: DrawFigure) -> str:
     """Draw learning curves, touchdown maps and generations."""
     from besman.report import motion_figures as figures
 

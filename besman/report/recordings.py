@@ -5,14 +5,14 @@ from __future__ import annotations
 import html
 from typing import Any
 
-from besman.report.drawings import Draw, draw_now
+from besman.report.drawings import DrawFigure, draw_now
 from besman.report.motions import captioned, evenly
 
 _DRAWN = 12
 
 
 def recording_section(
-    records: dict[str, Any], results: dict[str, Any], draw: Draw = draw_now
+    records: dict[str, Any], results: dict[str, Any], draw: DrawFigure = draw_now
 ) -> str:
     """Draw speed, borders and labels of every recording; "" before recognition."""
     if "recognize" not in records:
@@ -42,7 +42,7 @@ def recording_section(
     )
 
 
-def action_section(records: dict[str, Any], draw: Draw = draw_now) -> str:
+def action_section(records: dict[str, Any], draw: DrawFigure = draw_now) -> str:
     """Draw building blocks and what they make, one time line a recording; "" without actions."""
     if "compose" not in records:
         return ""
