@@ -1,7 +1,7 @@
 """Commands about runs: run, report, video, robustness, verify, retarget, check."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -9,15 +9,19 @@ from besman.cli.options import ALL_CORES, Cluster, Jobs, Json, Out, Recordings, 
 from besman.cli.run_folders import say_check
 from besman.exceptions import ConfigError
 
+if TYPE_CHECKING:
+    from besman.work.workers import Workers
 
-def _finish(folder: Path) -> None:
+
+def _finish(folder: Path, workers: Workers | None = None) -> None:
     """Write and print the report of a run."""
     from besman.cli.terminal import open_terminal
     from besman.report.page import write_page
     from besman.report.terminal import print_report
+    from besman.work.work import Work
 
     console = open_terminal()
-    page = write_page(folder)
+    page = write_page(folder, Work(workers.jobs if workers else 1, workers=workers))
     print_report(folder, console)
     console.print(f"report: {page}", soft_wrap=True)
 
@@ -38,7 +42,6 @@ def run(
     from besman.cli.progress_bars import stage_display
     from besman.config.resources import find_resource
     from besman.pipeline.config import load_pipeline
-    from besman.pipeline.pipeline import run_pipeline
 
     chosen = [*(settings or ()), *([] if tool is None else [f"tool={tool}"])]
     config = load_pipeline(find_resource("pipelines", pipeline), tuple(chosen))
@@ -47,11 +50,26 @@ def run(
         from besman.report.video import check_video
 
         check_video()
-    with stage_display() as display:
-        run_pipeline(config, folder, jobs=jobs, cluster=cluster, fresh=fresh, display=display)
-    if video:
-        _make_video(folder)
-    _finish(folder)
+    with _workers(folder, jobs, cluster) as workers:
+        from besman.pipeline.pipeline import run_pipeline
+
+        with stage_display() as display:
+            run_pipeline(config, folder, jobs=jobs, fresh=fresh, display=display, workers=workers)
+        if video:
+            _make_video(folder)
+        _finish(folder, workers)
+
+
+def _workers(folder: Path, jobs: int, cluster: str | None) -> Workers:
+    """Return the processes of a run; a new one needs them, so they load while this one does."""
+    from besman.pipeline.preload import PRELOAD
+    from besman.report.drawings import DRAWING
+    from besman.work.workers import Workers
+
+    workers = Workers(jobs, cluster, (*PRELOAD, *DRAWING))
+    if not folder.exists():
+        workers.start()
+    return workers
 
 
 def _make_video(

@@ -152,22 +152,23 @@ def _flow(points: list[dict[str, Any]]) -> list[str]:
     """Write points as flow mappings; never with an exponent, which YAML 1.1 takes for text."""
     if not points:
         return []
-    parts = []
-    for key, value in points[0].items():
-        numbers = ", ".join(["%.9f"] * len(value)) if isinstance(value, list) else ""
-        parts.append(f'"{key}": [{numbers}]' if isinstance(value, list) else f'"{key}": %s')
     # One template for all: they have the same joints.
+    parts = [f'"{key}": {_form_of(value)}' for key, value in points[0].items()]
     template = "- {" + ", ".join(parts) + "}"
     return [template % tuple(_values(point)) for point in points]
 
 
-def _values(point: dict[str, Any]) -> Iterator[float | str]:
-    """Yield a point's numbers, and what are none as JSON."""
+def _form_of(value: list[float] | dict[str, int]) -> str:
+    """Return the form of a list of numbers, or of named whole numbers."""
+    if isinstance(value, list):
+        return f"[{', '.join(['%.9f'] * len(value))}]"
+    return "{" + ", ".join(f'"{key}": %d' for key in value) + "}"
+
+
+def _values(point: dict[str, Any]) -> Iterator[float]:
+    """Yield a point's numbers."""
     for value in point.values():
-        if isinstance(value, list):
-            yield from value
-        else:
-            yield json.dumps(value)
+        yield from value if isinstance(value, list) else value.values()
 
 
 def read_ros_joint_trajectory(

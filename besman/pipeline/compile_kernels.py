@@ -50,6 +50,7 @@ def _compile_descent() -> None:
 
 def _compile_branches() -> None:
     """Kernels that find names, movements and branches, and those that check an arm's limits."""
+    from besman.geometry.low_pass import low_pass
     from besman.robot.branch_choice import choose_candidates
     from besman.robot.branches import IkWeights
     from besman.robot.collision import distances
@@ -71,6 +72,7 @@ def _compile_branches() -> None:
     time = np.linspace(0.0, 1.0, 100)
     path = np.sin(2 * np.pi * time)[:, None, None] * np.ones((1, 2, 3))
     find_movements(time, path)
+    low_pass(path, 100.0, 10.0, 30)
     rows = np.zeros(1, dtype=np.int64)
     compile_average()(rows, rows, rows, rows + 1, rows, path[0], 1, 1)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 
 from besman.config.stage import Items, Truth
@@ -18,6 +18,7 @@ from besman.pipeline.config import (
     pipeline_yaml,
 )
 from besman.pipeline.finished_run import trained_model
+from besman.pipeline.preload import PRELOAD
 from besman.pipeline.run_folder import Run
 from besman.pipeline.usable_inputs import keep_usable
 from besman.records import JointTrajectory, LabelledRecording, LabelledSegments, TaskPlan
@@ -43,18 +44,6 @@ from besman.work.outcome import describe_error
 from besman.work.stopping import last_words
 from besman.work.workers import Workers
 
-# What processes need for nearly every run: mapping, refinement, exports.
-_PRELOAD = (
-    "besman.stages.map.map_demonstrations",
-    "besman.stages.refine.gauss_newton",
-    "besman.stages.refine.search_loop",
-    "besman.stages.refine.plan_space",
-    "besman.stages.refine.robustness",
-    "besman.simulation.tasks.stick_throw.stick_throw",
-    "besman.stages.export.motion_exports",
-    "mujoco.rollout",
-)
-
 
 def run_pipeline(
     config: PipelineConfig,
@@ -65,6 +54,7 @@ def run_pipeline(
     fresh: str | None = None,
     display: Display | None = None,
     trained_in: Path | None = None,
+    workers: Workers | None = None,
 ) -> Path:
     """Run every stage that is not cached, and write results and exports.
 
@@ -84,6 +74,8 @@ def run_pipeline(
         Shows progress.
     trained_in : Path, optional
         A finished run whose trained model is used in place of labelled examples.
+    workers : Workers, optional
+        Processes that are there already, for as many jobs; they stay.
 
     Returns
     -------
@@ -99,7 +91,8 @@ def run_pipeline(
 
     if fresh is not None and fresh not in STAGES:
         raise RunError(f"--fresh: no stage {fresh!r}; {nearest(fresh, STAGES)}")
-    with Workers(jobs, cluster, _PRELOAD) as workers:
+    own = nullcontext(workers) if workers is not None else Workers(jobs, cluster, PRELOAD)
+    with own as workers:
         clock = Clock()
         inputs = read_inputs(
             config.recordings, learn_from(config), config.read, config.select.landing

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from besman.records import FloatArray, RefinedMotion
+from besman.report.drawings import DrawFigure, draw_now
 from besman.report.html_tables import html_table
 from besman.report.run_records import ArmRecords
 
@@ -24,7 +25,9 @@ _FORMATS = (
 )
 
 
-def overview_figure(records: dict[str, Any], config: dict[str, Any], arm: ArmRecords) -> str:
+def overview_figure(
+    records: dict[str, Any], config: dict[str, Any], arm: ArmRecords, draw: DrawFigure = draw_now
+) -> str:
     """Draw the demonstration that was refined first.
 
     Parameters
@@ -35,11 +38,13 @@ def overview_figure(records: dict[str, Any], config: dict[str, Any], arm: ArmRec
         The run's ``pipeline.yaml``.
     arm : ArmRecords
         With at least one motion.
+    draw : callable
+        Draws the figure.
 
     Returns
     -------
     str
-        SVG.
+        SVG, or what stands for it.
     """
     from besman.report.overview import overview
     from besman.robot.model import load_robot
@@ -48,7 +53,8 @@ def overview_figure(records: dict[str, Any], config: dict[str, Any], arm: ArmRec
     source, _, segment = motion.plan.name.rpartition(":")
     at = [recording.source for recording in records["label"]].index(source)
     segments = selected_segments(records, config["select"], at)
-    return overview(
+    return draw(
+        overview,
         records["label"][at],
         tuple(segments.bounds[int(segment)]),
         config["select"].get("object"),
@@ -69,7 +75,7 @@ def selected_segments(records: dict[str, Any], select: dict[str, Any], at: int) 
     return next((one for one in levels if select["action"] in one.labels), levels[0])
 
 
-def motion_sections(arm: ArmRecords, results: dict[str, Any]) -> str:
+def motion_sections(arm: ArmRecords, results: dict[str, Any], draw: DrawFigure = draw_now) -> str:
     """Draw paths, learning curves and outcomes of an arm.
 
     Parameters
@@ -77,6 +83,8 @@ def motion_sections(arm: ArmRecords, results: dict[str, Any]) -> str:
     arm : ArmRecords
     results : dict
         The run's ``results.json``.
+    draw : callable
+        Draws each figure.
 
     Returns
     -------
@@ -90,38 +98,39 @@ def motion_sections(arm: ArmRecords, results: dict[str, Any]) -> str:
     mapped, some = evenly(arm.mapping.trajectories, _DRAWN), evenly(arm.motions, _DRAWN)
     drawn = "".join(
         captioned(
-            paths(mapped, some, up),
+            draw(paths, mapped, some, up),
             f"Path of the tool centre point in the robot's world [m], {view} (floor below the "
             f"base).{_shown(len(arm.motions), 'motions')}",
         )
         for up, view in ((2, "from the side"), (1, "from above"))
     )
+    radius = results[f"refine{arm.suffix}"]["success_radius_m"]
     return (
         f'<h2>Demonstrated and executed paths{html.escape(arm.heading)}</h2><div class="pair">'
-        f"{drawn}</div>" + _refinement(arm, results[f"refine{arm.suffix}"]["success_radius_m"])
+        f"{drawn}</div>" + _refinement(arm, radius, draw)
     )
 
 
-def _refinement(arm: ArmRecords, radius: float) -> str:
+def _refinement(arm: ArmRecords, radius: float, draw: DrawFigure) -> str:
     """Draw learning curves, touchdown maps and generations."""
     from besman.report import motion_figures as figures
 
     motions = arm.motions
     ended, tried = ("landed", "throws") if landed(motions) else ("ended", "tries")
     curves = captioned(
-        figures.learning_curve(motions, radius),
+        draw(figures.learning_curve, motions, radius),
         f"Best miss so far [cm] over the {tried} of every motion; median and quantiles over "
         f"{len(motions)} motions. A search that has ended keeps its best; one without an outcome "
         "yet counts as the worst.",
     ) + captioned(
-        figures.return_curve(motions),
+        draw(figures.return_curve, motions),
         f"The same for the return: minus the sum of the task's costs, over the {tried}.",
     )
     planes = ((0, 1),) if landed(motions) else ((0, 2), (0, 1))
     some = evenly(motions, _DRAWN)
     maps = "".join(
         captioned(
-            figures.touchdown_map(some, _targets(some), radius, plane),
+            draw(figures.touchdown_map, some, _targets(some), radius, plane),
             f"Where motions {ended}, imitated and refined, and their targets, in the robot's "
             f"world [m], {'from above' if plane[1] == 1 else 'from the side'}; the base stands at "
             f"0, 0.{_shown(len(motions), 'motions')}",
@@ -130,14 +139,14 @@ def _refinement(arm: ArmRecords, radius: float) -> str:
     )
     if landed(motions):
         maps += captioned(
-            figures.outcomes_by_target(some, _targets(some), radius, (0, 1)),
+            draw(figures.outcomes_by_target, some, _targets(some), radius, (0, 1)),
             f"The same relative to each motion's own target [cm].{_shown(len(motions), 'motions')}",
         )
     generations = captioned(
-        figures.touchdowns_by_generation(motions, _targets(motions), planes[0]),
+        draw(figures.touchdowns_by_generation, motions, _targets(motions), planes[0]),
         f"Where {tried} of every generation {ended}, relative to their targets [cm].",
     ) + captioned(
-        figures.misses_by_generation(motions, radius),
+        draw(figures.misses_by_generation, motions, radius),
         f"Miss [cm] of the {tried} of each generation, and how many failed [%], over all motions; "
         "generation 0 is the imitation alone.",
     )

@@ -16,6 +16,7 @@ from besman.pipeline.sealed_page import PAGE, seal
 from besman.pipeline.stored_run import StoredRun, open_run, read_object
 from besman.records.files import digest
 from besman.report.confusion import confusion_table
+from besman.report.drawings import Drawings
 from besman.report.html_tables import html_table
 from besman.report.motions import captioned, demonstration_table, motion_sections, overview_figure
 from besman.report.page_style import SORT_SCRIPT, STYLE
@@ -27,18 +28,22 @@ from besman.report.terminal import failures, outcome_lines
 from besman.report.timing import seconds
 from besman.report.verification import verification_section
 from besman.work.versions import code_version
+from besman.work.work import Work
 
 # The page stays one file of less than three megabytes.
 _LARGEST_VIDEO = 1_200_000
+_ALONE = Work()
 
 
-def write_page(folder: Path) -> Path:
+def write_page(folder: Path, work: Work = _ALONE) -> Path:
     """Write ``report.html`` of a run.
 
     Parameters
     ----------
     folder : Path
         A run folder.
+    work : Work
+        Processes that draw its figures.
 
     Returns
     -------
@@ -52,17 +57,17 @@ def write_page(folder: Path) -> Path:
     """
     run = open_run(folder)
     with run.reading():
-        page = _page(run)
+        page = _page(run, work)
     write_text(folder / PAGE, seal(page, run.fingerprint()))
     return folder / PAGE
 
 
-def _page(run: StoredRun) -> str:
+def _page(run: StoredRun, work: Work) -> str:
     """Put the page together."""
     folder = run.folder
     timing, results = run.read("timing.json"), run.read("results.json")
     config, _ = read_yaml(folder / "pipeline.yaml")
-    overview, rest = _figures(run, results, config)
+    overview, rest = _figures(run, results, config, work)
     stale = stale_files(run)
     body = [
         _head(run, timing, results, config),
@@ -85,7 +90,9 @@ def _page(run: StoredRun) -> str:
     )
 
 
-def _figures(run: StoredRun, results: dict[str, Any], config: dict[str, Any]) -> tuple[str, str]:
+def _figures(
+    run: StoredRun, results: dict[str, Any], config: dict[str, Any], work: Work
+) -> tuple[str, str]:
     """Return the overview and all other figures; drawn anew only if a record has changed."""
     folder = run.folder
     checksums = {name: run.checksum(name) for name in run.stages}
@@ -97,11 +104,16 @@ def _figures(run: StoredRun, results: dict[str, Any], config: dict[str, Any]) ->
         return drawn["overview"], drawn["rest"]
     records = load_records(folder)
     arms = arm_records(records, config)
-    overview = "".join(_overview(folder, records, config, arm) for arm in arms)
-    rest = recording_section(records, results) + action_section(records)
+    draw = Drawings()
+    shown = [arm for arm in arms if arm.motions]
+    overviews = [overview_figure(records, config, arm, draw) for arm in shown]
+    rest = recording_section(records, results, draw) + action_section(records, draw)
     rest += task_table(records)
-    rest += "".join(motion_sections(arm, results) for arm in arms)
+    rest += "".join(motion_sections(arm, results, draw) for arm in arms)
     rest += "".join(demonstration_table(arm, folder) for arm in arms)
+    rest, *overviews = draw.fill([rest, *overviews], work)
+    pairs = zip(shown, overviews, strict=True)
+    overview = "".join(_overview(folder, arm, drawing) for arm, drawing in pairs)
     write_json(kept, {"key": key, "overview": overview, "rest": rest})
     return overview, rest
 
@@ -116,13 +128,8 @@ def _drawn(kept: Path) -> dict[str, str]:
     return drawn if all(isinstance(drawn.get(name), str) for name in names) else {}
 
 
-def _overview(
-    folder: Path, records: dict[str, Any], config: dict[str, Any], arm: ArmRecords
-) -> str:
-    """Draw an arm's first motion beside the person; keep the drawing beside the page too."""
-    if not arm.motions:
-        return ""
-    drawing = overview_figure(records, config, arm)
+def _overview(folder: Path, arm: ArmRecords, drawing: str) -> str:
+    """Show an arm's first motion beside the person; keep the drawing beside the page too."""
     write_text(folder / f"overview{arm.suffix}.svg", drawing)
     return captioned(
         drawing,

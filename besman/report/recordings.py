@@ -5,12 +5,15 @@ from __future__ import annotations
 import html
 from typing import Any
 
+from besman.report.drawings import DrawFigure, draw_now
 from besman.report.motions import captioned, evenly
 
 _DRAWN = 12
 
 
-def recording_section(records: dict[str, Any], results: dict[str, Any]) -> str:
+def recording_section(
+    records: dict[str, Any], results: dict[str, Any], draw: DrawFigure = draw_now
+) -> str:
     """Draw speed, borders and labels of every recording; "" before recognition."""
     if "recognize" not in records:
         return ""
@@ -23,7 +26,7 @@ def recording_section(records: dict[str, Any], results: dict[str, Any]) -> str:
     marker = results["segment"]["marker"]
     drawn = "".join(
         captioned(
-            figures.speed_profile(recording, segments, manual, marker, colours),
+            draw(figures.speed_profile, recording, segments, manual, marker, colours),
             f"{html.escape(recording.source)}: speed of {html.escape(marker)} [m/s] over time "
             "[s], found segments shaded by label"
             + (", manual segments in the strip below." if manual is not None else "."),
@@ -39,7 +42,7 @@ def recording_section(records: dict[str, Any], results: dict[str, Any]) -> str:
     )
 
 
-def action_section(records: dict[str, Any]) -> str:
+def action_section(records: dict[str, Any], draw: DrawFigure = draw_now) -> str:
     """Draw building blocks and what they make, one time line a recording; "" without actions."""
     if "compose" not in records:
         return ""
@@ -55,7 +58,8 @@ def action_section(records: dict[str, Any]) -> str:
             f"{html.escape(blocks.source)}: building blocks below, the actions they make above, "
             "over time [s]."
         )
-        drawn.append(captioned(figures.time_line(layers, colours, blocks.source), caption, True))
+        line = draw(figures.time_line, layers, colours, blocks.source)
+        drawn.append(captioned(line, caption, True))
     return (
         f"<h2>Actions made of building blocks</h2>{''.join(drawn)}"
         f"{_not_all(len(pairs), 'recordings')}"

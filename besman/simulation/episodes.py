@@ -39,6 +39,34 @@ class Movements:
     ends: FloatArray | None = None
     perturbations: tuple[Perturbation, ...] = ()
 
+    @property
+    def distinct(self) -> Movements:
+        """The first alone, if all are that one, see `repeat_movement`; else all of them."""
+        if len(self.positions) < 2 or self.positions.strides[0]:
+            return self
+        return Movements(
+            positions=self.positions[:1],
+            velocities=self.velocities[:1],
+            accelerations=self.accelerations[:1],
+            durations=self.durations[:1],
+            ends=None if self.ends is None else self.ends[:1],
+        )
+
+
+def repeat_movement(movement: Movements, n: int) -> Movements:
+    """Return a batch of n times the same movement, which is kept once; read-only."""
+
+    def repeat(part: FloatArray) -> FloatArray:
+        return np.broadcast_to(part[0], (n, *part.shape[1:]))
+
+    return Movements(
+        positions=repeat(movement.positions),
+        velocities=repeat(movement.velocities),
+        accelerations=repeat(movement.accelerations),
+        durations=repeat(movement.durations),
+        ends=None if movement.ends is None else repeat(movement.ends),
+    )
+
 
 @dataclass(frozen=True, eq=False)
 class Playback:

@@ -10,7 +10,7 @@ import numpy as np
 
 from besman.records import AnyPlan
 from besman.robot.model import Robot
-from besman.simulation.episodes import Movements
+from besman.simulation.episodes import repeat_movement
 from besman.simulation.perturbation import Perturbation
 from besman.simulation.task import Task
 from besman.simulation.trial import Trial, try_movements
@@ -49,7 +49,7 @@ def try_perturbed(
 
     def try_block(first: int) -> list[Trial]:
         block = tuple(perturbations[first : first + size])
-        movements = replace(repeat(movement, len(block)), perturbations=block)
+        movements = replace(repeat_movement(movement, len(block)), perturbations=block)
         return try_movements(robot, task, [plan] * len(block), movements)
 
     blocks = range(0, len(perturbations), max(size, 1))
@@ -57,17 +57,6 @@ def try_perturbed(
         return [trial for first in blocks for trial in try_block(first)]
     with ThreadPoolExecutor(jobs) as threads:
         return [trial for block in threads.map(try_block, blocks) for trial in block]
-
-
-def repeat(movement: Movements, n: int) -> Movements:
-    """Return a batch of n times the same movement."""
-    return Movements(
-        positions=np.repeat(movement.positions, n, axis=0),
-        velocities=np.repeat(movement.velocities, n, axis=0),
-        accelerations=np.repeat(movement.accelerations, n, axis=0),
-        durations=np.repeat(movement.durations, n),
-        ends=None if movement.ends is None else np.repeat(movement.ends, n),
-    )
 
 
 def quarter_step_shift(robot: Robot, task: Task, plan: AnyPlan) -> float:

@@ -32,8 +32,10 @@ def servo_setpoints(robot: Robot, movements: Movements, time_step_s: float) -> F
     array, shape (B, T, n)
         rad.
     """
-    sent = servo_controls(robot, movements.positions, movements.velocities, movements.accelerations)
-    return arrive_late(sent, robot.drives, time_step_s)
+    distinct = movements.distinct
+    sent = servo_controls(robot, distinct.positions, distinct.velocities, distinct.accelerations)
+    late = arrive_late(sent, robot.drives, time_step_s)
+    return late if distinct is movements else np.broadcast_to(late, movements.positions.shape)
 
 
 def expected_movements(robot: Robot, movements: Movements, time_step_s: float) -> Movements:

@@ -144,11 +144,13 @@ def score_episodes(
 ) -> list[Trial]:
     """Turn episodes into rewards."""
     stride = max(round(_CHECK_S / task.simulation.time_step_s), 1)
-    positions = movements.positions[:, ::stride]
+    positions = movements.distinct.positions[:, ::stride]
     limits = robot.limits
     excess = np.maximum(limits.position_min - positions, positions - limits.position_max)
     excess = np.maximum(excess, 0.0).max(axis=1).sum(axis=1)
-    depth = np.maximum(_CLEARANCE_M - distances(robot.chain, positions).min(axis=(1, 2)), 0.0)
+    least = distances(robot.chain, positions, beyond=_CLEARANCE_M).min(axis=(1, 2))
+    depth = np.maximum(_CLEARANCE_M - least, 0.0)
+    excess, depth = (np.broadcast_to(part, len(plans)) for part in (excess, depth))
     return [
         _score_one(task, plan, episodes, index, float(excess[index]), float(depth[index]))
         for index, plan in enumerate(plans)

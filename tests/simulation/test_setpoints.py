@@ -5,8 +5,10 @@ from dataclasses import replace
 import numpy as np
 
 from besman.robot.mujoco_model import servo_controls
+from besman.simulation.episodes import repeat_movement
 from besman.simulation.setpoints import expected_movements, servo_setpoints
 from besman.simulation.tasks.kinds import load_task
+from besman.simulation.trial import try_movements
 
 STEP_S = 0.002
 
@@ -34,3 +36,25 @@ def test_a_late_arm_throws_late_and_as_far(robot, make_plan):
     assert on_time.failures == delayed.failures == ("",)
     assert delayed.tracking_errors[0] < task.failure.greatest_tracking_error_rad
     np.testing.assert_allclose(delayed.outcomes, on_time.outcomes, atol=0.03)
+
+
+def test_a_movement_that_is_repeated_is_one_of_many(robot, make_plan):
+    """It is looked at once; what comes of it is what comes of as many that are each their own."""
+    task = load_task("stick_throw")
+    robot = replace(robot, drives=replace(robot.drives, delays=np.full(6, 0.02)))
+    plan = make_plan(0.54)
+    many = task.move([plan] * 3, robot)
+    same = repeat_movement(task.move([plan], robot), 3)
+    assert many.distinct is many
+    assert len(same.distinct.positions) == 1
+    for function in (servo_setpoints, lambda *given: expected_movements(*given).positions):
+        np.testing.assert_array_equal(
+            function(robot, same, STEP_S), function(robot, many, STEP_S), strict=True
+        )
+    for one, other in zip(
+        try_movements(robot, task, [plan] * 3, same),
+        try_movements(robot, task, [plan] * 3, many),
+        strict=True,
+    ):
+        assert one.costs == other.costs
+        np.testing.assert_array_equal(one.outcome, other.outcome)

@@ -145,7 +145,7 @@ def write_movement(movement: Movement, robot: Robot, folder: Path, name: str) ->
     except PlanError as error:
         approach |= {"approach": None, "no_approach": f"from home: {error}"}
     time, positions, _, _ = movement
-    held = _write_tables(folder / name, *movement, robot.joint_names)
+    held, written = _write_tables(folder / name, *movement, robot.joint_names)
     if robot.joint_names == UR_JOINTS:
         path = folder / f"{name}.script"
         write_urscript(path, name, time, positions, way)
@@ -154,7 +154,7 @@ def write_movement(movement: Movement, robot: Robot, folder: Path, name: str) ->
         rows = np.minimum(np.arange(len(found)) * every, len(time) - 1)
         if np.max(np.abs(found - positions[rows])) > _AGREEMENT_RAD:
             raise RunError(f"{path}: does not hold the motion that was to be written")
-    return _report(robot, folder / f"{name}.csv") | approach
+    return _report(robot, written) | approach
 
 
 def _write_approach(start: FloatArray, robot: Robot, folder: Path, name: str) -> dict[str, Any]:
@@ -178,25 +178,26 @@ def _write_tables(
     velocities: FloatArray,
     accelerations: FloatArray,
     names: tuple[str, ...],
-) -> list[tuple[Path, FloatArray, int]]:
-    """Write a movement as CSV and ROS messages; return what the files hold."""
+) -> tuple[list[tuple[Path, FloatArray, int]], Movement]:
+    """Write a movement as CSV and ROS messages; return what the files hold, the table in full."""
     trajectory = time, positions, velocities, accelerations, names
     table = place.with_name(f"{place.name}.csv")
     write_joint_csv(table, *trajectory)
-    held = [(table, read_joint_csv(table)[1], 1)]
+    written = read_joint_csv(table)
+    held = [(table, written[1], 1)]
     message = ros_joint_trajectory(*trajectory)
     for ending in ("json", "yaml"):
         path = place.with_name(f"{place.name}.ros.{ending}")
         write_ros_joint_trajectory(path, message)
         held.append((path, read_ros_joint_trajectory(path)[1], 1))
-    return held
+    return held, written
 
 
-def _report(robot: Robot, table: Path) -> dict[str, Any]:
+def _report(robot: Robot, written: Movement) -> dict[str, Any]:
     """Say what a written motion asks of the arm, and whether it begins and ends at rest."""
     from besman.robot.limits import check_limits
 
-    time, *movement = read_joint_csv(table)
+    time, *movement = written
     _, velocities, accelerations = movement
     still = all(
         np.allclose(part[[0, -1]], 0.0, rtol=0.0, atol=_STILL)

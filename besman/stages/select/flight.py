@@ -11,6 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
+from numpy.lib.stride_tricks import sliding_window_view
 
 from besman.exceptions import MappingError
 from besman.records import LabelledRecording
@@ -85,11 +86,7 @@ def _flight(
     window = max(round(_ACCELERATION_WINDOW_S * rate_hz) | 1, 5)
     if len(path) < window:
         return None
-    from scipy.signal import savgol_filter
-
-    acceleration = savgol_filter(
-        path, window, 2, deriv=2, delta=1.0 / rate_hz, axis=0, mode="constant", cval=np.nan
-    )
+    acceleration = find_acceleration(path, window, rate_hz)
     acceleration[:, 2] += GRAVITY
     # NaN, where the object or its past was not seen, compares false.
     falling = np.linalg.norm(acceleration, axis=1) < _ACCELERATION_TOLERANCE
@@ -102,6 +99,39 @@ def _flight(
         return None
     longest = int(np.argmax(np.where(usable, stops - starts, 0)))
     return slice(int(starts[longest]), int(stops[longest]))
+
+
+def find_acceleration(path: FloatArray, window: int, rate_hz: float) -> FloatArray:
+    """Return the second derivative of the parabola that fits a path best around every sample.
+
+    The filter of Savitzky and Golay [1]_ for polynomials of degree 2 in closed form; SciPy's takes
+    longer to load than this to filter.
+
+    Parameters
+    ----------
+    path : array, shape (T, K)
+        Metres.
+    window : int
+        Samples that are fitted at a time: odd, at most T.
+    rate_hz : float
+
+    Returns
+    -------
+    array, shape (T, K)
+        m/s^2; NaN where a sample is not seen or beyond the path in the window.
+
+    References
+    ----------
+    .. [1] A. Savitzky, M. J. E. Golay: Smoothing and differentiation of data by simplified least
+       squares procedures, Analytical Chemistry 36(8), 1964, DOI 10.1021/ac60214a047.
+    """
+    half = window // 2
+    squares = np.arange(-half, half + 1, dtype=np.float64) ** 2
+    squares -= squares.mean()
+    weights = 2.0 * rate_hz**2 * squares / (squares @ squares)
+    found = np.full(path.shape, np.nan)
+    found[half : len(path) - half] = sliding_window_view(path, window, axis=0) @ weights
+    return found
 
 
 def _fall(time: FloatArray, path: FloatArray) -> FloatArray:

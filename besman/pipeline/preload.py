@@ -1,0 +1,14 @@
+"""What the processes of a run load before they are asked."""
+
+PRELOAD = (
+    "besman.stages.map.map_demonstrations",
+    "besman.stages.refine.gauss_newton",
+    "besman.stages.refine.search_loop",
+    "besman.stages.refine.plan_space",
+    "besman.stages.refine.robustness",
+    "besman.simulation.tasks.stick_throw.stick_throw",
+    "besman.stages.export.motion_exports",
+    "mujoco.rollout",
+    "besman.robot.loaded_kernels",
+)
+"""Modules that processes need for nearly every run: mapping, refinement, exports."""
