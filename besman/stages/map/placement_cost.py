@@ -102,9 +102,7 @@ class ArmCost:
         number = min(_SAMPLE, len(self.paths))
         chosen = np.rint(np.linspace(0, len(self.paths) - 1, number)).astype(int)
         around = None if self.around is None else self.around.take(chosen)
-        return replace(
-            self, paths=self.paths[chosen], steps_s=self.steps_s[chosen], around=around
-        )
+        return replace(self, paths=self.paths[chosen], steps_s=self.steps_s[chosen], around=around)
 
     def glance(self) -> ArmCost:
         """Return the cost of a few poses of the demonstration in the middle of their order."""

@@ -39,7 +39,7 @@ class Around:
     straight : array, shape (D, P)
         Which are ends of straight ways.
     boxes, halves : array, shape (D, O, 4, 4), (D, O, 3)
-    present, carries
+    counts, present, carries
         As of `besman.stages.map.around_kernel.fill_lacks`.
     scene : ShownScene
         One of them: gripper and box are the same in all.
@@ -50,13 +50,14 @@ class Around:
     straight: BoolArray
     boxes: FloatArray
     halves: FloatArray
+    counts: BoolArray
     present: BoolArray
     carries: BoolArray
     scene: ShownScene
 
     def take(self, rows: IntArray | slice) -> Around:
         """Return some of the demonstrations."""
-        kept = ("paths", "own", "straight", "boxes", "halves", "present", "carries")
+        kept = ("paths", "own", "straight", "boxes", "halves", "counts", "present", "carries")
         return replace(self, **{name: getattr(self, name)[rows] for name in kept})
 
     def cost(
@@ -81,12 +82,14 @@ class Around:
         """
         scene, chain = self.scene, robot.chain
         joints, ends, radii = with_tool(robot, scene.gripper_ends, scene.gripper_radii)
+        # The kernel takes those that a carried box can meet from the beginning.
+        order = np.argsort(joints, kind="stable")
         edges = box_edges(scene.half) @ scene.carried[:3, :3].T + scene.carried[:3, 3]
         lacks = np.empty(positions.shape[:3])
         fill_lacks(
-            chain.placements, chain.axes, chain.tip, joints, ends, radii, edges,
+            chain.placements, chain.axes, chain.tip, joints[order], ends[order], radii[order], edges,
             np.array(scene.carried), np.array(scene.half), placement @ self.boxes, self.halves,
-            self.present, self.carries, SAFE_DISTANCE_M, positions, lacks,
+            self.counts, self.present, self.carries, SAFE_DISTANCE_M, positions, lacks,
         )  # fmt: skip
         missed = errors / (POSITION_SCALE_M, ORIENTATION_SCALE_RAD)
         squares = np.sum(missed**2, axis=-1) * self.straight[:, None]
@@ -160,9 +163,9 @@ def _thin_one(
     counts = straight | (apart.min(axis=1, initial=np.inf) > _NEAR_M)
     inside = (all_s[:, None] >= scene.since_s) & (all_s[:, None] <= scene.until_s)
     present = np.zeros((len(all_s), n_boxes), dtype=np.bool_)
-    present[:, : len(scene.boxes)] = inside & counts[:, None]
+    present[:, : len(scene.boxes)] = inside
     carried = [(all_s > grasp_s) & (all_s < release_s) for grasp_s, release_s in scene.carried_s]
     carries = np.any(carried, axis=0) if carried else np.zeros(len(all_s), dtype=np.bool_)
     boxes, halves = np.tile(np.eye(4), (n_boxes, 1, 1)), np.ones((n_boxes, 3))
     boxes[: len(scene.boxes)], halves[: len(scene.boxes)] = scene.boxes, scene.halves
-    return found, own, straight, boxes, halves, present, carries & counts
+    return found, own, straight, boxes, halves, counts, present, carries
