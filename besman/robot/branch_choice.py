@@ -34,6 +34,8 @@ _SEQUENCES = 4
 _DIFFERENT_RAD = 0.3
 # Within this distance to itself a branch is dearer than any other.
 _SAFE_DISTANCE_M = 0.01
+# Touching what stands around, of which ways at hand keep clear yet, costs as much as this error.
+_BESIDE_M = 0.02
 # Closeness to a singularity or to a limit costs a configuration at most this much pose error.
 _CLOSE_M = 2e-3
 _SINGULAR_SHARE = 0.3  # of the manipulability at home
@@ -102,7 +104,7 @@ def rate_paths(
         Like metres of position error (root mean square and greatest).
     """
     steps = np.diff(positions, axis=1)
-    near = _nearness(robot, positions, gaps)
+    near = _nearness(distances(robot.chain, positions, _SAFE_DISTANCE_M).min(axis=-1))
     costs: FloatArray = (
         np.sqrt(np.mean(_squared_errors(errors, weights), axis=1))
         + 0.2 * weights.position * errors[:, :, 0].max(axis=1)
@@ -110,6 +112,8 @@ def rate_paths(
         + weights.home * np.sum(np.linalg.norm(steps, axis=2), axis=1)
         + np.mean(near, axis=1)
     )
+    if gaps is not None:
+        costs += _BESIDE_M * np.mean(_nearness(gaps(positions)), axis=1)
     if step_s is not None and steps.shape[1] > 1:
         rates = steps / step_s, np.diff(steps, axis=1) / step_s**2
         stretch = [time_stretch(robot.limits, *both) for both in zip(*rates, strict=True)]
@@ -117,11 +121,8 @@ def rate_paths(
     return costs
 
 
-def _nearness(robot: Robot, positions: FloatArray, gaps: Gaps | None) -> FloatArray:
-    """Return by what share of a safe distance configurations (..., n) fall short of it, (...)."""
-    distance = distances(robot.chain, positions, _SAFE_DISTANCE_M).min(axis=-1)
-    if gaps is not None:
-        distance = np.minimum(distance, gaps(positions))
+def _nearness(distance: FloatArray) -> FloatArray:
+    """Return by what share of a safe distance each falls short of it."""
     near: FloatArray = np.maximum(0.0, 1.0 - distance / _SAFE_DISTANCE_M)
     return near
 
@@ -244,9 +245,11 @@ def _choose(
     singular = np.maximum(0.0, 1.0 - manipulability(robot.chain, some) / usable)
     room = np.minimum(some - low, high - some).min(axis=1)
     tight = np.maximum(0.0, 1.0 - room / _WIDE_RAD)
-    near = _nearness(robot, some, gaps)
+    near = _nearness(distances(robot.chain, some, _SAFE_DISTANCE_M).min(axis=1))
     away = np.mean((some - robot.home) ** 2, axis=1)
     costs[here] += _CLOSE_M**2 * (singular**2 + tight**2 + 0.1 * away) + 0.1 * near
+    if gaps is not None:
+        costs[here] += _BESIDE_M**2 * _nearness(gaps(some))
     # Without a time the arm is thought to need a second from one end of the path to the other.
     pace = (step_s or 1.0 / len(states)) * stride
     found = choose_sequences(

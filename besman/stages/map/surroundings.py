@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.robot.box_gaps import box_gaps
+from besman.robot.kinematics import forward_kinematics
 from besman.robot.model import Robot
 from besman.simulation.tasks.rearrange.clearance import box_edges, place_with_tool, with_tool
 from besman.simulation.tasks.rearrange.shown_scene import ShownScene
@@ -86,8 +87,9 @@ class Around:
         order = np.argsort(joints, kind="stable")
         edges = box_edges(scene.half) @ scene.carried[:3, :3].T + scene.carried[:3, 3]
         lacks = np.empty(positions.shape[:3])
+        joints, ends, radii = joints[order], ends[order], radii[order]
         fill_lacks(
-            chain.placements, chain.axes, chain.tip, joints[order], ends[order], radii[order], edges,
+            chain.placements, chain.axes, chain.tip, joints, ends, radii, edges,
             np.array(scene.carried), np.array(scene.half), placement @ self.boxes, self.halves,
             self.counts, self.present, self.carries, SAFE_DISTANCE_M, positions, lacks,
         )  # fmt: skip
@@ -104,23 +106,37 @@ class PlacedScene:
     Attributes
     ----------
     robot : Robot
-    boards : array, shape (N, 4, 4)
     scene : ShownScene
+    boards : array, shape (N, 4, 4)
+    ways : array, shape (V, 4, 4)
+        Ends of the straight ways.
     """
 
     robot: Robot
-    boards: FloatArray
     scene: ShownScene
+    boards: FloatArray
+    ways: FloatArray
 
     def gaps(self, positions: FloatArray) -> FloatArray:
-        """Return how far arm and open gripper, (..., n), are from all boards, metres, (...)."""
+        """Return how far arm and open gripper, (..., n), are from all boards, metres, (...).
+
+        Infinite near the ends of straight ways: there the arm goes another way.
+        """
         scene, rows = self.scene, positions.reshape(-1, self.robot.n)
         placed, radii, _ = place_with_tool(
             self.robot, scene.gripper_ends, scene.gripper_radii, rows
         )
         halves = np.array(scene.halves[: scene.n_boards])
         near: FloatArray = box_gaps(placed, radii, self.boards, halves).min(axis=1)
+        tools = forward_kinematics(self.robot.chain, rows)[:, :3, 3]
+        near[_apart(tools, self.ways[:, :3, 3]) <= _NEAR_M] = np.inf
         return near.reshape(positions.shape[:-1])
+
+
+def _apart(points: FloatArray, others: FloatArray) -> FloatArray:
+    """Return how far points (N, 3) are from the nearest of others (V, 3), shape (N,)."""
+    ways = np.linalg.norm(points[:, np.newaxis] - others, axis=2)
+    return np.asarray(ways.min(axis=1, initial=np.inf))
 
 
 def thin_among(
@@ -159,8 +175,7 @@ def _thin_one(
     order = np.argsort(all_s, kind="stable")
     all_s, found, straight = all_s[order], found[order], straight[order]
     own = np.argsort(order, kind="stable")[: len(time)]
-    apart = np.linalg.norm(found[:, None, :3, 3] - scene.ways[:, :3, 3], axis=2)
-    counts = straight | (apart.min(axis=1, initial=np.inf) > _NEAR_M)
+    counts = straight | (_apart(found[:, :3, 3], scene.ways[:, :3, 3]) > _NEAR_M)
     inside = (all_s[:, None] >= scene.since_s) & (all_s[:, None] <= scene.until_s)
     present = np.zeros((len(all_s), n_boxes), dtype=np.bool_)
     present[:, : len(scene.boxes)] = inside

@@ -72,7 +72,7 @@ class Found:
         The best; None if its end was never come to.
     success : bool
     episodes : dict of int
-        Simulations of each part by its goal; of the whole under ``whole``.
+        Simulations begun at each part, by its goal; of the whole under ``whole``.
     simulated_s : float
         Seconds of the simulated world in all of them.
     """
@@ -180,6 +180,9 @@ def search_blocks(
 ) -> Found:
     """Refine one part after the other, each from the state in which the one before has ended.
 
+    An episode that has fulfilled its part goes on into the next, as that was shown; only where it
+    fails there are others begun, in the state in which that part began.
+
     Parameters
     ----------
     parts : sequence of Part
@@ -207,7 +210,7 @@ def search_blocks(
             return plan, trials.attempt(plan, state, part.goal)
 
         best, n, simulated_s = _search(
-            attempt, n_parameters(part.goal), budget, (seed, number), sigma
+            attempt, n_parameters(part.goal), budget, (seed, number), sigma, begun=number > 0
         )
         plan, outcome = best
         episodes[part.goal], seconds = n, seconds + simulated_s
@@ -269,10 +272,14 @@ def _search(
     budget: int,
     seed: tuple[int, ...],
     sigma: float,
+    begun: bool = False,
 ) -> tuple[Tried, int, float]:
-    """Try what was shown, then search until something succeeds; count episodes and seconds."""
+    """Try what was shown, then search until something succeeds; count episodes and seconds.
+
+    Where an episode has begun already what was shown is how it goes on.
+    """
     best = attempt(np.zeros(dimension))
-    n, seconds = 1, best[1].seconds
+    n, seconds = int(not begun), best[1].seconds
     search = CmaEs(
         np.zeros(dimension), sigma, None, seed, restarts="ipop", n_restarts=_MOST_RESTARTS
     )
