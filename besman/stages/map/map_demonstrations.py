@@ -249,8 +249,8 @@ def map_with_placement(
     gaps = None
     if scenes:
         scene = scenes[demonstration.name]
-        boards, ways = placement.apply(scene.boxes[: scene.n_boards]), placement.apply(scene.ways)
-        gaps = PlacedScene(robot, scene, boards, ways).gaps
+        boards = placement.apply(scene.boxes[: scene.n_boards])
+        gaps = PlacedScene(robot, boards, scene.halves[: scene.n_boards]).gaps
     trajectory, report = map_one(demonstration, placed, robot, settings, gaps)
     target = place_target(demonstration.target, placement.pose)
     return Mapped(replace(trajectory, target=target), report)

@@ -228,10 +228,10 @@ def _arm_cost(
     arm: ArmPaths, search: PlacementSearch, centre: FloatArray, back_height: float | None
 ) -> ArmCost:
     """Return what placements cost one arm."""
-    paths, steps_s = thin_out(arm.paths)
+    paths, steps_s = thin_out(arm.paths, bool(arm.scenes))
     around = None
     if arm.scenes:
-        rows = [thin_rows(len(time)) for time, _ in arm.paths]
+        rows = [thin_rows(len(time), True) for time, _ in arm.paths]
         around = thin_among(arm.paths, rows, arm.scenes)
     starts = find_starts(arm.robot, paths, search.ik, search.free_spin, search.seed)
     return ArmCost(

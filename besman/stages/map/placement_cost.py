@@ -17,6 +17,8 @@ from besman.stages.map.terms import HEIGHT_SCALE_M, SCALE_SCALE, TermWeights, co
 FloatArray = npt.NDArray[np.float64]
 
 _POSES = 12
+# A whole task is as long as several movements, and touches what is passed on the way.
+_POSES_AMONG = 24
 _GREATEST_BRANCHES = 8
 _SEARCHED_BRANCHES = 3
 _SAMPLE = 4
@@ -45,17 +47,24 @@ def scale_about(poses: FloatArray, centre: FloatArray, scale: float) -> FloatArr
 
 
 def thin_out(
-    demonstrations: Sequence[tuple[FloatArray, FloatArray]],
+    demonstrations: Sequence[tuple[FloatArray, FloatArray]], among: bool = False
 ) -> tuple[FloatArray, FloatArray]:
-    """Keep twelve poses of every demonstration: (D, P, 4, 4) and seconds between them (D,)."""
-    paths = [poses[thin_rows(len(time))] for time, poses in demonstrations]
-    steps_s = [float(time[-1] - time[0]) / (_POSES - 1) for time, _ in demonstrations]
+    """Keep twelve poses of every demonstration: (D, P, 4, 4) and seconds between them (D,).
+
+    Twice as many among things that stand around.
+    """
+    paths, steps_s = [], []
+    for time, poses in demonstrations:
+        rows = thin_rows(len(time), among)
+        paths.append(poses[rows])
+        steps_s.append(float(time[-1] - time[0]) / (len(rows) - 1))
     return np.array(paths), np.array(steps_s)
 
 
-def thin_rows(n_samples: int) -> npt.NDArray[np.int64]:
+def thin_rows(n_samples: int, among: bool = False) -> npt.NDArray[np.int64]:
     """Return which samples of a demonstration are kept, shape (P,)."""
-    return np.rint(np.linspace(0, n_samples - 1, _POSES)).astype(np.int64)
+    number = _POSES_AMONG if among else _POSES
+    return np.rint(np.linspace(0, n_samples - 1, number)).astype(np.int64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,8 +116,9 @@ class ArmCost:
     def glance(self) -> ArmCost:
         """Return the cost of a few poses of the demonstration in the middle of their order."""
         middle = len(self.paths) // 2
-        rows = np.rint(np.linspace(0, _POSES - 1, _GLANCE_POSES)).astype(int)
-        wider = (_POSES - 1) / (_GLANCE_POSES - 1)
+        n_poses = self.paths.shape[1]
+        rows = np.rint(np.linspace(0, n_poses - 1, _GLANCE_POSES)).astype(int)
+        wider = (n_poses - 1) / (_GLANCE_POSES - 1)
         one = slice(middle, middle + 1)
         around = None if self.around is None else self.around.take(one)
         if around is not None:
@@ -167,7 +177,7 @@ def find_starts(
     robot: Robot, paths: FloatArray, ik: IkWeights, free_spin: bool, seed: int
 ) -> FloatArray:
     """Find the branches to try: those of the typical pose, put where home has its tool."""
-    middle = paths[:, _POSES // 2].mean(axis=0)
+    middle = paths[:, paths.shape[1] // 2].mean(axis=0)
     left, _, right = np.linalg.svd(middle[:3, :3])
     pose = np.eye(4)
     pose[:3, :3] = left @ right

@@ -1,4 +1,8 @@
-"""What a placement brings an arm near to: boards, and boxes that stand or are carried."""
+"""What a placement brings an arm near to: boards, and boxes that stand or are carried.
+
+Tool and gripper are where the demonstration has them beside its boards, wherever it is placed; it
+is the links before them that a placement, or a branch, brings elsewhere.
+"""
 
 from __future__ import annotations
 
@@ -9,9 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.robot.box_gaps import box_gaps
-from besman.robot.kinematics import forward_kinematics
+from besman.robot.collision import place_all
 from besman.robot.model import Robot
-from besman.simulation.tasks.rearrange.clearance import box_edges, place_with_tool, with_tool
 from besman.simulation.tasks.rearrange.shown_scene import ShownScene
 from besman.stages.map.around_kernel import fill_lacks
 from besman.stages.map.terms import ORIENTATION_SCALE_RAD, POSITION_SCALE_M, SAFE_DISTANCE_M
@@ -22,9 +25,6 @@ BoolArray = npt.NDArray[np.bool_]
 
 AROUND_WEIGHT = 3.0
 """What it costs to touch something at one pose of each demonstration; as much as itself."""
-
-# So near to a box the hand's own poses do not count: the gripper comes straight.
-_NEAR_M = 0.15
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,10 +40,10 @@ class Around:
     straight : array, shape (D, P)
         Which are ends of straight ways.
     boxes, halves : array, shape (D, O, 4, 4), (D, O, 3)
-    counts, present, carries
+    present, carries
         As of `besman.stages.map.around_kernel.fill_lacks`.
     scene : ShownScene
-        One of them: gripper and box are the same in all.
+        One of them: how a box is carried is the same in all.
     """
 
     paths: FloatArray
@@ -51,14 +51,13 @@ class Around:
     straight: BoolArray
     boxes: FloatArray
     halves: FloatArray
-    counts: BoolArray
     present: BoolArray
     carries: BoolArray
     scene: ShownScene
 
     def take(self, rows: IntArray | slice) -> Around:
         """Return some of the demonstrations."""
-        kept = ("paths", "own", "straight", "boxes", "halves", "counts", "present", "carries")
+        kept = ("paths", "own", "straight", "boxes", "halves", "present", "carries")
         return replace(self, **{name: getattr(self, name)[rows] for name in kept})
 
     def cost(
@@ -82,16 +81,12 @@ class Around:
             straight way is missed by a centimetre or ten degrees.
         """
         scene, chain = self.scene, robot.chain
-        joints, ends, radii = with_tool(robot, scene.gripper_ends, scene.gripper_radii)
-        # The kernel takes those that a carried box can meet from the beginning.
-        order = np.argsort(joints, kind="stable")
-        edges = box_edges(scene.half) @ scene.carried[:3, :3].T + scene.carried[:3, 3]
+        joints, ends, radii = _links(robot)
         lacks = np.empty(positions.shape[:3])
-        joints, ends, radii = joints[order], ends[order], radii[order]
         fill_lacks(
-            chain.placements, chain.axes, chain.tip, joints, ends, radii, edges,
-            np.array(scene.carried), np.array(scene.half), placement @ self.boxes, self.halves,
-            self.counts, self.present, self.carries, SAFE_DISTANCE_M, positions, lacks,
+            chain.placements, chain.axes, chain.tip, joints, ends, radii, np.array(scene.carried),
+            np.array(scene.half), placement @ self.boxes, self.halves, self.present, self.carries,
+            SAFE_DISTANCE_M, positions, lacks,
         )  # fmt: skip
         missed = errors / (POSITION_SCALE_M, ORIENTATION_SCALE_RAD)
         squares = np.sum(missed**2, axis=-1) * self.straight[:, None]
@@ -106,37 +101,31 @@ class PlacedScene:
     Attributes
     ----------
     robot : Robot
-    scene : ShownScene
     boards : array, shape (N, 4, 4)
-    ways : array, shape (V, 4, 4)
-        Ends of the straight ways.
+    halves : array, shape (N, 3)
+        Half their sizes, metres.
     """
 
     robot: Robot
-    scene: ShownScene
     boards: FloatArray
-    ways: FloatArray
+    halves: FloatArray
 
     def gaps(self, positions: FloatArray) -> FloatArray:
-        """Return how far arm and open gripper, (..., n), are from all boards, metres, (...).
-
-        Infinite near the ends of straight ways: there the arm goes another way.
-        """
-        scene, rows = self.scene, positions.reshape(-1, self.robot.n)
-        placed, radii, _ = place_with_tool(
-            self.robot, scene.gripper_ends, scene.gripper_radii, rows
-        )
-        halves = np.array(scene.halves[: scene.n_boards])
-        near: FloatArray = box_gaps(placed, radii, self.boards, halves).min(axis=1)
-        tools = forward_kinematics(self.robot.chain, rows)[:, :3, 3]
-        near[_apart(tools, self.ways[:, :3, 3]) <= _NEAR_M] = np.inf
+        """Return how far the links before the tool's, (..., n), are from boards, metres, (...)."""
+        chain, (joints, ends, radii) = self.robot.chain, _links(self.robot)
+        rows = np.array(positions.reshape(-1, self.robot.n))
+        placed = place_all(chain.placements, chain.axes, joints, ends, rows)
+        near: FloatArray = box_gaps(placed, radii, self.boards, np.array(self.halves)).min(axis=1)
         return near.reshape(positions.shape[:-1])
 
 
-def _apart(points: FloatArray, others: FloatArray) -> FloatArray:
-    """Return how far points (N, 3) are from the nearest of others (V, 3), shape (N,)."""
-    ways = np.linalg.norm(points[:, np.newaxis] - others, axis=2)
-    return np.asarray(ways.min(axis=1, initial=np.inf))
+def _links(robot: Robot) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Return joints, ends and radii of the capsules that move, but for those fixed to the tool."""
+    chain = robot.chain
+    order = np.argsort(chain.capsule_joints, kind="stable")
+    here = chain.capsule_joints[order]
+    order = order[(here >= 0) & (here < robot.n - 1)]
+    return chain.capsule_joints[order], chain.capsule_ends[order], chain.capsule_radii[order]
 
 
 def thin_among(
@@ -175,12 +164,11 @@ def _thin_one(
     order = np.argsort(all_s, kind="stable")
     all_s, found, straight = all_s[order], found[order], straight[order]
     own = np.argsort(order, kind="stable")[: len(time)]
-    counts = straight | (_apart(found[:, :3, 3], scene.ways[:, :3, 3]) > _NEAR_M)
-    inside = (all_s[:, None] >= scene.since_s) & (all_s[:, None] <= scene.until_s)
     present = np.zeros((len(all_s), n_boxes), dtype=np.bool_)
+    inside = (all_s[:, None] >= scene.since_s) & (all_s[:, None] <= scene.until_s)
     present[:, : len(scene.boxes)] = inside
     carried = [(all_s > grasp_s) & (all_s < release_s) for grasp_s, release_s in scene.carried_s]
     carries = np.any(carried, axis=0) if carried else np.zeros(len(all_s), dtype=np.bool_)
     boxes, halves = np.tile(np.eye(4), (n_boxes, 1, 1)), np.ones((n_boxes, 3))
     boxes[: len(scene.boxes)], halves[: len(scene.boxes)] = scene.boxes, scene.halves
-    return found, own, straight, boxes, halves, counts, present, carries
+    return found, own, straight, boxes, halves, present, carries

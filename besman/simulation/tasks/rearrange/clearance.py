@@ -31,12 +31,6 @@ _EDGES = np.array(
 )
 
 
-def box_edges(half: FloatArray) -> FloatArray:
-    """Return the edges of a box, half its size (3,), about its middle, shape (12, 2, 3)."""
-    edges: FloatArray = (_CORNERS * half)[_EDGES]
-    return edges
-
-
 class Hold(NamedTuple):
     """When a box moves with the gripper, seconds on the clock of the task.
 
@@ -187,9 +181,8 @@ class Surroundings:
         tools = forward_kinematics(self.robot.chain, rows)
         boxes = tools[1:] @ np.linalg.inv(tools[0]) @ frame_matrix(self.before[thing])
         turns, middles = boxes[:, :3, :3], boxes[:, None, :3, 3]
-        own = box_edges(self._box)
-        edges = np.einsum("bij,ekj->beki", turns, own) + middles[:, None]
-        bare = np.zeros(len(own))
+        edges = (np.einsum("bij,kj->bki", turns, _CORNERS * self._box) + middles)[:, _EDGES]
+        bare = np.zeros(len(_EDGES))
         others = np.delete(self.before, thing, axis=0)
         standing = np.array([frame_matrix(pose) for pose in others]).reshape(-1, 4, 4)
         inside = np.einsum("bji,bckj->bcki", turns, arm - middles[:, None])
@@ -210,52 +203,26 @@ def _place(
 
     The gripper is open but in the rows in which it holds a box.
     """
-    placed, radii, joints = place_with_tool(robot, *gripper_capsules(task.gripper), positions)
+    placed, radii, joints = _place_gripper(robot, *gripper_capsules(task.gripper), positions)
     if holding is not None and np.any(holding):
         ends, widths = gripper_capsules(task.gripper, task.box.size_m[1])
-        placed[holding] = place_with_tool(robot, ends, widths, positions[holding])[0]
+        placed[holding] = _place_gripper(robot, ends, widths, positions[holding])[0]
     return placed, radii, joints
 
 
-def place_with_tool(
+def _place_gripper(
     robot: Robot, ends: FloatArray, radii: FloatArray, positions: FloatArray
 ) -> tuple[FloatArray, FloatArray, npt.NDArray[np.int64]]:
-    """Return the capsules of the arm that move, and those (C, 2, 3) of its tool.
-
-    Parameters
-    ----------
-    robot : Robot
-    ends : array, shape (C, 2, 3)
-        Of the tool's capsules, in the frame of its centre point, metres.
-    radii : array, shape (C,)
-        Metres.
-    positions : array, shape (B, n)
-        rad.
-
-    Returns
-    -------
-    placed : array, shape (B, A, 2, 3)
-        In the world, metres.
-    radii : array, shape (A,)
-    joints : array, shape (A,)
-        Which each moves with.
-    """
-    joints, ends, radii = with_tool(robot, ends, radii)
-    chain = robot.chain
-    placed = place_all(chain.placements, chain.axes, joints, ends, np.array(positions))
-    return placed, radii, joints
-
-
-def with_tool(
-    robot: Robot, ends: FloatArray, radii: FloatArray
-) -> tuple[npt.NDArray[np.int64], FloatArray, FloatArray]:
-    """Return joints, ends and radii of the arm's moving capsules, and of those of its tool."""
+    """Return the capsules of the arm that move, and those (C, 2, 3) of its tool."""
     chain = robot.chain
     ends = ends @ chain.tip[:3, :3].T + chain.tip[:3, 3]
     joints = np.concatenate([chain.capsule_joints, np.full(len(ends), robot.n - 1)])
     ends, radii = np.concatenate([chain.capsule_ends, ends]), np.append(chain.capsule_radii, radii)
     moving = joints >= 0
-    return joints[moving], ends[moving], radii[moving]
+    placed = place_all(
+        chain.placements, chain.axes, joints[moving], ends[moving], np.array(positions)
+    )
+    return placed, radii[moving], joints[moving]
 
 
 def _least(placed: FloatArray, radii: FloatArray, boxes: FloatArray, half: FloatArray) -> float:

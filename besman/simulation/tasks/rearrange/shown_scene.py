@@ -11,7 +11,6 @@ import numpy.typing as npt
 from besman.motion.adapt_task import frame_matrix
 from besman.motion.grasp_way import GraspWay
 from besman.records import BlockDemonstration
-from besman.simulation.tasks.grasp_box.gripper import gripper_capsules
 from besman.simulation.tasks.rearrange.boxes import (
     BoxFrame,
     board_pose,
@@ -48,9 +47,6 @@ class ShownScene:
         Where it is in the frame of the tool.
     half : array, shape (3,)
         Half its size, metres.
-    gripper_ends : array, shape (C, 2, 3)
-        Capsules of the open gripper in the frame of the tool, metres.
-    gripper_radii : array, shape (C,)
     """
 
     boxes: FloatArray
@@ -63,8 +59,6 @@ class ShownScene:
     carried_s: FloatArray
     carried: FloatArray
     half: FloatArray
-    gripper_ends: FloatArray
-    gripper_radii: FloatArray
 
 
 def list_scenes(
@@ -116,7 +110,6 @@ def _scene(one: BlockDemonstration, frame: BoxFrame, task: RearrangeConfig) -> S
         ways_s += [grasp_s + k * _STEP_S for k in (-2, -1, 1)]
         ways_s += [release_s + k * _STEP_S for k in (-1, 1, 2)]
     always = np.full(len(boards), np.inf)
-    ends, radii = gripper_capsules(task.gripper)
     return ShownScene(
         boxes=np.stack([*boards, *(frame_matrix(pose) for pose in middles)]),
         halves=np.repeat([board_half, half], len(boards), axis=0),
@@ -128,8 +121,6 @@ def _scene(one: BlockDemonstration, frame: BoxFrame, task: RearrangeConfig) -> S
         carried_s=np.array(one.holds_s).reshape(-1, 2),
         carried=np.asarray(np.linalg.inv(way.tool) @ frame.matrix),
         half=half,
-        gripper_ends=ends,
-        gripper_radii=radii,
     )
 
 
