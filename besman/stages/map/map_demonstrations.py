@@ -46,6 +46,8 @@ NO_SCENES: Scenes = {}
 # start, are worth it for so many demonstrations; a placement of its own is ten times the work.
 _PROCESSES_FROM = 128
 _CORRECTIONS_FROM = 12
+# How many poses of one demonstration are looked at among things, first and then.
+_POSES_ALONE = (72, 24)
 
 
 def map_embodiment(
@@ -265,8 +267,33 @@ def _map_corrected(
     reasons: dict[str, str],
     scenes: Scenes,
 ) -> Mapped:
-    """Map one demonstration with a placement of its own."""
-    arm = arm_paths(robot, [demonstration], scenes)
+    """Map one demonstration with a placement of its own.
+
+    Where the one that keeps clear of what stands around does not serve it, it is looked for with
+    fewer poses, and then as if nothing stood there.
+    """
+    bare = arm_paths(robot, [demonstration])
+    arms = [bare]
+    if scenes:
+        own = arm_paths(robot, [demonstration], scenes)
+        arms = [replace(own, n_poses=number) for number in _POSES_ALONE] + arms
+    for arm in arms:
+        found = _map_moved(demonstration, placement, arm, settings, back_height, reasons, scenes)
+        if not reason_of(found, settings):
+            break
+    return found
+
+
+def _map_moved(
+    demonstration: HandTrajectory,
+    placement: Placement,
+    arm: ArmPaths,
+    settings: MappingSettings,
+    back_height: float | None,
+    reasons: dict[str, str],
+    scenes: Scenes,
+) -> Mapped:
+    """Map one demonstration with the placement that is best for one arm's path."""
     own = correct_placement(arm, settings.search, placement, back_height)
     middle = np.eye(4)
     middle[:3, 3] = arm.paths[0][1][:, :3, 3].mean(axis=0)
@@ -279,7 +306,7 @@ def _map_corrected(
         turn_rad=float(abs(np.arctan2(np.sin(turn), np.cos(turn)))),
         scale=own.scale / placement.scale,
     )
-    mapped = map_with_placement(demonstration, own, robot, settings, scenes)
+    mapped = map_with_placement(demonstration, own, arm.robot, settings, scenes)
     return replace(mapped, correction=correction)
 
 

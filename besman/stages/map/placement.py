@@ -14,6 +14,7 @@ from besman.robot.model import Robot
 from besman.search.in_a_box import BoxSearch, Optimizer, make_box_search
 from besman.simulation.tasks.rearrange.shown_scene import ShownScene
 from besman.stages.map.placement_cost import (
+    POSES_AMONG,
     ArmCost,
     Cost,
     find_starts,
@@ -95,11 +96,14 @@ class ArmPaths:
         Seconds, shape (T,), and poses of the tool centre point in the back frame, shape (T, 4, 4).
     scenes : sequence of ShownScene
         What stands around each; none where nothing is known to.
+    n_poses : int
+        How many of each are looked at among that.
     """
 
     robot: Robot
     paths: Sequence[tuple[FloatArray, FloatArray]]
     scenes: Sequence[ShownScene] = ()
+    n_poses: int = POSES_AMONG
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,11 +232,14 @@ def _arm_cost(
     arm: ArmPaths, search: PlacementSearch, centre: FloatArray, back_height: float | None
 ) -> ArmCost:
     """Return what placements cost one arm."""
-    paths, steps_s = thin_out(arm.paths, bool(arm.scenes))
     around = None
     if arm.scenes:
-        rows = [thin_rows(len(time), True) for time, _ in arm.paths]
+        n_poses = arm.n_poses
+        paths, steps_s = thin_out(arm.paths, n_poses)
+        rows = [thin_rows(len(time), n_poses) for time, _ in arm.paths]
         around = thin_among(arm.paths, rows, arm.scenes)
+    else:
+        paths, steps_s = thin_out(arm.paths)
     starts = find_starts(arm.robot, paths, search.ik, search.free_spin, search.seed)
     return ArmCost(
         arm.robot, paths, steps_s, centre, search.weights, search.ik, search.free_spin, starts,

@@ -18,7 +18,9 @@ FloatArray = npt.NDArray[np.float64]
 
 _POSES = 12
 # A whole task is as long as several movements, and touches what is passed on the way.
-_POSES_AMONG = 24
+POSES_AMONG = 24
+"""How many poses of a demonstration are looked at among things."""
+
 _GREATEST_BRANCHES = 8
 _SEARCHED_BRANCHES = 3
 _SAMPLE = 4
@@ -47,24 +49,17 @@ def scale_about(poses: FloatArray, centre: FloatArray, scale: float) -> FloatArr
 
 
 def thin_out(
-    demonstrations: Sequence[tuple[FloatArray, FloatArray]], among: bool = False
+    demonstrations: Sequence[tuple[FloatArray, FloatArray]], n_poses: int = _POSES
 ) -> tuple[FloatArray, FloatArray]:
-    """Keep twelve poses of every demonstration: (D, P, 4, 4) and seconds between them (D,).
-
-    Twice as many among things that stand around.
-    """
-    paths, steps_s = [], []
-    for time, poses in demonstrations:
-        rows = thin_rows(len(time), among)
-        paths.append(poses[rows])
-        steps_s.append(float(time[-1] - time[0]) / (len(rows) - 1))
+    """Keep so many poses of every demonstration: (D, P, 4, 4) and seconds between them (D,)."""
+    paths = [poses[thin_rows(len(time), n_poses)] for time, poses in demonstrations]
+    steps_s = [float(time[-1] - time[0]) / (n_poses - 1) for time, _ in demonstrations]
     return np.array(paths), np.array(steps_s)
 
 
-def thin_rows(n_samples: int, among: bool = False) -> npt.NDArray[np.int64]:
+def thin_rows(n_samples: int, n_poses: int = _POSES) -> npt.NDArray[np.int64]:
     """Return which samples of a demonstration are kept, shape (P,)."""
-    number = _POSES_AMONG if among else _POSES
-    return np.rint(np.linspace(0, n_samples - 1, number)).astype(np.int64)
+    return np.rint(np.linspace(0, n_samples - 1, n_poses)).astype(np.int64)
 
 
 @dataclass(frozen=True, eq=False)
