@@ -72,7 +72,8 @@ def lead_grasps(plan: TaskPlan, robot: Robot, way: GraspWay, gaps: Gaps | None =
     Returns
     -------
     TaskPlan
-        Within the joints' ranges, as fast as it comes. The same one, if it takes nothing.
+        Within the joints' ranges, as fast as it comes. The same one, if it takes nothing and goes
+        no higher.
 
     Raises
     ------
@@ -81,7 +82,7 @@ def lead_grasps(plan: TaskPlan, robot: Robot, way: GraspWay, gaps: Gaps | None =
     PlanError
         If there are not so many postures.
     """
-    if all(block.frame == "world" for block in plan.blocks):
+    if way.higher_m == 0 and all(block.frame == "world" for block in plan.blocks):
         return plan
     goals = choose_posture(plan, robot, way, gaps)
     blocks: list[BlockPlan] = []
