@@ -10,7 +10,7 @@ from whole_task import carry_box
 from besman.exceptions import PlanError
 from besman.simulation.tasks.kinds import load_whole_task
 from besman.simulation.tasks.rearrange.block_trials import BlockTrials
-from besman.stages.refine.block_parts import n_parameters, shape_part, split_aimed, split_task
+from besman.stages.refine.block_parts import n_parameters, shape_part, split_task
 from besman.stages.refine.block_search import search_blocks, search_whole
 
 TASK = load_whole_task("rearrange")
