@@ -28,7 +28,8 @@ from whole_tasks import ACTIONS, find_actions, imitate_tasks
 from besman.robot.model import load_robot
 from besman.simulation.tasks.kinds import load_whole_task
 from besman.simulation.tasks.rearrange.block_trials import BlockTrials
-from besman.stages.refine.block_search import search_blocks, search_whole, split_task
+from besman.stages.refine.block_parts import split_task
+from besman.stages.refine.block_search import search_blocks, search_whole
 from besman.synthetic.datasets import write_synthetic
 
 SIGMA, SCRATCH = 1.0, 5.0

@@ -27,7 +27,7 @@ from besman.simulation.tasks.kinds import load_whole_task
 from besman.stages.imitate.stage import ImitateConfig
 from besman.stages.imitate.task_plans import ImitateTasks
 from besman.stages.map.stage import MapConfig
-from besman.stages.map.whole_tasks import MapTasks
+from besman.stages.map.whole_tasks import MapAmongBoards, MapTasks
 from besman.stages.read.read_inputs import read_inputs
 from besman.stages.recognize.stage import RecognizeConfig
 from besman.stages.refine.stage import CmaEsConfig
@@ -123,7 +123,8 @@ def imitate_tasks(robot, demonstrations):
     map_config = MapConfig(weights={"position": 5, "singularity": 5})
     work = Work(notes=Notes())
     started = time.perf_counter()
-    mapping = map_config.run(tuple(one.hand for one in demonstrations), robot, work)
+    task = load_whole_task("rearrange")
+    mapping = MapAmongBoards(map_config).run(demonstrations, robot, task, work)
     tasks = MapTasks(map_config).run(mapping, demonstrations, robot)
     mapped = time.perf_counter()
     plans = ImitateTasks(ImitateConfig()).run(tasks, robot, work)

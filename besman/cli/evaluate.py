@@ -7,7 +7,13 @@ import typer
 
 from besman.classifiers.kinds import CLASSIFIER_NAMES
 from besman.cli.options import ALL_CORES, Figures, Jobs, Json, target_folder
-from besman.evaluation.names import FUNCTION_NAMES, HIERARCHY_NAMES, TASK_RECIPES
+from besman.evaluation.names import (
+    FUNCTION_NAMES,
+    HIERARCHY_NAMES,
+    TASK_RECIPES,
+    WHOLE_TASK_RECIPES,
+    WHOLE_TASK_SEARCHES,
+)
 from besman.search.kinds import CONTEXTUAL_NAMES, SEARCH_NAMES
 from besman.stages.segment.kinds import SEGMENTATION_NAMES
 
@@ -229,15 +235,16 @@ def evaluate_refinement(
         list[str] | None,
         typer.Option(
             "--problem",
-            help=f"{', '.join(FUNCTION_NAMES)}; {', '.join(TASK_RECIPES)}; or a pipeline.yaml, "
-            "whose imitations are refined.",
+            help=f"{', '.join(FUNCTION_NAMES)}; {', '.join(TASK_RECIPES)}; of whole tasks "
+            f"{', '.join(WHOLE_TASK_RECIPES)}; or a pipeline.yaml, whose imitations are refined.",
         ),
     ] = None,
     methods: Annotated[
         list[str] | None,
         typer.Option(
             "--method",
-            help=f"{', '.join(SEARCH_NAMES)}; {', '.join(CONTEXTUAL_NAMES)}; default all.",
+            help=f"{', '.join(SEARCH_NAMES)}; {', '.join(CONTEXTUAL_NAMES)}; of whole tasks "
+            f"{', '.join(WHOLE_TASK_SEARCHES)}; default all.",
         ),
     ] = None,
     seeds: Annotated[int, typer.Option(min=1, help="Runs of every search.")] = 5,

@@ -22,5 +22,11 @@ TASK_RECIPES = {
 }
 """Simulated tasks that they are compared on, and the pipeline whose imitations are refined."""
 
+WHOLE_TASK_RECIPES = {"rearrange": "iiwa7_pick_and_place"}
+"""Whole tasks, likewise."""
+
+WHOLE_TASK_SEARCHES = ("block_by_block", "as_one", "from_scratch")
+"""How these are refined, see `besman.evaluation.whole_task_problem.WholeTaskProblem`."""
+
 HIERARCHY_NAMES = ("step", "object_rotation", "circle_drawing", "rotation")
 """Datasets of blocks and actions, see `besman.evaluation.hierarchy`."""

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from besman.evaluation.refinement_functions import Attempt, Problem
 from besman.evaluation.refinement_problems import TaskProblem
+from besman.evaluation.whole_task_problem import WholeTaskProblem
 from besman.exceptions import ConfigError, nearest
 from besman.search.kinds import usual_spelling
 from besman.work.work import Work
@@ -23,6 +24,7 @@ PROBLEMS = ("sphere", "rosenbrock", "contextual_sphere", "via_points", "obstacle
 
 QUANTILES = (0.1, 0.25, 0.5, 0.75, 0.9)
 _N_PLACES = 60
+_SIMULATED = (TaskProblem, WholeTaskProblem)
 
 
 @dataclass(frozen=True)
@@ -117,7 +119,7 @@ def _row(
     levels = np.quantile(np.stack(best), QUANTILES, axis=0)[:, places - 1]
     return {
         "dataset": problem.name,
-        "source": "simulation" if isinstance(problem, TaskProblem) else "function",
+        "source": "simulation" if isinstance(problem, _SIMULATED) else "function",
         "method": method,
         "seeds": list(seeds),
         "n_runs": len(attempts),

@@ -12,17 +12,18 @@ from typing import Any
 import numpy as np
 
 from besman.config.resources import find_resource
-from besman.evaluation.names import TASK_RECIPES
+from besman.evaluation.names import TASK_RECIPES, WHOLE_TASK_RECIPES
 from besman.evaluation.refinement_functions import FUNCTIONS, Attempt, Problem
+from besman.evaluation.whole_task_problem import WholeTaskProblem, whole_task_problem
 from besman.exceptions import ConfigError, nearest
-from besman.pipeline.config import load_pipeline
+from besman.pipeline.config import PipelineConfig, load_pipeline
 from besman.pipeline.pipeline import run_pipeline
 from besman.pipeline.stored_run import open_run
 from besman.records import AnyPlan
 from besman.robot.model import Robot, load_robot
 from besman.search.kinds import SEARCH_NAMES
 from besman.simulation.task import Task
-from besman.simulation.tasks.kinds import load_task
+from besman.simulation.tasks.kinds import is_whole_task, load_task, load_whole_task
 from besman.stages.refine.class_model import ClassModel
 from besman.stages.refine.methods import CONFIGS
 from besman.stages.refine.stage import RefinementConfig
@@ -102,7 +103,7 @@ def load_problem(name: str, episodes: int | None = None) -> Problem:
     Parameters
     ----------
     name : str
-        Of `FUNCTIONS` or `TASK_RECIPES`, or the path of a pipeline.
+        Of `FUNCTIONS`, `TASK_RECIPES` or `WHOLE_TASK_RECIPES`, or the path of a pipeline.
     episodes : int, optional
         Of one search of a task; the pipeline's own if not given.
 
@@ -113,13 +114,15 @@ def load_problem(name: str, episodes: int | None = None) -> Problem:
     """
     if name in FUNCTIONS:
         return FUNCTIONS[name]()
-    if name not in TASK_RECIPES and not name.endswith(".yaml"):
+    recipes = TASK_RECIPES | WHOLE_TASK_RECIPES
+    if name not in recipes and not name.endswith(".yaml"):
         raise ConfigError(
-            f"--problem: got {name!r}; {nearest(name, (*FUNCTIONS, *TASK_RECIPES))} or a "
-            "pipeline.yaml"
+            f"--problem: got {name!r}; {nearest(name, (*FUNCTIONS, *recipes))} or a pipeline.yaml"
         )
-    path = find_resource("pipelines", TASK_RECIPES.get(name, name))
+    path = find_resource("pipelines", recipes.get(name, name))
     config = load_pipeline(path)
+    if is_whole_task(config.task):
+        return _load_whole_tasks(Path(name).stem, config, episodes)
     with tempfile.TemporaryDirectory() as folder:
         few = config.refine.model_copy(update={"episodes": 1, "robustness": None})
         run = run_pipeline(config.model_copy(update={"refine": few}), Path(folder) / "run")
@@ -127,6 +130,14 @@ def load_problem(name: str, episodes: int | None = None) -> Problem:
     refine = config.refine if episodes is None else _with_episodes(config.refine, episodes)
     robot, task = load_robot(config.robot, config.tool), load_task(config.task)
     return TaskProblem(Path(name).stem, plans, robot, task, refine)
+
+
+def _load_whole_tasks(name: str, config: PipelineConfig, episodes: int | None) -> WholeTaskProblem:
+    """Run a pipeline of whole tasks, and take its imitations."""
+    with tempfile.TemporaryDirectory() as folder:
+        plans = open_run(run_pipeline(config, Path(folder) / "run")).record("task_plans")
+    robot, task = load_robot(config.robot, config.tool), load_whole_task(config.task)
+    return whole_task_problem(name, plans, robot, task, episodes)
 
 
 def _with_episodes(config: RefinementConfig, episodes: int) -> RefinementConfig:

@@ -23,8 +23,9 @@ FloatArray = npt.NDArray[np.float64]
 _LEAST_LOG_SPREAD = 0.1
 _USUAL_LOG_SPREAD = 0.3
 
-# Whether somebody rests is a habit: however often others did, it counts as much as two sightings.
-_MOST_SIGHTINGS = 2
+# Whether somebody rests is a habit: however often others did, it counts as half a sighting; each of
+# one's own counts as one, after whichever movement.
+_MOST_SIGHTINGS = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,8 +61,9 @@ class Foresight:
     """Learns from named blocks; foresees the block that has begun, and the next movement.
 
     Movements follow each other by a Markov model of variable order; rests between them are habits
-    and stand beside it, with a probability that depends on the block before. What was seen of a
-    block is told by `besman.following.beginnings.Beginnings`; Bayes' rule joins both.
+    and stand beside it, with a probability that depends on the block before and on how often this
+    person has rested so far. What was seen of a block is told by
+    `besman.following.beginnings.Beginnings`; Bayes' rule joins both.
 
     Parameters
     ----------
@@ -135,7 +137,8 @@ class Foresight:
         movements = [label for label in before if label != IDLE]
         rests, n = self._rests.get(before[-1] if before else "", (0, 0))
         weight = min(n, _MOST_SIGHTINGS)
-        rest = (weight * rests / max(n, 1) + 0.5) / (weight + 1.0)
+        own, chances = (0, 0) if before and before[-1] == IDLE else _own_rests(before)
+        rest = (weight * rests / max(n, 1) + own + 0.5) / (weight + chances + 1.0)
         now = self._order.probabilities(movements)
         rows = [self._order.probabilities([*movements, label]) for label in self._order.labels]
         return np.append((1 - rest) * now, rest), np.stack([*rows, now])
@@ -214,6 +217,12 @@ class Foresight:
         passed = ndtr((np.log(max(elapsed_s, 1e-6)) - centre) / spread)
         median = ndtri(min(passed + 0.5 * (1.0 - passed), 1.0 - 1e-12))
         return max(0.0, float(np.exp(centre + spread * median)) - elapsed_s)
+
+
+def _own_rests(before: Sequence[str]) -> tuple[int, int]:
+    """Return how often somebody rested after a movement so far, and how often that could be."""
+    chances = sum(label != IDLE for label in before[:-1])
+    return sum(label == IDLE for label in before[1:]), chances
 
 
 def _count_rests(blocks: Sequence[LabelledSegments]) -> dict[str, tuple[int, int]]:

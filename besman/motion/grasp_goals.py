@@ -11,11 +11,12 @@ from scipy.interpolate import CubicSpline
 
 from besman.geometry.frames import rotation_to_quaternion
 from besman.motion.adapt_task import follow_goal, frame_matrix, keep_block_range, keep_task_limits
-from besman.motion.grasp_postures import Gaps, choose_posture
+from besman.motion.grasp_postures import choose_posture
 from besman.motion.grasp_way import GraspWay, poses_from
 from besman.motion.velocity_dmp import fit_velocity_weights, roll_out_velocity
 from besman.records import BlockPlan, TaskPlan
 from besman.records.layers import IDLE
+from besman.robot.branch_choice import Gaps
 from besman.robot.ik_kernel import follow_paths
 from besman.robot.inverse_kinematics import IkWeights, joint_box
 from besman.robot.kinematics import forward_kinematics
@@ -71,7 +72,8 @@ def lead_grasps(plan: TaskPlan, robot: Robot, way: GraspWay, gaps: Gaps | None =
     Returns
     -------
     TaskPlan
-        Within the joints' ranges, as fast as it comes. The same one, if it takes nothing.
+        Within the joints' ranges, as fast as it comes. The same one, if it takes nothing and goes
+        no higher.
 
     Raises
     ------
@@ -80,7 +82,7 @@ def lead_grasps(plan: TaskPlan, robot: Robot, way: GraspWay, gaps: Gaps | None =
     PlanError
         If there are not so many postures.
     """
-    if all(block.frame == "world" for block in plan.blocks):
+    if way.higher_m == 0 and all(block.frame == "world" for block in plan.blocks):
         return plan
     goals = choose_posture(plan, robot, way, gaps)
     blocks: list[BlockPlan] = []

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import groupby, product
 
 import numpy as np
@@ -12,6 +12,7 @@ from besman.exceptions import OutOfReachError
 from besman.motion.adapt_task import MISS_M, MISS_RAD, follow_goal, frame_matrix, too_far
 from besman.motion.grasp_way import GraspWay, poses_between, poses_from
 from besman.records import BlockPlan, TaskPlan
+from besman.robot.branch_choice import Gaps
 from besman.robot.branches import SAME_BRANCH_RAD, IkWeights, draw_starts, find_branches, follow_all
 from besman.robot.collision import distances
 from besman.robot.inverse_kinematics import solve_path
@@ -22,10 +23,6 @@ FloatArray = npt.NDArray[np.float64]
 # So many orders of postures are kept on the way through a task, the nearest ones.
 _MOST_ORDERS = 64
 _ROUNDS, _TOLERANCE = 60, 1e-12
-
-
-Gaps = Callable[[FloatArray], FloatArray]
-"""How far an arm is from what it must not touch, metres, by its joints, (..., n) to (...)."""
 
 
 def choose_posture(

@@ -30,7 +30,7 @@ from besman.stages.compose.stage import leave_out_actions, pick_level
 from besman.stages.export.task_exports import write_task_exports
 from besman.stages.imitate.task_plans import ImitateTasks
 from besman.stages.map.stage import MapBothArms
-from besman.stages.map.whole_tasks import MapTasks
+from besman.stages.map.whole_tasks import MapAmongBoards, MapTasks
 from besman.stages.read.read_inputs import Inputs, read_inputs
 from besman.stages.recognize.model import RecognitionModel
 from besman.stages.recognize.model_files import load_model
@@ -181,7 +181,11 @@ def _run_stages(config: PipelineConfig, run: Run, inputs: Inputs, trained_in: Pa
         hands = tuple(one.hand for one in divided)
     robot = load_robot(config.robot, config.tool)
     if config.second_arm is None:
-        mapping = run.step("map", config.map, hands, robot)
+        if config.select.as_ == "blocks" and is_whole_task(config.task):
+            among = MapAmongBoards(config.map)
+            mapping = run.step("map", among, divided, robot, load_whole_task(config.task))
+        else:
+            mapping = run.step("map", config.map, hands, robot)
         if config.select.as_ == "blocks":
             tasks = run.step("tasks", MapTasks(config.map), mapping, divided, robot)
             plans = run.step("task_plans", ImitateTasks(config.imitate), tasks, robot)

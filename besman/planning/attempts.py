@@ -23,7 +23,7 @@ from besman.simulation.tasks.rearrange.boxes import BoxFrame, box_poses
 from besman.simulation.tasks.rearrange.rearrange import RearrangeConfig
 from besman.simulation.tasks.rearrange.sections import GraspConfig
 from besman.simulation.tasks.rearrange.ways import Led, list_aimed
-from besman.stages.refine.whole_tasks import is_better
+from besman.stages.refine.one_task import is_better
 
 FloatArray = npt.NDArray[np.float64]
 

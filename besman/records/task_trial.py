@@ -73,7 +73,7 @@ class RefinedTask(Record, stored_as="RefinedTask"):
     trial : TaskTrial
         What comes of it.
     tries : int
-        Ways that were simulated, that of the imitation among them.
+        Simulations, that of the imitation among them, and those of a block alone.
     """
 
     plan: TaskPlan

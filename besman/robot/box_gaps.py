@@ -37,30 +37,46 @@ def box_gaps(
         Least distance of a capsule, metres; minus its radius where its axis is within a box.
     """
     gaps = np.full((len(placed), len(boxes)), np.inf)
-    middles, ends = np.empty(3), np.empty((2, 3))
     for box in range(len(boxes)):
-        reach = np.sqrt(np.sum(halves[box] ** 2))
         for index in range(len(placed)):
             for capsule in range(len(radii)):
-                one, other = placed[index, capsule, 0], placed[index, capsule, 1]
-                length, away = 0.0, 0.0
-                for row in range(3):
-                    length += (other[row] - one[row]) ** 2
-                    middles[row] = 0.5 * (one[row] + other[row])
-                    away += (middles[row] - boxes[box, row, 3]) ** 2
-                least = np.sqrt(away) - reach - 0.5 * np.sqrt(length) - radii[capsule]
-                if least >= gaps[index, box]:
-                    continue
-                for end in range(2):
-                    for row in range(3):
-                        ends[end, row] = 0.0
-                        for k in range(3):
-                            ends[end, row] += boxes[box, k, row] * (
-                                placed[index, capsule, end, k] - boxes[box, k, 3]
-                            )
-                gap = _segment_gap(ends[0], ends[1], halves[box]) - radii[capsule]
-                gaps[index, box] = min(gaps[index, box], gap)
+                gaps[index, box] = nearer_gap(
+                    placed[index, capsule], radii[capsule], boxes[box], halves[box],
+                    gaps[index, box],
+                )  # fmt: skip
     return gaps
+
+
+@compiled
+def nearer_gap(
+    ends: FloatArray, radius: float, box: FloatArray, half: FloatArray, nearest: float
+) -> float:
+    """Return how near one capsule is to one box, or what was nearest, if that is less.
+
+    Parameters
+    ----------
+    ends : array, shape (2, 3)
+        Of its axis in the world, metres.
+    radius : float
+    box : array, shape (4, 4)
+    half : array, shape (3,)
+    nearest : float
+        Metres; what is further away, by the balls around both, is not looked at.
+    """
+    reach, length, away = 0.0, 0.0, 0.0
+    for row in range(3):
+        reach += half[row] ** 2
+        length += (ends[1, row] - ends[0, row]) ** 2
+        away += (0.5 * (ends[0, row] + ends[1, row]) - box[row, 3]) ** 2
+    least = np.sqrt(away) - np.sqrt(reach) - 0.5 * np.sqrt(length) - radius
+    if least >= nearest:
+        return nearest
+    inside = np.zeros((2, 3))
+    for end in range(2):
+        for row in range(3):
+            for k in range(3):
+                inside[end, row] += box[k, row] * (ends[end, k] - box[k, 3])
+    return min(nearest, _segment_gap(inside[0], inside[1], half) - radius)
 
 
 @compiled

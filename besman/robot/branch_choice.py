@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import numpy.typing as npt
 
@@ -24,11 +26,16 @@ from besman.robot.ur_kinematics import UrGeometry, read_geometry, solve_branches
 
 FloatArray = npt.NDArray[np.float64]
 
+Gaps = Callable[[FloatArray], FloatArray]
+"""How far an arm is from what it must not touch, metres, by its joints, (..., n) to (...)."""
+
 _ANCHORS = 5
 _SEQUENCES = 4
 _DIFFERENT_RAD = 0.3
 # Within this distance to itself a branch is dearer than any other.
 _SAFE_DISTANCE_M = 0.01
+# Touching what stands around, of which ways at hand keep clear yet, costs as much as this error.
+_BESIDE_M = 0.02
 # Closeness to a singularity or to a limit costs a configuration at most this much pose error.
 _CLOSE_M = 2e-3
 _SINGULAR_SHARE = 0.3  # of the manipulability at home
@@ -45,6 +52,7 @@ def choose_candidates(
     free_spin: bool,
     step_s: float | None,
     seed: int,
+    gaps: Gaps | None = None,
 ) -> FloatArray:
     """Choose joint paths that are worth refining.
 
@@ -53,7 +61,7 @@ def choose_candidates(
     robot : Robot
     targets : array, shape (T, 4, 4)
         Poses of the tool centre point, metres.
-    weights, free_spin, step_s, seed
+    weights, free_spin, step_s, seed, gaps
         As in `besman.robot.inverse_kinematics.solve_path`.
 
     Returns
@@ -64,10 +72,10 @@ def choose_candidates(
     geometry = read_geometry(robot.chain)
     if geometry is not None:
         choose = _choose_spins if free_spin else _choose_exact
-        sequences = choose(robot, geometry, targets, step_s)
+        sequences = choose(robot, geometry, targets, step_s, gaps)
         if len(sequences):
             return sequences
-    return _choose_followed(robot, targets, weights, free_spin, step_s, seed)
+    return _choose_followed(robot, targets, weights, free_spin, step_s, seed, gaps)
 
 
 def rate_paths(
@@ -76,6 +84,7 @@ def rate_paths(
     errors: FloatArray,
     weights: IkWeights,
     step_s: float | None,
+    gaps: Gaps | None = None,
 ) -> FloatArray:
     """Return what paths cost: pose errors first, then time, way, collisions and home.
 
@@ -86,7 +95,7 @@ def rate_paths(
         rad.
     errors : array, shape (K, T, 2)
         Position (m) and orientation (rad).
-    weights, step_s
+    weights, step_s, gaps
         As in `besman.robot.inverse_kinematics.solve_path`.
 
     Returns
@@ -95,8 +104,7 @@ def rate_paths(
         Like metres of position error (root mean square and greatest).
     """
     steps = np.diff(positions, axis=1)
-    distance = distances(robot.chain, positions, _SAFE_DISTANCE_M).min(axis=-1)
-    near = np.maximum(0.0, 1.0 - distance / _SAFE_DISTANCE_M)
+    near = _nearness(distances(robot.chain, positions, _SAFE_DISTANCE_M).min(axis=-1))
     costs: FloatArray = (
         np.sqrt(np.mean(_squared_errors(errors, weights), axis=1))
         + 0.2 * weights.position * errors[:, :, 0].max(axis=1)
@@ -104,11 +112,19 @@ def rate_paths(
         + weights.home * np.sum(np.linalg.norm(steps, axis=2), axis=1)
         + np.mean(near, axis=1)
     )
+    if gaps is not None:
+        costs += _BESIDE_M * np.mean(_nearness(gaps(positions)), axis=1)
     if step_s is not None and steps.shape[1] > 1:
         rates = steps / step_s, np.diff(steps, axis=1) / step_s**2
         stretch = [time_stretch(robot.limits, *both) for both in zip(*rates, strict=True)]
         costs += weights.stretch * np.maximum(np.array(stretch) - 1.0, 0.0)
     return costs
+
+
+def _nearness(distance: FloatArray) -> FloatArray:
+    """Return by what share of a safe distance each falls short of it."""
+    near: FloatArray = np.maximum(0.0, 1.0 - distance / _SAFE_DISTANCE_M)
+    return near
 
 
 def _squared_errors(errors: FloatArray, weights: IkWeights) -> FloatArray:
@@ -120,16 +136,24 @@ def _squared_errors(errors: FloatArray, weights: IkWeights) -> FloatArray:
 
 
 def _choose_exact(
-    robot: Robot, geometry: UrGeometry, targets: FloatArray, step_s: float | None
+    robot: Robot,
+    geometry: UrGeometry,
+    targets: FloatArray,
+    step_s: float | None,
+    gaps: Gaps | None,
 ) -> FloatArray:
     """Choose sequences of exact branches (K, T, n); none if a pose cannot be reached."""
     low, high = joint_box(robot)
     states, valid = solve_branches(geometry, targets, low, high, robot.home)
-    return _choose(robot, states, np.where(valid, 0.0, np.inf), 1, step_s)
+    return _choose(robot, states, np.where(valid, 0.0, np.inf), 1, step_s, gaps)
 
 
 def _choose_spins(
-    robot: Robot, geometry: UrGeometry, targets: FloatArray, step_s: float | None
+    robot: Robot,
+    geometry: UrGeometry,
+    targets: FloatArray,
+    step_s: float | None,
+    gaps: Gaps | None,
 ) -> FloatArray:
     """Choose sequences of exact branches and spins at some poses, with straight ways between."""
     n_poses = len(targets)
@@ -140,7 +164,7 @@ def _choose_spins(
     states = np.swapaxes(states.reshape(_SPINS, len(rows), -1, 6), 0, 1).reshape(len(rows), -1, 6)
     valid = np.swapaxes(valid.reshape(_SPINS, len(rows), -1), 0, 1).reshape(len(rows), -1)
     stride = (n_poses - 1) / max(len(rows) - 1, 1)
-    chosen = _choose(robot, states, np.where(valid, 0.0, np.inf), stride, step_s)
+    chosen = _choose(robot, states, np.where(valid, 0.0, np.inf), stride, step_s, gaps)
     return _between(chosen, rows, n_poses)
 
 
@@ -179,6 +203,7 @@ def _choose_followed(
     free_spin: bool,
     step_s: float | None,
     seed: int,
+    gaps: Gaps | None,
 ) -> FloatArray:
     """Choose sequences (K, T, n) of branches that are followed from several poses."""
     starts = draw_starts(robot, seed)
@@ -195,8 +220,8 @@ def _choose_followed(
                 paths.append(path)
                 errors.append(error)
     states, missed = np.stack(paths, axis=1), np.stack(errors, axis=1)
-    chosen = _choose(robot, states, _squared_errors(missed, weights), 1, step_s)
-    rated = rate_paths(robot, np.array(paths), np.array(errors), weights, step_s)
+    chosen = _choose(robot, states, _squared_errors(missed, weights), 1, step_s, gaps)
+    rated = rate_paths(robot, np.array(paths), np.array(errors), weights, step_s, gaps)
     order = np.argsort(rated, kind="stable")[:_SEQUENCES]
     # Most of those that are followed are among the sequences already.
     further = [paths[at] for at in order if is_new(paths[at], list(chosen), SAME_BRANCH_RAD)]
@@ -204,7 +229,12 @@ def _choose_followed(
 
 
 def _choose(
-    robot: Robot, states: FloatArray, squares: FloatArray, stride: float, step_s: float | None
+    robot: Robot,
+    states: FloatArray,
+    squares: FloatArray,
+    stride: float,
+    step_s: float | None,
+    gaps: Gaps | None,
 ) -> FloatArray:
     """Choose different sequences (K, T, n) from states (T, S, n) of these squared pose errors."""
     low, high = joint_box(robot)
@@ -215,11 +245,11 @@ def _choose(
     singular = np.maximum(0.0, 1.0 - manipulability(robot.chain, some) / usable)
     room = np.minimum(some - low, high - some).min(axis=1)
     tight = np.maximum(0.0, 1.0 - room / _WIDE_RAD)
-    near = np.maximum(
-        0.0, 1.0 - distances(robot.chain, some, _SAFE_DISTANCE_M).min(axis=1) / _SAFE_DISTANCE_M
-    )
+    near = _nearness(distances(robot.chain, some, _SAFE_DISTANCE_M).min(axis=1))
     away = np.mean((some - robot.home) ** 2, axis=1)
     costs[here] += _CLOSE_M**2 * (singular**2 + tight**2 + 0.1 * away) + 0.1 * near
+    if gaps is not None:
+        costs[here] += _BESIDE_M**2 * _nearness(gaps(some))
     # Without a time the arm is thought to need a second from one end of the path to the other.
     pace = (step_s or 1.0 / len(states)) * stride
     found = choose_sequences(

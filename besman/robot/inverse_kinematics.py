@@ -8,12 +8,13 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.exceptions import RobotError
-from besman.robot.branch_choice import choose_candidates, rate_paths
+from besman.robot.branch_choice import Gaps, choose_candidates, rate_paths
 from besman.robot.branches import IkWeights, draw_starts, find_branches, follow_all, joint_box
 from besman.robot.model import Robot
 from besman.robot.path_refinement import refine_path
 
 __all__ = [
+    "Gaps",
     "IkPath",
     "IkWeights",
     "draw_starts",
@@ -58,6 +59,7 @@ def solve_path(
     free_spin: bool = False,
     step_s: float | None = None,
     seed: int = 0,
+    gaps: Gaps | None = None,
 ) -> IkPath:
     """Find joint angles that follow a path of poses.
 
@@ -81,6 +83,9 @@ def solve_path(
         Seconds between poses; with it, branches that need less time are preferred.
     seed : int
         Of the drawn configurations.
+    gaps : callable, optional
+        How far the arm is from what it must not touch besides itself and the floor: branches that
+        stay clear of that are preferred.
 
     Returns
     -------
@@ -93,8 +98,8 @@ def solve_path(
     """
     targets = _check(poses)
     best: IkPath | None = None
-    for start in choose_candidates(robot, targets, weights, free_spin, step_s, seed):
-        found = _refined(robot, targets, start, weights, free_spin, step_s)
+    for start in choose_candidates(robot, targets, weights, free_spin, step_s, seed, gaps):
+        found = _refined(robot, targets, start, weights, free_spin, step_s, gaps)
         if best is None or found.cost < best.cost:
             best = found
     assert best is not None
@@ -108,6 +113,7 @@ def _refined(
     weights: IkWeights,
     free_spin: bool,
     step_s: float | None,
+    gaps: Gaps | None,
 ) -> IkPath:
     """Refine one path as a whole, and rate it."""
     positions, errors = refine_path(
@@ -120,7 +126,7 @@ def _refined(
         free_spin,
         _paces(robot, start, step_s),
     )
-    cost = float(rate_paths(robot, positions[None], errors[None], weights, step_s)[0])
+    cost = float(rate_paths(robot, positions[None], errors[None], weights, step_s, gaps)[0])
     return IkPath(positions, errors[:, 0], errors[:, 1], cost)
 
 

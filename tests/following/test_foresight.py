@@ -133,10 +133,26 @@ def test_rests_are_habits_beside_the_order():
     assert foresight.labels[-1] == IDLE
     after_movement, following = foresight.expect([rested.labels[0]])
     after_rest, _ = foresight.expect(rested.labels[:2])
-    # As by two sightings, whatever their number.
-    assert after_movement[-1] == pytest.approx(2.5 / 3)
-    assert after_rest[-1] == pytest.approx(0.5 / 3)
-    np.testing.assert_allclose(following[-1] * 2.5 / 3, after_rest[:-1])
+    # As by half a sighting, whatever their number.
+    assert after_movement[-1] == pytest.approx(1.0 / 1.5)
+    assert after_rest[-1] == pytest.approx(0.5 / 1.5)
+    np.testing.assert_allclose(following[-1] * 1.0 / 1.5, after_rest[:-1])
+
+
+def test_who_has_not_rested_yet_is_expected_to_go_on():
+    blocks = BLOCKS[0]
+    rested = dataclasses.replace(
+        blocks, labels=tuple(IDLE if k % 2 else label for k, label in enumerate(blocks.labels))
+    )
+    foresight = Foresight(RECORDINGS[:1], [rested], RECIPE)
+    first, second = rested.labels[0], rested.labels[2]
+    # Others always rest, half a sighting; this person had one chance, and another, and took none.
+    for before, chances in (([first, second], 1), ([first, second, first], 2)):
+        rest = foresight.expect(before)[0][-1]
+        others = 0.5 if before[-1] in rested.labels[:-1] else 0.0
+        assert rest == pytest.approx((others + 0.5) / (0.5 + 1 + chances))
+    # One who rests as others do is expected to.
+    assert foresight.expect([first, IDLE, second])[0][-1] == pytest.approx(2.0 / 2.5)
 
 
 def test_the_next_start_is_the_median_of_times_that_are_long_enough():

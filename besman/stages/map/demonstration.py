@@ -10,7 +10,7 @@ import numpy.typing as npt
 from besman.exceptions import MappingError
 from besman.geometry.frames import quaternion_to_rotation, rotation_to_quaternion
 from besman.records import HandTrajectory, JointTrajectory
-from besman.robot.inverse_kinematics import IkWeights, solve_path
+from besman.robot.inverse_kinematics import Gaps, IkWeights, solve_path
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.limits import LimitReport, check_limits, resample_trajectory
 from besman.robot.model import Robot
@@ -144,7 +144,11 @@ def place_target(target: FloatArray, placement: FloatArray) -> FloatArray:
 
 
 def map_one(
-    demonstration: HandTrajectory, poses: FloatArray, robot: Robot, settings: MappingSettings
+    demonstration: HandTrajectory,
+    poses: FloatArray,
+    robot: Robot,
+    settings: MappingSettings,
+    gaps: Gaps | None = None,
 ) -> tuple[JointTrajectory, LimitReport]:
     """Solve, smooth and slow down one demonstration, and check it at 1 kHz.
 
@@ -155,6 +159,8 @@ def map_one(
         What it asks of the tool centre point in the robot's world frame, metres.
     robot : Robot
     settings : MappingSettings
+    gaps : callable, optional
+        As of `besman.robot.inverse_kinematics.solve_path`.
 
     Returns
     -------
@@ -168,6 +174,7 @@ def map_one(
         free_spin=settings.free_spin,
         step_s=float(demonstration.time[1] - demonstration.time[0]),
         seed=settings.seed,
+        gaps=gaps,
     )
     scaled = scale_path(
         robot,

@@ -9,6 +9,7 @@ learning platform for automated robot skill learning, 2018. doi:10.3389/frobt.20
 
 from __future__ import annotations
 
+from collections.abc import Mapping as MappingOf
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -20,6 +21,7 @@ from besman.exceptions import MappingError
 from besman.records import Failure, HandTrajectory, JointTrajectory
 from besman.robot.limits import LimitReport
 from besman.robot.model import Robot
+from besman.simulation.tasks.rearrange.shown_scene import ShownScene
 from besman.stages.map.demonstration import (
     MappingSettings,
     check_demonstration,
@@ -30,16 +32,22 @@ from besman.stages.map.demonstration import (
 )
 from besman.stages.map.mapping import Correction, Mapping
 from besman.stages.map.placement import ArmPaths, Placement, correct_placement, find_placement
+from besman.stages.map.surroundings import PlacedScene
 from besman.stages.map.what_fits import what_fits, why_it_cannot_fit
 from besman.work.outcome import Notes, failure_of
 from besman.work.work import Work
 
 FloatArray = npt.NDArray[np.float64]
 
+Scenes = MappingOf[str, ShownScene]
+NO_SCENES: Scenes = {}
+
 # Half of the work is done in kernels without Python's lock: processes, which take two seconds to
 # start, are worth it for so many demonstrations; a placement of its own is ten times the work.
 _PROCESSES_FROM = 128
 _CORRECTIONS_FROM = 12
+# How many poses of one demonstration are looked at among things, first and then.
+_POSES_ALONE = (72, 24)
 
 
 def map_embodiment(
@@ -47,6 +55,7 @@ def map_embodiment(
     robot: Robot,
     settings: MappingSettings,
     work: Work = Work(),
+    scenes: Scenes = NO_SCENES,
 ) -> Mapping:
     """Map demonstrations to an arm: one placement for all, then joint angles, then time.
 
@@ -59,6 +68,9 @@ def map_embodiment(
     settings : MappingSettings
     work : Work
         Threads, processes and progress; what cannot be mapped is in the result.
+    scenes : mapping of ShownScene
+        What stands around each demonstration, by its name: placement and branches keep clear of it
+        where they can.
 
     Returns
     -------
@@ -76,14 +88,14 @@ def map_embodiment(
     usable = fitting_demonstrations(usable, robot, settings, notes)
     height = back_height(usable)
     placement = find_placement(
-        [arm_paths(robot, usable)],
+        [arm_paths(robot, usable, scenes)],
         settings.search,
         back_height=height,
         jobs=work.jobs,
         progress=work.part(0.0, 0.6).progress,
     )
     noted = replace(work, notes=notes)
-    mapped = map_placed(usable, robot, placement, settings, height, noted.part(0.6, 1.0))
+    mapped = map_placed(usable, robot, placement, settings, height, noted.part(0.6, 1.0), scenes)
     if work.notes is not None:
         work.notes.add_workers(notes)
     mapping = sort_out(mapped, placement, robot, notes.failures, settings)
@@ -91,9 +103,12 @@ def map_embodiment(
     return replace(mapping, failed=tuple(sorted(mapping.failed, key=lambda one: order[one.name])))
 
 
-def arm_paths(robot: Robot, demonstrations: Sequence[HandTrajectory]) -> ArmPaths:
-    """Return what demonstrations ask of an arm."""
-    return ArmPaths(robot, [(one.time, tool_poses(one, robot)) for one in demonstrations])
+def arm_paths(
+    robot: Robot, demonstrations: Sequence[HandTrajectory], scenes: Scenes = NO_SCENES
+) -> ArmPaths:
+    """Return what demonstrations ask of an arm, and what stands around them."""
+    paths = [(one.time, tool_poses(one, robot)) for one in demonstrations]
+    return ArmPaths(robot, paths, [scenes[one.name] for one in demonstrations] if scenes else ())
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,6 +141,7 @@ def map_placed(
     settings: MappingSettings,
     back_height: float | None,
     work: Work,
+    scenes: Scenes = NO_SCENES,
 ) -> list[Mapped]:
     """Map demonstrations, given the placement of all; move those that it does not serve.
 
@@ -139,13 +155,17 @@ def map_placed(
     back_height : float or None
         As in `find_placement`.
     work : Work
+    scenes : mapping of ShownScene
+        As of `map_embodiment`.
 
     Returns
     -------
     list of Mapped
         Of those that raised no error, in their order.
     """
-    one = partial(map_with_placement, placement=placement, robot=robot, settings=settings)
+    one = partial(
+        map_with_placement, placement=placement, robot=robot, settings=settings, scenes=scenes
+    )
     mapped = work.part(0.0, 0.6).map(one, demonstrations, processes=_PROCESSES_FROM)
     reasons = {each.name: why_not(each.trajectory, each.report, settings) for each in mapped}
     unserved = [one for one in demonstrations if reasons.get(one.name)]
@@ -157,6 +177,7 @@ def map_placed(
             settings=settings,
             back_height=back_height,
             reasons=reasons,
+            scenes=scenes,
         )
         # One that fails here keeps the reason it has.
         notes = Notes()
@@ -219,11 +240,20 @@ def fitting_demonstrations(
 
 
 def map_with_placement(
-    demonstration: HandTrajectory, placement: Placement, robot: Robot, settings: MappingSettings
+    demonstration: HandTrajectory,
+    placement: Placement,
+    robot: Robot,
+    settings: MappingSettings,
+    scenes: Scenes = NO_SCENES,
 ) -> Mapped:
     """Map one demonstration, given the placement of all, and bring its target along."""
     placed = placement.apply(tool_poses(demonstration, robot))
-    trajectory, report = map_one(demonstration, placed, robot, settings)
+    gaps = None
+    if scenes:
+        scene = scenes[demonstration.name]
+        boards = placement.apply(scene.boxes[: scene.n_boards])
+        gaps = PlacedScene(robot, boards, scene.halves[: scene.n_boards]).gaps
+    trajectory, report = map_one(demonstration, placed, robot, settings, gaps)
     target = place_target(demonstration.target, placement.pose)
     return Mapped(replace(trajectory, target=target), report)
 
@@ -235,9 +265,35 @@ def _map_corrected(
     settings: MappingSettings,
     back_height: float | None,
     reasons: dict[str, str],
+    scenes: Scenes,
 ) -> Mapped:
-    """Map one demonstration with a placement of its own."""
-    arm = arm_paths(robot, [demonstration])
+    """Map one demonstration with a placement of its own.
+
+    Where the one that keeps clear of what stands around does not serve it, it is looked for with
+    fewer poses, and then as if nothing stood there.
+    """
+    bare = arm_paths(robot, [demonstration])
+    arms = [bare]
+    if scenes:
+        own = arm_paths(robot, [demonstration], scenes)
+        arms = [replace(own, n_poses=number) for number in _POSES_ALONE] + arms
+    for arm in arms:
+        found = _map_moved(demonstration, placement, arm, settings, back_height, reasons, scenes)
+        if not reason_of(found, settings):
+            break
+    return found
+
+
+def _map_moved(
+    demonstration: HandTrajectory,
+    placement: Placement,
+    arm: ArmPaths,
+    settings: MappingSettings,
+    back_height: float | None,
+    reasons: dict[str, str],
+    scenes: Scenes,
+) -> Mapped:
+    """Map one demonstration with the placement that is best for one arm's path."""
     own = correct_placement(arm, settings.search, placement, back_height)
     middle = np.eye(4)
     middle[:3, 3] = arm.paths[0][1][:, :3, 3].mean(axis=0)
@@ -250,7 +306,8 @@ def _map_corrected(
         turn_rad=float(abs(np.arctan2(np.sin(turn), np.cos(turn)))),
         scale=own.scale / placement.scale,
     )
-    return replace(map_with_placement(demonstration, own, robot, settings), correction=correction)
+    mapped = map_with_placement(demonstration, own, arm.robot, settings, scenes)
+    return replace(mapped, correction=correction)
 
 
 def reason_of(mapped: Mapped, settings: MappingSettings) -> str:

@@ -12,14 +12,18 @@ import numpy.typing as npt
 from besman.robot.inverse_kinematics import IkWeights
 from besman.robot.model import Robot
 from besman.search.in_a_box import BoxSearch, Optimizer, make_box_search
+from besman.simulation.tasks.rearrange.shown_scene import ShownScene
 from besman.stages.map.placement_cost import (
+    POSES_AMONG,
     ArmCost,
     Cost,
     find_starts,
     pose_of,
     scale_about,
     thin_out,
+    thin_rows,
 )
+from besman.stages.map.surroundings import thin_among
 from besman.stages.map.terms import TermWeights
 
 FloatArray = npt.NDArray[np.float64]
@@ -90,10 +94,16 @@ class ArmPaths:
         The arm with its tool.
     paths : sequence of (time, poses)
         Seconds, shape (T,), and poses of the tool centre point in the back frame, shape (T, 4, 4).
+    scenes : sequence of ShownScene
+        What stands around each; none where nothing is known to.
+    n_poses : int
+        How many of each are looked at among that.
     """
 
     robot: Robot
     paths: Sequence[tuple[FloatArray, FloatArray]]
+    scenes: Sequence[ShownScene] = ()
+    n_poses: int = POSES_AMONG
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,15 +173,10 @@ def find_placement(
     -------
     Placement
     """
-    thinned = [thin_out(_choose(arm.paths, search.demonstrations)) for arm in arms]
-    centre = np.concatenate([paths[:, :, :3, 3].reshape(-1, 3) for paths, _ in thinned]).mean(0)
-    costs = tuple(
-        ArmCost(
-            arm.robot, paths, steps_s, centre, search.weights, search.ik, search.free_spin,
-            find_starts(arm.robot, paths, search.ik, search.free_spin, search.seed), back_height,
-        )
-        for arm, (paths, steps_s) in zip(arms, thinned, strict=True)
-    )  # fmt: skip
+    chosen = [_choose(arm, search.demonstrations) for arm in arms]
+    points = [poses[thin_rows(len(time)), :3, 3] for arm in chosen for time, poses in arm.paths]
+    centre = np.concatenate(points).mean(0)
+    costs = tuple(_arm_cost(arm, search, centre, back_height) for arm in chosen)
     space = _Space.around(arms[0].robot, search)
     with ThreadPoolExecutor(max_workers=jobs) as threads:
         grid, cost = _search_grid(Cost(costs), space, threads)
@@ -201,11 +206,7 @@ def correct_placement(
     -------
     Placement
     """
-    paths, steps_s = thin_out(arm.paths)
-    cost = ArmCost(
-        arm.robot, paths, steps_s, common.centre, search.weights, search.ik, search.free_spin,
-        find_starts(arm.robot, paths, search.ik, search.free_spin, search.seed), back_height,
-    )  # fmt: skip
+    cost = _arm_cost(arm, search, common.centre, back_height)
     space = _Space.around(arm.robot, search)
     middle = common.pose[:3, :3] @ common.centre + common.pose[:3, 3]
     origin = space.point(np.array([*middle, common.yaw, common.scale]))
@@ -227,18 +228,39 @@ def correct_placement(
     return _placement(Cost((cost,)), space.parameters(best), common.centre, tried)
 
 
+def _arm_cost(
+    arm: ArmPaths, search: PlacementSearch, centre: FloatArray, back_height: float | None
+) -> ArmCost:
+    """Return what placements cost one arm."""
+    around = None
+    if arm.scenes:
+        n_poses = arm.n_poses
+        paths, steps_s = thin_out(arm.paths, n_poses)
+        rows = [thin_rows(len(time), n_poses) for time, _ in arm.paths]
+        around = thin_among(arm.paths, rows, arm.scenes)
+    else:
+        paths, steps_s = thin_out(arm.paths)
+    starts = find_starts(arm.robot, paths, search.ik, search.free_spin, search.seed)
+    return ArmCost(
+        arm.robot, paths, steps_s, centre, search.weights, search.ik, search.free_spin, starts,
+        back_height, around,
+    )  # fmt: skip
+
+
 def _placement(
     cost: Cost, parameters: FloatArray, centre: FloatArray, evaluations: int
 ) -> Placement:
     """Sum up."""
     terms = cost.terms(parameters)
     names = [field.name for field in fields(TermWeights)]
+    if len(terms) > len(names):
+        names.append("surroundings")
     return Placement(
         pose=pose_of(parameters, centre),
         centre=centre,
         scale=float(parameters[4]),
         terms=dict(zip(names, terms.tolist(), strict=True)),
-        cost=float(terms @ cost.arms[0].weights.as_array()),
+        cost=float(terms @ cost.arms[0].weight_array),
         evaluations=evaluations,
     )
 
@@ -289,13 +311,13 @@ class _Space:
         return inside
 
 
-def _choose(
-    paths: Sequence[tuple[FloatArray, FloatArray]], number: int
-) -> Sequence[tuple[FloatArray, FloatArray]]:
-    """Take at most so many, evenly spaced in their order."""
-    if len(paths) <= number:
-        return paths
-    return [paths[index] for index in np.rint(np.linspace(0, len(paths) - 1, number)).astype(int)]
+def _choose(arm: ArmPaths, number: int) -> ArmPaths:
+    """Take at most so many demonstrations, evenly spaced in their order."""
+    if len(arm.paths) <= number:
+        return arm
+    rows = np.rint(np.linspace(0, len(arm.paths) - 1, number)).astype(int)
+    scenes = [arm.scenes[row] for row in rows] if arm.scenes else ()
+    return ArmPaths(arm.robot, [arm.paths[row] for row in rows], scenes)
 
 
 def _reach(robot: Robot) -> float:

@@ -11,11 +11,16 @@ import numpy.typing as npt
 from besman.robot.inverse_kinematics import IkWeights, draw_starts, find_branches, follow_all
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.model import Robot
+from besman.stages.map.surroundings import AROUND_WEIGHT, Around
 from besman.stages.map.terms import HEIGHT_SCALE_M, SCALE_SCALE, TermWeights, compiled_terms
 
 FloatArray = npt.NDArray[np.float64]
 
 _POSES = 12
+# A whole task is as long as several movements, and touches what is passed on the way.
+POSES_AMONG = 24
+"""How many poses of a demonstration are looked at among things."""
+
 _GREATEST_BRANCHES = 8
 _SEARCHED_BRANCHES = 3
 _SAMPLE = 4
@@ -44,15 +49,17 @@ def scale_about(poses: FloatArray, centre: FloatArray, scale: float) -> FloatArr
 
 
 def thin_out(
-    demonstrations: Sequence[tuple[FloatArray, FloatArray]],
+    demonstrations: Sequence[tuple[FloatArray, FloatArray]], n_poses: int = _POSES
 ) -> tuple[FloatArray, FloatArray]:
-    """Keep twelve poses of every demonstration: (D, P, 4, 4) and seconds between them (D,)."""
-    paths, steps_s = [], []
-    for time, poses in demonstrations:
-        rows = np.rint(np.linspace(0, len(time) - 1, _POSES)).astype(int)
-        paths.append(poses[rows])
-        steps_s.append(float(time[-1] - time[0]) / (_POSES - 1))
+    """Keep so many poses of every demonstration: (D, P, 4, 4) and seconds between them (D,)."""
+    paths = [poses[thin_rows(len(time), n_poses)] for time, poses in demonstrations]
+    steps_s = [float(time[-1] - time[0]) / (n_poses - 1) for time, _ in demonstrations]
     return np.array(paths), np.array(steps_s)
+
+
+def thin_rows(n_samples: int, n_poses: int = _POSES) -> npt.NDArray[np.int64]:
+    """Return which samples of a demonstration are kept, shape (P,)."""
+    return np.rint(np.linspace(0, n_samples - 1, n_poses)).astype(np.int64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +69,7 @@ class Cost:
     arms: tuple[ArmCost, ...]
 
     def terms(self, parameters: FloatArray) -> FloatArray:
-        """Return the mean of every term over arms and demonstrations, shape (8,)."""
+        """Return the mean of every term over arms and demonstrations, as of `ArmCost.terms`."""
         found: FloatArray = np.mean(
             [arm.terms(parameters)[0].mean(axis=0) for arm in self.arms], axis=0
         )
@@ -75,7 +82,7 @@ class Cost:
 
 @dataclass(frozen=True, eq=False)
 class ArmCost:
-    """The same for one arm."""
+    """The same for one arm, among what stands around it, if that is known."""
 
     robot: Robot
     paths: FloatArray
@@ -86,22 +93,36 @@ class ArmCost:
     free_spin: bool
     starts: FloatArray
     back_height: float | None
+    around: Around | None = None
+
+    @property
+    def weight_array(self) -> FloatArray:
+        """Weights of all terms, shape (8,), or (9,) among things."""
+        weights = self.weights.as_array()
+        return weights if self.around is None else np.append(weights, AROUND_WEIGHT)
 
     def sample(self) -> ArmCost:
         """Return the cost of some of the demonstrations, evenly spaced in their order."""
         number = min(_SAMPLE, len(self.paths))
         chosen = np.rint(np.linspace(0, len(self.paths) - 1, number)).astype(int)
-        return replace(self, paths=self.paths[chosen], steps_s=self.steps_s[chosen])
+        around = None if self.around is None else self.around.take(chosen)
+        return replace(self, paths=self.paths[chosen], steps_s=self.steps_s[chosen], around=around)
 
     def glance(self) -> ArmCost:
         """Return the cost of a few poses of the demonstration in the middle of their order."""
         middle = len(self.paths) // 2
-        rows = np.rint(np.linspace(0, _POSES - 1, _GLANCE_POSES)).astype(int)
-        wider = (_POSES - 1) / (_GLANCE_POSES - 1)
+        n_poses = self.paths.shape[1]
+        rows = np.rint(np.linspace(0, n_poses - 1, _GLANCE_POSES)).astype(int)
+        wider = (n_poses - 1) / (_GLANCE_POSES - 1)
+        one = slice(middle, middle + 1)
+        around = None if self.around is None else self.around.take(one)
+        if around is not None:
+            around = replace(around, own=around.own[:, rows])
         return replace(
             self,
-            paths=self.paths[middle : middle + 1, rows],
-            steps_s=self.steps_s[middle : middle + 1] * wider,
+            paths=self.paths[one, rows],
+            steps_s=self.steps_s[one] * wider,
+            around=around,
         )
 
     def keep_branches(self, places: list[FloatArray]) -> ArmCost:
@@ -113,31 +134,45 @@ class ArmCost:
         return replace(self, starts=self.starts[np.sort(branches[most])])
 
     def terms(self, parameters: FloatArray) -> tuple[FloatArray, npt.NDArray[np.int64]]:
-        """Return terms (D, 8) and cheapest branch (D,) of every demonstration."""
+        """Return terms (D, 8) and cheapest branch (D,) of every demonstration.
+
+        Among things terms are (D, 9): the last is that of `Around.cost`.
+        """
         placement = pose_of(parameters, self.centre)
-        targets = placement @ scale_about(self.paths, self.centre, float(parameters[4]))
+        paths = self.paths if self.around is None else self.around.paths
+        targets = placement @ scale_about(paths, self.centre, float(parameters[4]))
         positions, errors = follow_all(
             self.robot, targets, self.starts, targets.shape[1] // 2, self.ik_weights,
             self.free_spin, rounds=_ROUNDS, tolerance=_TOLERANCE,
         )  # fmt: skip
+        beside = None
+        if self.around is not None:
+            own = self.around.own
+            beside = self.around.cost(self.robot, positions, errors, placement)
+            positions, errors = (
+                np.take_along_axis(part, own[:, None, :, None], axis=2)
+                for part in (positions, errors)
+            )
+            targets = np.take_along_axis(targets, own[:, :, None, None], axis=1)
         terms = compiled_terms(self.robot, positions, errors, targets, self.steps_s)
         height = placement[2, 3] if self.back_height is None else self.back_height
         off = np.full((*terms.shape[:-1], 1), abs(placement[2, 3] - height) / HEIGHT_SCALE_M)
         shrunk = np.full_like(off, abs(np.log(parameters[4])) / SCALE_SCALE)
-        terms = np.concatenate([terms, off, shrunk], axis=-1)
-        branches = np.argmin(terms @ self.weights.as_array(), axis=1)
+        more = () if beside is None else (beside[:, :, None],)
+        terms = np.concatenate([terms, off, shrunk, *more], axis=-1)
+        branches = np.argmin(terms @ self.weight_array, axis=1)
         return terms[np.arange(len(branches)), branches], branches
 
     def __call__(self, parameters: FloatArray) -> float:
         """Return the mean cost over the demonstrations."""
-        return float(np.mean(self.terms(parameters)[0] @ self.weights.as_array()))
+        return float(np.mean(self.terms(parameters)[0] @ self.weight_array))
 
 
 def find_starts(
     robot: Robot, paths: FloatArray, ik: IkWeights, free_spin: bool, seed: int
 ) -> FloatArray:
     """Find the branches to try: those of the typical pose, put where home has its tool."""
-    middle = paths[:, _POSES // 2].mean(axis=0)
+    middle = paths[:, paths.shape[1] // 2].mean(axis=0)
     left, _, right = np.linalg.svd(middle[:3, :3])
     pose = np.eye(4)
     pose[:3, :3] = left @ right

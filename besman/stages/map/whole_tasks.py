@@ -10,9 +10,55 @@ from besman.config.stage import Items, Truth, Work
 from besman.geometry.frames import quaternion_to_rotation
 from besman.records import BlockDemonstration, MappedTask
 from besman.robot.model import Robot
+from besman.simulation.tasks.rearrange.rearrange import RearrangeConfig
 from besman.stages.map.demonstration import tool_poses
 from besman.stages.map.mapping import Mapping
-from besman.stages.map.stage import MapConfig
+from besman.stages.map.stage import MapConfig, map_results
+
+
+class MapAmongBoards:
+    """Maps the hands' ways of whole actions among the boards and boxes of their task.
+
+    Parameters
+    ----------
+    config : MapConfig
+    """
+
+    def __init__(self, config: MapConfig) -> None:
+        self.config = config
+
+    def run(
+        self,
+        demonstrations: tuple[BlockDemonstration, ...],
+        robot: Robot,
+        task: RearrangeConfig,
+        work: Work = Work(),
+    ) -> Mapping:
+        """Return what `MapConfig.run` does, clear of what stands around where that can be.
+
+        Parameters
+        ----------
+        demonstrations : tuple of BlockDemonstration
+        robot : Robot
+            With the task's gripper.
+        task : RearrangeConfig
+        work : Work
+        """
+        from besman.simulation.tasks.rearrange.shown_scene import list_scenes
+        from besman.stages.map.map_demonstrations import map_embodiment
+
+        tools = [tool_poses(one.hand, robot) for one in demonstrations]
+        scenes = list_scenes(demonstrations, tools, task)
+        hands = tuple(one.hand for one in demonstrations)
+        return map_embodiment(hands, robot, self.config.settings, work, scenes)
+
+    def items(self, demonstrations: tuple[BlockDemonstration, ...], *records: Any) -> Items:
+        """Count the demonstrations."""
+        return Items(len(demonstrations), "demos")
+
+    def figures(self, mapping: Mapping, truth: Truth, *records: Any) -> dict[str, Any]:
+        """Return how well the arm can follow; see `besman.stages.map.stage.map_results`."""
+        return map_results(mapping)
 
 
 class MapTasks:

@@ -12,6 +12,7 @@ from besman.exceptions import PlanError
 from besman.records import RefinedTask, TaskPlan, TaskTrial
 from besman.robot.model import Robot
 from besman.simulation.tasks.rearrange.rearrange import RearrangeConfig
+from besman.stages.refine.one_task import refine_task
 from besman.stages.refine.stage import RefinementConfig
 
 
@@ -113,7 +114,10 @@ class SimulateTasks(_TaskStep):
 
 
 class RefineTasks(_TaskStep):
-    """Tries other ways to and from the boxes of whole tasks until each succeeds."""
+    """Searches whole tasks block by block, then in other ways, until each succeeds.
+
+    See `besman.stages.refine.one_task.refine_task`.
+    """
 
     def run(
         self,
@@ -146,22 +150,7 @@ class RefineTasks(_TaskStep):
         first = {plan.name: RefinedTask(plan, trial, 1) for plan, trial in pairs}
 
         def refine(plan: TaskPlan) -> RefinedTask:
-            best = first.get(plan.name)
-            if best is not None and best.trial.success:
-                return best
-            tries, faults = int(best is not None), list[PlanError]()
-            for _, moved in task.aim(plan, robot, frame, lambda _, error: faults.append(error)):
-                if best is not None and is_same(moved, best.plan):
-                    continue
-                tries += 1
-                (trial,) = task.try_tasks([moved], robot, frame)
-                if best is None or is_better(trial, best.trial):
-                    best = RefinedTask(moved, trial, tries)
-                if trial.success:
-                    break
-            if best is None:
-                raise faults[0]
-            return best if best.trial.success else replace(best, tries=tries)
+            return refine_task(plan, first.get(plan.name), robot, task, frame, work.checkpoints)
 
         here = replace(work, workers=None)
         return tuple(here.map(refine, plans, name=lambda plan: plan.name))
@@ -180,28 +169,9 @@ class RefineTasks(_TaskStep):
         robot: Robot,
         task: RearrangeConfig,
     ) -> dict[str, Any]:
-        """Return what `simulation_results` does, and how many ways each has taken."""
+        """Return what `simulation_results` does, and how many simulations each has taken."""
         told = simulation_results(tuple(one.trial for one in refined), len(plans), task)
         return told | {"tries": {one.plan.name: one.tries for one in refined}}
-
-
-def is_better(trial: TaskTrial, other: TaskTrial) -> bool:
-    """Tell whether one that succeeds, or fails in nothing, or misses less."""
-
-    def rank(one: TaskTrial) -> tuple[bool, bool, float]:
-        return (not one.success, bool(one.failure), float(np.nan_to_num(one.miss, nan=np.inf)))
-
-    return rank(trial) < rank(other)
-
-
-def is_same(plan: TaskPlan, other: TaskPlan) -> bool:
-    """Tell whether two tasks have the same movement."""
-    same = len(plan.blocks) == len(other.blocks) and plan.duration == other.duration
-    return same and all(
-        np.array_equal(getattr(one, part), getattr(two, part))
-        for one, two in zip(plan.blocks, other.blocks, strict=True)
-        for part in ("goal", "weights")
-    )
 
 
 def simulation_results(

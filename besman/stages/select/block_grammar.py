@@ -74,6 +74,20 @@ def find_sequence(blocks: BlockRun, sequence: Sequence[str]) -> list[BlockRun]:
     return found
 
 
+def find_beginning(blocks: BlockRun, sequence: Sequence[str]) -> int:
+    """Return how many of an action's first blocks, not all, are the last ones of a recording.
+
+    Parameters
+    ----------
+    blocks : BlockRun
+    sequence : sequence of str
+        Labels of the action.
+    """
+    wanted, labels = tuple(sequence), blocks.labels
+    lengths = range(min(len(wanted) - 1, len(labels)), 0, -1)
+    return next((n for n in lengths if labels[len(labels) - n :] == wanted[:n]), 0)
+
+
 def blocks_within(blocks: BlockRun, start: int, end: int) -> BlockRun:
     """Return the blocks of which more than half lies within the half-open rows of an action."""
     shared = np.minimum(blocks.bounds[:, 1], end) - np.maximum(blocks.bounds[:, 0], start)

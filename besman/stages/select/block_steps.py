@@ -8,22 +8,31 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from besman.classifiers.novelty import UNKNOWN
 from besman.config.stage import Items, Truth, Work
 from besman.exceptions import MappingError, nearest
-from besman.geometry.frames import hand_frame
-from besman.person.body import find_body
 from besman.person.marker_set import MarkerSet
-from besman.records import BlockDemonstration, HandTrajectory, LabelledRecording, LabelledSegments
-from besman.records.layers import IDLE
+from besman.records import (
+    BlockDemonstration,
+    Failure,
+    HandTrajectory,
+    LabelledRecording,
+    LabelledSegments,
+)
 from besman.stages.select.block_grammar import (
     BlockRun,
     blocks_within,
     check_grammar,
+    find_beginning,
     find_sequence,
     join_blocks,
 )
 from besman.stages.select.finger_frame import turn_to_fingers
+from besman.stages.select.hand_motion import (
+    call_rests,
+    hand_motion,
+    hand_prefix,
+    refuse_both_hands,
+)
 from besman.stages.select.handled_objects import ObjectTrack, measure_opening, track_object
 from besman.stages.select.holds import find_holds
 from besman.stages.select.stage import SelectConfig
@@ -32,8 +41,6 @@ FloatArray = npt.NDArray[np.float64]
 
 # Beside an action this much of the recording tells where an object stood, and where it stands.
 _MARGIN_S = 1.0
-# Within this distance a hand that rests sways and turns.
-_STAYS_M = 0.05
 
 
 @dataclass(frozen=True)
@@ -88,6 +95,9 @@ class FindActions:
                         f"select.actions.{action}: {', '.join(grammar[action])} follow each other "
                         f"in none of {len(blocks)} recordings"
                     )
+            if work.notes is not None:
+                for found, own in zip(blocks, actions, strict=True):
+                    work.notes.failures += self._cut_off(found, own)
             return actions
         by_source = {one.source: one for one in manual}
         known = sorted({*grammar, *(label for one in manual for label in one.labels)})
@@ -107,6 +117,24 @@ class FindActions:
             for run in find_sequence(joined, sequence)
         )
         return _as_segments(blocks, rows)
+
+    def _cut_off(self, blocks: LabelledSegments, actions: LabelledSegments) -> list[Failure]:
+        """Say which of the wanted actions has begun where a recording ends."""
+        joined, told = join_blocks(blocks), []
+        # What ends another action is no beginning.
+        last = int(actions.bounds[:, 1].max(initial=0))
+        for action in self.config.wanted:
+            sequence = self.config.actions[action]
+            n = find_beginning(joined, sequence)
+            if n and joined.bounds[-n, 0] >= last:
+                told.append(
+                    Failure(
+                        f"{blocks.source}: {action}",
+                        f"begins at {joined.bounds[-n, 0] / blocks.rate_hz:.2f} s, and the "
+                        f"recording ends before {sequence[n]}",
+                    )
+                )
+        return told
 
     def items(self, recordings: Any, blocks: tuple[LabelledSegments, ...], *records: Any) -> Items:
         """Count the blocks."""
@@ -226,9 +254,12 @@ class DivideActions:
                 if grasp < stop and release > start:
                     _check_release(hand, thing, grasp, release, (start, stop), rate_hz)
                     holds.append(((grasp - start) / rate_hz, (release - start) / rate_hz, thing))
+                    held = (grasp - wide[0], release - wide[0])
+                    side = self.config.arm
+                    refuse_both_hands(recording, wide, held, (thing, track), side, hand.name)
         holds.sort()
         rows = [(start + round(on * rate_hz), start + round(off * rate_hz)) for on, off, _ in holds]
-        prefix = _prefix(recording, self.config.arm)
+        prefix = hand_prefix(recording, self.config.arm)
         turned = turn_to_fingers(hand, recording, (way, hand2lab), wide[0], rows, prefix)
         return BlockDemonstration(
             turned,
@@ -275,70 +306,6 @@ class DivideActions:
                 for one in found
             },
         }
-
-
-def call_rests(
-    recording: LabelledRecording, found: LabelledSegments, side: str
-) -> LabelledSegments:
-    """Call what is unknown idle where the hand stays: rests are like no other rest.
-
-    Parameters
-    ----------
-    recording : LabelledRecording
-    found : LabelledSegments
-        Its blocks.
-    side : "right" or "left"
-        The arm.
-    """
-    if UNKNOWN not in found.labels:
-        return found
-    path, _ = hand_motion(recording, (0, len(recording.time)), side)
-    labels = list(found.labels)
-    for k, (start, end) in enumerate(found.bounds):
-        apart = np.linalg.norm(path[start:end] - path[start], axis=1)
-        if labels[k] == UNKNOWN and np.max(apart) <= _STAYS_M:
-            labels[k] = IDLE
-    return replace(found, labels=tuple(labels))
-
-
-def hand_motion(
-    recording: LabelledRecording, rows: tuple[int, int], side: str
-) -> tuple[FloatArray, FloatArray | None]:
-    """Return centre and orientation of a hand.
-
-    Parameters
-    ----------
-    recording : LabelledRecording
-    rows : pair of int
-        Half-open.
-    side : "right" or "left"
-
-    Returns
-    -------
-    centre : array, shape (T, 3)
-        Of the hand's markers, metres; NaN where it is not seen.
-    hand2lab : array, shape (T, 3, 3), or None
-        None if the hand has not three markers, or one of them is not seen somewhere.
-
-    Raises
-    ------
-    MappingError
-        If the recording does not show that arm.
-    """
-    body = find_body(recording.markers, recording.source)
-    arm = next((one for one in body.arms if one.side == side), None)
-    if arm is None:
-        raise MappingError(f"{recording.source}: the {side} arm is not complete")
-    own = [recording.marker(name)[slice(*rows)] for name in arm.cluster or (arm.hand,)]
-    centre = np.asarray(np.mean(own, axis=0))
-    if len(own) < 3 or not np.isfinite(centre).all():
-        return centre, None
-    return centre, hand_frame(*own)[0]
-
-
-def _prefix(recording: LabelledRecording, side: str) -> str:
-    """Return what names of a hand's markers begin with."""
-    return f"{side}_" if f"{side}_hand_top" in recording.markers else ""
 
 
 def _check_release(

@@ -12,8 +12,12 @@ from besman.geometry.frames import quaternion_to_rotation
 from besman.pipeline.config import PipelineConfig
 from besman.records import BlockDemonstration, ShapeError
 from besman.records.files import load_record, save_record
-from besman.stages.select.block_steps import DivideActions, FindActions, call_rests, hand_motion
+from besman.stages.select.block_steps import DivideActions, FindActions
+from besman.stages.select.hand_motion import call_rests, hand_motion, refuse_both_hands
+from besman.stages.select.handled_objects import track_object
+from besman.stages.select.holds import find_holds
 from besman.stages.select.stage import SelectConfig
+from besman.work.work import Notes, Work
 
 
 @pytest.fixture(scope="module")
@@ -165,6 +169,40 @@ def test_what_goes_wrong_in_one_action_is_said(take):
         DivideActions(config).run((recording,), (rest,), (actions,), hands, MARKERS)
     with pytest.raises(MappingError, match="the left arm is not complete"):
         hand_motion(recording, (0, 5), "left")
+
+
+def test_a_recording_that_ends_within_an_action_is_said_and_the_rest_goes_on(take):
+    recording, blocks = take
+    cut = blocks.labels.index("move_obj_table") + 1
+    short = dataclasses.replace(blocks.take(np.arange(cut)), source="short.tsv")
+    other = dataclasses.replace(recording, source="short.tsv")
+    work = Work(notes=Notes())
+    both = FindActions(make_select()).run((recording, other), (blocks, short), (), work)
+    assert [len(found.labels) for found in both] == [2, 0]
+    (told,) = work.notes.failures
+    assert str(told).startswith("short.tsv: to_table: begins at ")
+    assert str(told).endswith("s, and the recording ends before move_to_rest_right")
+
+
+def test_a_box_in_both_hands_is_refused(take):
+    recording, _ = take
+    names = [name for name in recording.markers if name.startswith(("hand", "elbow", "should"))]
+    columns = [recording.markers.index(name) for name in names]
+    two = dataclasses.replace(
+        recording,
+        markers=(*recording.markers, *(f"left_{name}" for name in names)),
+        positions=np.concatenate([recording.positions, recording.positions[:, columns]], axis=1),
+        filled=np.concatenate([recording.filled, recording.filled[:, columns]], axis=1),
+    )
+    rows = (0, len(recording.time))
+    track = track_object(recording, rows, "box", MARKERS.objects["box"], 0.5, "take")
+    way, turned = hand_motion(recording, rows, "right")
+    held, *_ = find_holds(way, track.positions, recording.rate_hz, turned)
+    with pytest.raises(MappingError, match=r"take: box is held by both hands at \d+\.\d\d s"):
+        refuse_both_hands(two, rows, held, ("box", track), "right", "take")
+    refuse_both_hands(recording, rows, held, ("box", track), "right", "take")
+    before = (0, int(held[0]))
+    refuse_both_hands(two, rows, before, ("box", track), "right", "take")
 
 
 def _tidy(blocks):

@@ -7,8 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 from whole_task import divide_actions, make_select, record_take
 
-from besman.stages.select.block_steps import hand_motion
 from besman.stages.select.finger_frame import finger_frame, turn_to_fingers
+from besman.stages.select.hand_motion import hand_motion
 
 
 def hands_and_tips(turn, thumb, fingers, n=9):

@@ -70,19 +70,36 @@ def frame_of_grasps(plans: Sequence[TaskPlan], robot: Robot) -> BoxFrame | None:
     BoxFrame
         None if nothing is ever taken.
     """
-    centres, turns, sides = [], [], []
+    insides = []
     for plan in plans:
         _, positions, _, _ = sample_task(plan)
         for at, thing in taken(plan):
             row = min(round(at * 1000.0), len(positions) - 1)
             tool = forward_kinematics(robot.chain, positions[row : row + 1])[0]
-            inside = np.linalg.inv(frame_matrix(plan.object_poses[thing])) @ tool
-            centres.append(inside[:3, 3])
-            # Across the fingers, on the side away from the gripper.
-            across = np.array([-inside[1, 0], inside[0, 0]])
-            side = np.sign(across @ inside[:2, 2]) or 1.0
-            turns.append(np.arctan2(*(side * across)[::-1]))
-            sides.append(-side)
+            insides.append(np.linalg.inv(frame_matrix(plan.object_poses[thing])) @ tool)
+    return frame_of_tools(insides)
+
+
+def frame_of_tools(insides: Sequence[FloatArray]) -> BoxFrame | None:
+    """Tell where boxes are from poses of the tool as it takes them, in their markers' frames.
+
+    Parameters
+    ----------
+    insides : sequence of array, shape (4, 4)
+
+    Returns
+    -------
+    BoxFrame
+        See `frame_of_grasps`; None if there is no pose.
+    """
+    centres, turns, sides = [], [], []
+    for inside in insides:
+        centres.append(inside[:3, 3])
+        # Across the fingers, on the side away from the gripper.
+        across = np.array([-inside[1, 0], inside[0, 0]])
+        side = np.sign(across @ inside[:2, 2]) or 1.0
+        turns.append(np.arctan2(*(side * across)[::-1]))
+        sides.append(-side)
     if not centres:
         return None
     mean = np.arctan2(np.sin(turns).mean(), np.cos(turns).mean())

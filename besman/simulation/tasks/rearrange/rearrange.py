@@ -56,15 +56,22 @@ class RearrangeConfig(RearrangeFields):
         RefinementError
             If that is not set and nothing is ever taken.
         """
+        found = None if self.knows_frame else frame_of_grasps(plans, robot)
+        if found is None and not self.knows_frame:
+            raise RefinementError(
+                f"task {self.kind}: no task takes anything: expected a grasp, or box.centre_m "
+                "and box.turn_deg"
+            )
+        return self.complete_frame(found)
+
+    @property
+    def knows_frame(self) -> bool:
+        """Whether the config says all of where boxes are in the frames of their markers."""
+        return self.box.centre_m is not None and self.box.turn_deg is not None
+
+    def complete_frame(self, found: BoxFrame | None) -> BoxFrame:
+        """Return where boxes are: what the config says, and what it does not as it was found."""
         centre, turn = self.box.centre_m, self.box.turn_deg
-        found = None
-        if centre is None or turn is None:
-            found = frame_of_grasps(plans, robot)
-            if found is None:
-                raise RefinementError(
-                    f"task {self.kind}: no task takes anything: expected a grasp, or box.centre_m "
-                    "and box.turn_deg"
-                )
         return BoxFrame(
             found.centre_m if centre is None and found is not None else np.array(centre),
             found.turn_rad if turn is None and found is not None else np.radians(float(turn or 0)),

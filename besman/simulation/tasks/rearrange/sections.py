@@ -116,6 +116,28 @@ class WaysConfig(Config):
         return [one for one in found if one != shown]
 
 
+class TaskSearchConfig(Config):
+    """How a task is refined that does not succeed as it was brought to its boxes.
+
+    Attributes
+    ----------
+    by : "blocks" or "ways"
+        blocks: taking the box, putting it, leaving it are searched one after the other, each from
+        the state of the simulation in which the one before has ended; where that does not succeed,
+        and with ways at once, other `ways` of the whole task are simulated.
+    episodes : int
+        Of each part at most.
+    sigma : float
+        First standard deviation; 1: 2 cm, 9 degrees.
+    seed : int
+    """
+
+    by: Literal["blocks", "ways"] = "blocks"
+    episodes: Annotated[int, Field(ge=1)] = 60
+    sigma: Positive = 0.5
+    seed: Annotated[int, Field(ge=0)] = 0
+
+
 class WaitConfig(Config):
     """What the gripper's commands take: the arm stands still meanwhile.
 
@@ -161,7 +183,7 @@ class RearrangeFields(Config):
     kind : "rearrange"
     tool : str
         Tool of the robot that is the gripper: as of `grasp_box`.
-    box, board, gripper, grasp, ways, wait, simulation, failure, success
+    box, board, gripper, grasp, ways, search, wait, simulation, failure, success
         See the classes.
     """
 
@@ -172,6 +194,7 @@ class RearrangeFields(Config):
     gripper: GripperConfig = GripperConfig()
     grasp: GraspConfig = GraspConfig()
     ways: WaysConfig = WaysConfig()
+    search: TaskSearchConfig = TaskSearchConfig()
     wait: WaitConfig = WaitConfig()
     simulation: GraspSimulationConfig = GraspSimulationConfig()
     failure: RearrangeFailureConfig = RearrangeFailureConfig()

@@ -1,0 +1,133 @@
+"""Whole tasks refined block by block, as one, and without what a person has shown."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+from typing import Any
+
+from besman.evaluation.names import WHOLE_TASK_SEARCHES
+from besman.evaluation.refinement_functions import Attempt
+from besman.exceptions import ConfigError
+from besman.records import TaskPlan
+from besman.robot.model import Robot
+from besman.simulation.tasks.rearrange.block_trials import BlockTrials
+from besman.simulation.tasks.rearrange.boxes import BoxFrame
+from besman.simulation.tasks.rearrange.rearrange import RearrangeConfig
+from besman.stages.refine.block_parts import split_task
+from besman.stages.refine.block_search import Found, search_blocks, search_whole
+
+# First standard deviations: what was shown is near, without it the box is anywhere in the hand.
+_SIGMA, _SCRATCH_SIGMA = 1.0, 5.0
+
+
+@dataclass(frozen=True, eq=False)
+class WholeTaskProblem:
+    """The imitations of a pipeline of whole tasks; attempts take turns with them.
+
+    Each begins as the person has shown it: the gripper is where the hand was in the frame of the
+    box and of its place, with the task's own straight ways. What a search may change are these two
+    poses, how much higher the arm goes, how far it leaves, and how slow the last part is.
+
+    - block_by_block: `besman.stages.refine.block_search.search_blocks`.
+    - as_one: `search_whole`, on all numbers at once.
+    - from_scratch: the same on blocks without a shape and a gripper that is square to the frame of
+      the markers, in its origin, with a first step that is five times as large.
+
+    Attributes
+    ----------
+    name, episodes
+        See `besman.evaluation.refinement_functions.Problem`; the budget is shared by the parts.
+    plans : tuple of TaskPlan
+        That take and put one thing.
+    robot : Robot
+    task : RearrangeConfig
+    frame : BoxFrame
+    """
+
+    name: str
+    plans: tuple[TaskPlan, ...]
+    robot: Robot
+    task: RearrangeConfig
+    frame: BoxFrame
+    episodes: int = 300
+    marks: tuple[int, ...] = ()
+    public: dict[str, Any] = field(default_factory=dict)
+    methods: tuple[str, ...] = WHOLE_TASK_SEARCHES
+
+    @property
+    def success(self) -> str:
+        """What counts as success, in words."""
+        success = self.task.success
+        return (
+            f"{self.task.kind}: within {100 * success.success_radius_m:g} cm and "
+            f"{success.success_angle_deg:g} degrees, simulated at once"
+        )
+
+    def attempt(self, method: str, seed: int) -> Attempt:
+        """Search for the task whose turn it is; the whole that was found is then judged."""
+        plan = self.plans[seed % len(self.plans)]
+        started = time.thread_time()
+        found = self.search(plan, method, seed)
+        spent = time.thread_time() - started
+        won = False
+        if found.success and found.plan is not None:
+            (trial,) = self.task.try_tasks([found.plan], self.robot, self.frame)
+            won = trial.success
+        rewards = found.rewards[: self.episodes]
+        return Attempt(
+            rewards=rewards,
+            final=float(rewards.max()),
+            episodes_to_success=sum(found.episodes.values()) if won else None,
+            cpu_s=spent,
+            cpu_s_to_success=spent if won else None,
+        )
+
+    def search(self, plan: TaskPlan, method: str, seed: int) -> Found:
+        """Return what a search has come to.
+
+        Parameters
+        ----------
+        plan : TaskPlan
+        method : str
+            Of `WHOLE_TASK_SEARCHES`.
+        seed : int
+        """
+        thing = next(block.thing for block in plan.blocks if block.thing)
+        row = plan.objects.index(thing)
+        trials = BlockTrials.of(plan, self.robot, self.task, self.frame, row)
+        way = self.task.grasp_way(self.frame)
+        parts = split_task(plan, scratch=method == "from_scratch")
+        if method == "block_by_block":
+            return search_blocks(parts, way, trials, self.episodes // len(parts), seed, _SIGMA)
+        sigma = _SCRATCH_SIGMA if method == "from_scratch" else _SIGMA
+        return search_whole(parts, way, trials, self.episodes, seed, sigma)
+
+
+def whole_task_problem(
+    name: str,
+    plans: tuple[TaskPlan, ...],
+    robot: Robot,
+    task: RearrangeConfig,
+    episodes: int | None = None,
+) -> WholeTaskProblem:
+    """Set up the problem of a pipeline's tasks, those that take and put one thing.
+
+    Raises
+    ------
+    ConfigError
+        If none does.
+    """
+    usable = tuple(plan for plan in plans if _takes_one(plan))
+    if not usable:
+        raise ConfigError(
+            f"--problem {name}: none of {len(plans)} tasks takes one object and puts it, once"
+        )
+    more = {} if episodes is None else {"episodes": episodes}
+    return WholeTaskProblem(name, usable, robot, task, task.box_frame(plans, robot), **more)
+
+
+def _takes_one(plan: TaskPlan) -> bool:
+    """Tell whether a task can be split into parts."""
+    frames = [block.frame for block in plan.blocks if block.frame != "world"]
+    return frames == sorted(frames) and set(frames) == {"object", "target"}
