@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from besman.work.workers import Workers
 
 
-def _finish(folder: Path, workers: Workers | None = None) -> None:
+def _finish(folder: Path, workers: "Workers | None" = None) -> None:
     """Write and print the report of a run."""
     from besman.cli.terminal import open_terminal
     from besman.report.page import write_page
@@ -60,7 +60,7 @@ def run(
         _finish(folder, workers)
 
 
-def _workers(folder: Path, jobs: int, cluster: str | None) -> Workers:
+def _workers(folder: Path, jobs: int, cluster: str | None) -> "Workers":
     """Return the processes of a run; a new one needs them, so they load while this one does."""
     from besman.pipeline.preload import PRELOAD
     from besman.report.drawings import DRAWING
