@@ -127,6 +127,17 @@ def test_modules_that_are_imported_by_their_name_stand_below_too():
     assert between_stages(named) == []
 
 
+def test_no_stage_but_those_with_files_of_their_own_knows_a_path():
+    stages = TOP / "besman" / "stages"
+    known = {
+        path.relative_to(stages).parts[0]
+        for path in sorted(stages.rglob("*.py"))
+        for node in nodes(path)
+        if isinstance(node, ast.Import | ast.ImportFrom) and "pathlib" in ast.unparse(node)
+    }
+    assert known == {"read", "export", "recognize", "refine"}
+
+
 def test_no_modules_import_each_other_in_a_circle(graph):
     assert circles(graph) == []
 
