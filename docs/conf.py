@@ -22,6 +22,7 @@ extensions = [
     "examples",
     "mathml",
     "packages",
+    "rooms",
     "table_of",
     "thesis_tables",
 ]

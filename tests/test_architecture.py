@@ -26,6 +26,8 @@ LAYERS = (
 )
 DEPTH = {room: depth for depth, rooms in enumerate(LAYERS) for room in rooms}
 AT_THE_ROOT = {"__init__", "__main__", "exceptions"}
+# The table of what a file may hold: a record's module is imported when such a file is loaded.
+NAMES_WHAT_IS_ABOVE = {"besman.records.files"}
 
 
 def find_modules(package):
@@ -54,10 +56,17 @@ def read_imports(path, name, modules):
     return (found & modules.keys()) - {name}
 
 
-def read_graph(package):
-    """Return what every module of a package imports."""
+def read_names(path, name, modules):
+    """Return the modules that stand in a text of one, from which they can be imported too."""
+    texts = (node.value for node in nodes(path) if isinstance(node, ast.Constant))
+    found = {text.partition(":")[0] for text in texts if isinstance(text, str)}
+    return (found & modules.keys()) - {name}
+
+
+def read_graph(package, read=read_imports):
+    """Return what every module of a package imports, or names in a text."""
     modules = find_modules(package)
-    return {name: read_imports(path, name, modules) for name, path in modules.items()}
+    return {name: read(path, name, modules) for name, path in modules.items()}
 
 
 def room_of(name):
@@ -112,6 +121,23 @@ def test_no_stage_imports_another(graph):
     assert between_stages(graph) == []
 
 
+def test_modules_that_are_imported_by_their_name_stand_below_too():
+    named = read_graph(TOP / "besman", read_names)
+    assert {line.split(" -> ")[0] for line in upward(named)} == NAMES_WHAT_IS_ABOVE
+    assert between_stages(named) == []
+
+
+def test_no_stage_but_those_with_files_of_their_own_knows_a_path():
+    stages = TOP / "besman" / "stages"
+    known = {
+        path.relative_to(stages).parts[0]
+        for path in sorted(stages.rglob("*.py"))
+        for node in nodes(path)
+        if isinstance(node, ast.Import | ast.ImportFrom) and "pathlib" in ast.unparse(node)
+    }
+    assert known == {"read", "export", "recognize", "refine"}
+
+
 def test_no_modules_import_each_other_in_a_circle(graph):
     assert circles(graph) == []
 
@@ -137,6 +163,7 @@ def test_these_checks_see_what_they_look_for(tmp_path):
         "stages/select/stage": "import besman.robot.arm",
         "records/__init__": "import besman.records.one",
         "records/one": "import numpy",
+        "records/two": "KINDS = {'a': 'besman.robot.arm:Arm', 'b': 'besman.robot.leg'}",
     }
     for name, text in texts.items():
         path = tmp_path / "besman" / f"{name}.py"
@@ -145,6 +172,8 @@ def test_these_checks_see_what_they_look_for(tmp_path):
     graph = read_graph(tmp_path / "besman")
     assert upward(graph) == ["besman.robot.arm -> besman.stages.map.stage"]
     assert between_stages(graph) == ["besman.stages.map.stage -> besman.stages.select.stage"]
+    named = read_graph(tmp_path / "besman", read_names)
+    assert upward(named) == ["besman.records.two -> besman.robot.arm"]
     assert circles(graph) == [
         "besman.robot.arm",
         "besman.stages.map.stage",

@@ -11,6 +11,7 @@ from importlib import import_module
 import pytest
 from places import TOP
 from pydantic import BaseModel
+from test_architecture import LAYERS
 
 DOCS = TOP / "docs"
 PAGES = sorted(path for path in DOCS.rglob("*.md") if "_build" not in path.parts)
@@ -193,3 +194,43 @@ def test_equations_become_mathml():
         r"\begin{align*} a &= b \\ c &= d \end{align*}", nodes.math(), block=True
     )
     assert convert(r"\nonsense{a}", nodes.math(), block=False) == ""
+
+
+def test_the_picture_of_the_rooms_shows_what_is_imported_and_no_circle(tmp_path):
+    rooms = extension("rooms")
+    texts = {
+        "__main__": "from besman.top import a",
+        "top/a": "def f():\n    import besman.low.b\nfrom besman.middle.m import M",
+        "middle/m": "if TYPE_CHECKING:\n    from besman import low\nimport numpy.low",
+        "low/b": "from besman.low import c",
+        "alone": "",
+    }
+    for name, text in texts.items():
+        path = tmp_path / "besman" / f"{name}.py"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+    found = rooms.read_rooms(tmp_path / "besman")
+    assert found == {"alone": set(), "low": set(), "middle": {"low"}, "top": {"low", "middle"}}
+    assert rooms.floors_of(found) == [["alone", "low"], ["middle"], ["top"]]
+    assert rooms.arrows_of(found) == [("middle", "low"), ("top", "middle")]
+    with pytest.raises(ValueError, match="rooms import each other: one, two"):
+        rooms.floors_of({"one": {"two"}, "two": {"one"}, "none": set()})
+
+
+def test_the_picture_of_besman_has_every_room_and_its_arrows_go_down():
+    rooms = extension("rooms")
+    found = rooms.read_rooms(TOP / "besman")
+    assert set(found) == {room for floor in LAYERS for room in floor}
+    boxes = rooms.place_rooms(found)
+    assert all(boxes[one][1] < boxes[other][1] for one in found for other in found[one])
+    assert all(width / 2 <= x <= rooms.WIDTH - width / 2 for x, _, width in boxes.values())
+    picture = rooms.draw_rooms(found)
+    assert picture.count("<rect") == len(found)
+    # Whoever is seen is seen along arrows: none too few were left out.
+    seen = {
+        one: {other for first, other in rooms.arrows_of(found) if first == one} for one in found
+    }
+    for floor in rooms.floors_of(found):
+        for one in floor:
+            seen[one] |= {far for near in seen[one] for far in seen[near]}
+            assert found[one] <= seen[one]

@@ -1,4 +1,7 @@
-"""Every module is imported by a test, or it is said here which test looks at it, and how."""
+"""Every module is imported by a test, or it is said here which test looks at it, and how.
+
+The tests mirror the tree: what is in a folder is tested in the folder of the same name.
+"""
 
 import ast
 
@@ -43,6 +46,10 @@ OTHERWISE = {
 }
 
 
+# What every entry of a table keeps to, and mutants of all that is foreign.
+OF_MANY = {"contracts", "fuzz"}
+
+
 def read_imports(path):
     """Return the names that a file imports: modules, and what may be a module of a package."""
     found = set()
@@ -75,6 +82,27 @@ def untested(package, tests):
     return {name for name in code if name not in seen and not name.startswith(COMMANDS)}
 
 
+def not_mirrored(package, tests):
+    """Return folders that one tree has and the other lacks, and tests far from their module."""
+    modules = {path for path in package.rglob("*.py") if path.stem != "__init__"}
+    places = {path.relative_to(package).parent.as_posix() for path in modules}
+    found, tested = [], set()
+    for path in sorted(tests.rglob("test_*.py")):
+        place, name = path.relative_to(tests).parent.as_posix(), path.stem.removeprefix("test_")
+        if place in OF_MANY | {"."}:
+            continue
+        tested.add(place)
+        homes = {one.relative_to(package).parent.as_posix() for one in modules if one.stem == name}
+        wanted = {".".join([package.name, *home.split("/"), name]) for home in homes}
+        if place not in homes and wanted & read_imports(path):
+            found.append(f"{place}/{path.name}: its module is elsewhere")
+    return found + sorted(tested ^ (places - {"."}))
+
+
+def test_the_tests_mirror_the_tree():
+    assert not_mirrored(TOP / "besman", TESTS) == []
+
+
 def test_a_test_looks_at_every_module():
     assert sorted(untested(TOP / "besman", TESTS)) == sorted(OTHERWISE)
 
@@ -101,3 +129,28 @@ def test_this_check_sees_what_it_looks_for(tmp_path):
         path.write_text(text)
     found = untested(tmp_path / "besman", tmp_path / "tests")
     assert found == {"besman.records.two", "besman.leg"}
+
+
+def test_a_test_that_is_not_where_its_module_is_is_seen(tmp_path):
+    texts = {
+        "besman/__main__": "",
+        "besman/robot/arm": "",
+        "besman/robot/leg": "",
+        "besman/person/hand": "",
+        "besman/web/page": "",
+        "tests/robot/test_arm": "from besman.robot.arm import Arm",
+        "tests/robot/test_hand": "from besman.person.hand import Hand",
+        "tests/person/test_leg": "from besman.person import hand",
+        "tests/limbs/test_all": "",
+        "tests/fuzz/test_arm": "import besman.robot.arm",
+        "tests/test_arm": "import besman.robot.arm",
+    }
+    for name, text in texts.items():
+        path = tmp_path / f"{name}.py"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+    assert not_mirrored(tmp_path / "besman", tmp_path / "tests") == [
+        "robot/test_hand.py: its module is elsewhere",
+        "limbs",
+        "web",
+    ]

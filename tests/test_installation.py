@@ -45,6 +45,9 @@ EXTRAS = PROJECT["optional-dependencies"]
 FOR_USERS = ("cluster", "lerobot", "lsl", "lstm", "mirror", "optitrack", "qualisys")
 FOR_USERS += ("ros", "sequences", "transfer", "verify", "video", "xacro")
 
+# It removes what the others make; and Drake is too large to be fetched every time.
+NOT_IN_CI = ("clean-venv", "test-verify")
+
 needs_make = pytest.mark.skipif(shutil.which("make") is None, reason="there is no make")
 
 
@@ -186,6 +189,15 @@ def test_all_that_is_installed_is_pinned():
     names = {name for name, _ in seen} - {"besman"}
     assert len(names) > 60
     assert sorted(names - pinned) == []
+
+
+def test_ci_makes_every_target_alone_and_the_tests_first():
+    makefile, ci = (TOP / "Makefile").read_text(), (TOP / ".ci/run").read_text()
+    (targets,) = re.findall(r"^\.PHONY: (.*)$", makefile, re.MULTILINE)
+    alone = re.findall(r"^alone (\S+)", ci, re.MULTILINE)
+    assert alone[0] == "test"
+    assert re.search(r"^alone install$(.*\n){1,3}make .* run$", ci, re.MULTILINE)
+    assert sorted([*alone, "run", *NOT_IN_CI]) == sorted(targets.split())
 
 
 @pytest.fixture

@@ -2,6 +2,8 @@
 
 import functools
 
+import numpy as np
+
 from besman.evaluation.recognition_data import name_parts
 from besman.person.marker_set import load_marker_set
 from besman.planning.learnt import learn_tasks
@@ -38,6 +40,11 @@ def divide_actions(recording, blocks, config):
     actions = FindActions(config).run((recording,), (blocks,), ())
     hands = config.run((recording,), actions)
     return DivideActions(config).run((recording,), (blocks,), actions, hands, MARKERS)
+
+
+def block_goals(plan):
+    """Return the joint angles (B, n) at the end of each block, rad."""
+    return np.stack([block.goal for block in plan.blocks])
 
 
 @functools.cache

@@ -35,9 +35,6 @@ METHODS = ("order and movement", "order", "movement")
 RIVALS = ("most frequent block", "most frequent next", "same as last time")
 """Without a model: always the same; what followed the last block most often, or last."""
 
-BLOCKS = ("movements", "movements and rests")
-"""Whether rests are passed over, or are blocks that may come next."""
-
 LEFT_OUT = ("recording", "subject")
 
 
@@ -121,7 +118,8 @@ def evaluate_prediction(data: Path, progress: Progress = lambda done: None) -> d
     -------
     dict
         ``experiment`` and ``rows``; a row has dataset, source, left_out (``recording`` or
-        ``subject``: what nothing was learnt from), blocks (`BLOCKS`), seen_share, method, n (blocks
+        ``subject``: what nothing was learnt from), blocks (``movements``: rests are passed over;
+        ``movements and rests``: they are blocks that may come next), seen_share, method, n (blocks
         foreseen), top1 (share of them that were the most probable), log_loss (nats a block) and,
         of ``order and movement``, start_error_s: the median error of when the next movement starts.
         ``order_entropy`` of ``figures`` is 0 if every block is always followed by the same.

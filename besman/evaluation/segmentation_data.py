@@ -32,8 +32,6 @@ class ThesisTable:
         Rate that recordings were brought to.
     margin_s : float
         Greatest distance of a border that counts as found.
-    optimum : float
-        Borders to be found in a recording.
     windows_s : tuple of float
         Windows of locmin and of the cuts of probs.
     figures : dict
@@ -43,7 +41,6 @@ class ThesisTable:
     number: str
     rate_hz: float
     margin_s: float
-    optimum: float
     windows_s: tuple[float, float]
     figures: dict[str, tuple[float, float, float]]
 
@@ -53,7 +50,6 @@ THESIS = {
         "4.2",
         30.0,
         0.2,
-        7.0,
         (0.27, 0.13),
         {
             "vmci": (0.85, 6.0, 1.1),
@@ -67,7 +63,6 @@ THESIS = {
         "4.3",
         30.0,
         0.2,
-        3.7,
         (0.2, 0.07),
         {
             "vmci": (0.70, 1.9, 0.9),
@@ -81,7 +76,6 @@ THESIS = {
         "4.4",
         20.0,
         0.3,
-        8.1,
         (0.2, 0.1),
         {
             "vmci": (0.67, 5.0, 3.0),

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from besman.exceptions import RecordingError
+from besman.exceptions import RecordingError, in_one_line
 from besman.foreign.json_text import parse_json
 from besman.foreign.names import fault_of_name
 from besman.foreign.numbers import has_odd_digits
@@ -80,8 +80,7 @@ def read_joint_csv(path: Path) -> tuple[FloatArray, FloatArray, FloatArray, Floa
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read: {error.strerror}") from None
     except ValueError as error:
-        reason = str(error).splitlines()[0]
-        raise RecordingError(f"{path}: expected a table of numbers: {reason}") from None
+        raise RecordingError(f"{path}: expected a table of numbers: {in_one_line(error)}") from None
     _check_numbers(path, table)
     if not len(table) or not np.all(np.diff(table[:, 0]) > 0):
         raise RecordingError(f"{path}: expected rows with times that rise strictly")

@@ -9,14 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.exceptions import OutOfReachError, PlanError, nearest
-from besman.geometry.frames import quaternion_to_rotation, rotation_to_quaternion
+from besman.geometry.frames import quaternion_to_rotation
 from besman.motion.forcing import N_NODES
 from besman.motion.task_rollout import sample_task, stretch_task
 from besman.motion.velocity_dmp import roll_out_velocity
 from besman.records import BlockPlan, TaskPlan
 from besman.robot.ik_kernel import follow_paths
 from besman.robot.inverse_kinematics import IkWeights, joint_box
-from besman.robot.kinematics import forward_kinematics
 from besman.robot.limits import check_limits, time_stretch
 from besman.robot.model import Robot
 from besman.robot.parts import JointLimits
@@ -175,13 +174,6 @@ def frame_matrix(pose: npt.ArrayLike) -> FloatArray:
     matrix[:3, :3] = quaternion_to_rotation(values[3:])
     matrix[:3, 3] = values[:3]
     return matrix
-
-
-def task_goal_poses(plan: TaskPlan, robot: Robot) -> FloatArray:
-    """Return where the tool centre point is at the end of each block, shape (B, 7)."""
-    goals = np.stack([block.goal for block in plan.blocks])
-    reached = forward_kinematics(robot.chain, goals)
-    return np.hstack([reached[:, :3, 3], rotation_to_quaternion(reached[:, :3, :3])])
 
 
 def keep_block_range(block: BlockPlan, limits: JointLimits) -> BlockPlan:

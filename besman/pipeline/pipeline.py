@@ -128,6 +128,7 @@ def _ends_in_order(run: Run) -> Iterator[None]:
 STAGES = (
     "label",
     "segment",
+    "label_training",
     "train",
     "recognize",
     "train_actions",
@@ -135,6 +136,7 @@ STAGES = (
     "actions",
     "select",
     "blocks",
+    "select_second",
     "map",
     "tasks",
     "task_plans",
@@ -144,7 +146,11 @@ STAGES = (
     "imitate",
     "refine",
     "robustness",
+    "imitate_second",
+    "refine_second",
+    "robustness_second",
 )
+"""What ``--fresh`` can compute anew: all that `_run_stages` and what it calls may do."""
 
 
 def _run_stages(config: PipelineConfig, run: Run, inputs: Inputs, trained_in: Path | None) -> None:

@@ -172,52 +172,6 @@ def remove_spin(jacobian: FloatArray, pose: FloatArray) -> None:
             jacobian[3 + row, i] -= spin * pose[row, 2]
 
 
-@compiled
-def solve_pose(
-    placements: FloatArray,
-    axes: FloatArray,
-    tip: FloatArray,
-    low: FloatArray,
-    high: FloatArray,
-    nearby: FloatArray,
-    weights: FloatArray,
-    free_spin: bool,
-    target: FloatArray,
-    angles: FloatArray,
-    error: FloatArray,
-    rounds: int,
-    tolerance: float,
-) -> float:
-    """Improve `angles` in place until the pose is met as well as can be; return the cost.
-
-    Parameters
-    ----------
-    placements, axes, tip : array
-        As in `Chain`.
-    low, high, nearby : array, shape (n,)
-        Box of joint angles and preferred ones, rad.
-    weights : array, shape (3,)
-        Of position (1/m), orientation (1/rad), distance from the preferred angles (1/rad).
-    free_spin : bool
-        The rotation about the tool's z axis does not matter.
-    target : array, shape (4, 4)
-        Pose asked for, metres.
-    angles : array, shape (n,)
-        Start, overwritten by the answer, rad.
-    error : array, shape (6,)
-        Written: remaining position error (m) and rotation vector (rad).
-    rounds, tolerance : int, float
-        Greatest number of steps, and the relative improvement below which the search ends.
-    """
-    n = len(angles)
-    return _improve(
-        placements, axes, tip, low, high, nearby, weights, free_spin, target, angles, error,
-        rounds, tolerance, 0.0, np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((4, 4)),
-        np.empty((6, n)), np.empty((n, n)), np.empty((n, n)), np.empty(n), np.empty(n),
-        np.empty(n), np.empty(6),
-    )  # fmt: skip
-
-
 @numba.njit(inline="always", error_model="numpy")
 def _improve(
     placements: FloatArray,
@@ -245,8 +199,9 @@ def _improve(
     trial: FloatArray,
     trial_error: FloatArray,
 ) -> float:
-    """Do `solve_pose`; end, too, where the error's six entries are no longer than `enough`.
+    """Improve `angles` in place until the pose is met as well as can be; return the cost.
 
+    It ends, too, where the six entries of `error` are no longer than `enough`. See `follow_paths`.
     The further arrays are written over. They are allocated once for many poses and passed one by
     one into a function that is part of its callers: a fifth of a pose's time.
     """
@@ -307,16 +262,24 @@ def follow_paths(
 
     Parameters
     ----------
-    placements, axes, tip, low, high, weights, free_spin, rounds, tolerance
-        As in `solve_pose`.
+    placements, axes, tip : array
+        As in `Chain`.
+    low, high : array, shape (n,)
+        Box of joint angles, rad.
     home : array, shape (n,)
         Preferred at the anchor, rad.
+    weights : array, shape (3,)
+        Of position (1/m), orientation (1/rad), distance from the preferred angles (1/rad).
+    free_spin : bool
+        The rotation about the tool's z axis does not matter.
     targets : array, shape (D, T, 4, 4)
         Poses of D paths, metres.
     starts : array, shape (K, n)
         Where to start at the anchor, rad.
     anchor : int
         Index of the pose to start from.
+    rounds, tolerance : int, float
+        Greatest number of steps, and the relative improvement below which a pose is left.
     enough : float
         See `besman.robot.branches.follow_all`.
 

@@ -122,7 +122,8 @@ def add_robot(
     wishes = Wishes(tip, name, folder, packages, velocity, torque, arguments, base)
     if not urdf.is_file():
         raise RobotError(f"{urdf}: no such file; expected a URDF, xacro or MJCF")
-    made: list[Path] = []
+    wanted = () if folder is None else (*reversed(folder.parents), folder)
+    made = [one for one in wanted if not one.exists()]
     try:
         return _bring(urdf, wishes, show, made)
     except BaseException:

@@ -137,11 +137,6 @@ class GaussNewton:
         return self._in_worlds and not alone
 
     @property
-    def _stepping(self) -> bool:
-        """Whether it takes steps, alone or between two generations of CMA-ES."""
-        return self._strategy is None or self._aside
-
-    @property
     def exhausted(self) -> bool:
         """Whether going on is of no use."""
         return (

@@ -13,6 +13,7 @@ from places import TOP
 
 from besman.io.exports import read_joint_csv
 from besman.io.segments_json import read_throws
+from besman.pipeline.pipeline import STAGES
 from besman.records.files import load_record
 from besman.robot.limits import check_limits, resample_trajectory
 from besman.robot.model import load_robot
@@ -54,6 +55,16 @@ def stranger(tmp_path_factory):
         file.unlink()
     (recording,) = folder.glob("*.tsv")
     return recording
+
+
+def test_every_stage_that_runs_can_be_computed_anew():
+    said = re.findall(
+        r'run\.(?:step|prepare)\(\s*f?"([a-z_]+)(\{arm\})?"',
+        (TOP / "besman/pipeline/pipeline.py").read_text(),
+    )
+    names = {name + arm for name, second in said for arm in (("", "_second") if second else ("",))}
+    assert len(said) > 15
+    assert sorted(names) == sorted(STAGES)
 
 
 def results(folder):

@@ -358,3 +358,18 @@ def test_home_is_clear_and_not_singular(tmp_path):
     assert not any("home" in doubt.text and doubt.kind == "doubtful"
                    for doubt in check_robot(tmp_path / "mine5.yaml"))  # fmt: skip
     np.testing.assert_array_equal(robot.home, load_robot(tmp_path / "mine5.yaml").home)
+
+
+def test_folders_made_for_an_arm_that_cannot_be_used_are_taken_away(tmp_path, monkeypatch):
+    urdf = write_urdf(tmp_path)
+    (tmp_path / "there").mkdir()
+
+    def refuse(path):
+        assert path.is_file()
+        raise RobotError("no such arm")
+
+    monkeypatch.setattr("besman.robot.new_robot.load_robot", refuse)
+    for folder in ("there", "there/new", "new/deep"):
+        with pytest.raises(RobotError, match="no such arm"):
+            add_robot(urdf, folder=tmp_path / folder)
+    assert sorted(tmp_path.rglob("*")) == [urdf, tmp_path / "there"]

@@ -137,12 +137,6 @@ class BpArHmmSampler:
         self.dimensions = d
         self._evaluate()
 
-    def replace_data(self, series: Sequence[npt.ArrayLike]) -> None:
-        """Put other data of the same shapes in; the prior stays as it is."""
-        arrays = check_series(series)
-        self._y, self._h = [y[1:] for y in arrays], [y[:-1] for y in arrays]
-        self._evaluate()
-
     def sweep(self) -> None:
         """Draw all unknowns once."""
         for i in range(len(self._y)):

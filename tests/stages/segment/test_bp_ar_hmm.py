@@ -105,7 +105,9 @@ def test_the_chain_keeps_the_prior():
                 a, noise = sampler.parameters[k]
                 y.append(a @ y[-1] + np.sqrt(noise[0]) * rng.normal(size=1))
             series.append(np.array(y))
-        sampler.replace_data(series)
+        # Other data under the same prior.
+        sampler._y, sampler._h = [y[1:] for y in series], [y[:-1] for y in series]
+        sampler._evaluate()
         sampler.sweep()
         kept.append(
             (
