@@ -1,20 +1,13 @@
 """Refinement block by block beside one search over the whole sequence, and one from scratch.
 
 Run with ``python benchmarks/block_refinement.py [FOLDER [ROBOT [TASKS [BUDGET]]]]``, the folder
-with the public pick-and-place recordings; without one on synthetic ones. Every task begins as the
-person has shown it: the tool is where the hand was in the frame of the box and of its place, with
-straight ways of the task's own lengths. What a search may change are these two poses, how much
-higher the arm goes, how far it leaves, and how slow the last part is: 15 numbers.
+with the public pick-and-place recordings; without one on synthetic ones. It prints of each task
+what ``besman evaluate refinement --problem rearrange`` sums up; see
+`besman.evaluation.whole_task_problem.WholeTaskProblem` for what the three are.
 
-- block by block: CMA-ES on the numbers of one part, on the reward of that part, until it succeeds;
-  the next begins in the state of the simulation in which that has ended.
-- as one: CMA-ES on all numbers, on the sum of the same rewards, each episode the whole task.
-- from scratch: the same without what was shown, with a first step that is five times as large:
-  blocks without a shape, and a tool square to the frame of the box's markers, in its origin.
-
-All three count every try as an episode, also those that are out of reach; BUDGET is how many at
-most, shared evenly by the parts. In the end the whole task that was found is simulated at once and
-judged as any other (`rearrange`).
+A try that is out of reach counts as an episode, too; BUDGET is how many at most, shared evenly by
+the parts. In the end the whole task that was found is simulated at once and judged as any other
+(`rearrange`).
 """
 
 import sys
@@ -25,38 +18,26 @@ from pathlib import Path
 import numpy as np
 from whole_tasks import ACTIONS, find_actions, imitate_tasks
 
+from besman.evaluation.whole_task_problem import whole_task_problem
 from besman.robot.model import load_robot
 from besman.simulation.tasks.kinds import load_whole_task
-from besman.simulation.tasks.rearrange.block_trials import BlockTrials
-from besman.stages.refine.block_parts import split_task
-from besman.stages.refine.block_search import search_blocks, search_whole
 from besman.synthetic.datasets import write_synthetic
-
-SIGMA, SCRATCH = 1.0, 5.0
 
 
 def compare(plans, robot, n_tasks, budget):
     """Refine tasks in three ways; print what each has come to."""
     task = load_whole_task("rearrange")
-    frame = task.box_frame(plans, robot)
-    way = task.grasp_way(frame)
-    chosen = [plans[k] for k in np.unique(np.linspace(0, len(plans) - 1, n_tasks).astype(int))]
-    told = {"block by block": [], "as one": [], "from scratch": []}
-    for number, plan in enumerate(chosen):
-        trials = BlockTrials.of(plan, robot, task, frame, 0)
-        shown, bare = split_task(plan), split_task(plan, scratch=True)
-        runs = {
-            "block by block": (search_blocks, shown, budget // len(shown), SIGMA),
-            "as one": (search_whole, shown, budget, SIGMA),
-            "from scratch": (search_whole, bare, budget, SCRATCH),
-        }
-        for name, (search, parts, most, sigma) in runs.items():
+    problem = whole_task_problem("rearrange", tuple(plans), robot, task, budget)
+    rows = np.unique(np.linspace(0, len(problem.plans) - 1, n_tasks).astype(int))
+    told = {name: [] for name in problem.methods}
+    for number, plan in enumerate(problem.plans[k] for k in rows):
+        for name in problem.methods:
             began = time.process_time()
-            found = search(parts, way, trials, most, number, sigma)
+            found = problem.search(plan, name, number)
             seconds = time.process_time() - began
             success, said = False, "does not come to its end"
             if found.plan is not None:
-                (trial,) = task.try_tasks([found.plan], robot, frame)
+                (trial,) = task.try_tasks([found.plan], robot, problem.frame)
                 success, said = trial.success, trial.failure or "beside its place"
             told[name].append((found, success, seconds))
             episodes = ", ".join(f"{part} {n}" for part, n in found.episodes.items())

@@ -1,4 +1,4 @@
-"""One whole task refined: block by block, then in other ways."""
+"""One whole task refined: in other ways, and block by block."""
 
 from __future__ import annotations
 
@@ -114,16 +114,31 @@ def _candidates(
 ) -> Iterator[tuple[TaskPlan | None, int]]:
     """Return what is worth simulating, and what each has cost, in simulations.
 
-    Each way that was not simulated yet; after the first one what a search of its blocks comes to.
+    Each way that was not simulated yet, and before or after them what a search of the blocks of the
+    first one comes to.
     """
-    for number, (grasp, moved) in enumerate(ways):
+    first: tuple[GraspConfig, TaskPlan] | None = None
+    for grasp, moved in ways:
         if best is None or not is_same(moved, best.plan):
             yield moved, 1
-        if by_blocks and number == 0:
-            found = search_task_blocks(moved, grasp, robot, task, frame)
-            if found is not None:
-                # The whole of it is simulated once more, to be judged as any other.
-                yield (found.plan if found.success else None), 1 + sum(found.episodes.values())
+        if first is None:
+            first = grasp, moved
+            if by_blocks:
+                yield _by_blocks(first, robot, task, frame)
+    if first is not None and not by_blocks:
+        yield _by_blocks(first, robot, task, frame)
+
+
+def _by_blocks(
+    first: tuple[GraspConfig, TaskPlan], robot: Robot, task: RearrangeConfig, frame: BoxFrame
+) -> tuple[TaskPlan | None, int]:
+    """Return the task that a search of blocks has come to, if it succeeds, and what that cost."""
+    grasp, moved = first
+    found = search_task_blocks(moved, grasp, robot, task, frame)
+    if found is None:
+        return None, 0
+    # The whole of it is simulated once more, to be judged as any other.
+    return (found.plan if found.success else None), sum(found.episodes.values()) + found.success
 
 
 def search_task_blocks(

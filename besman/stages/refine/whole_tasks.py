@@ -114,7 +114,7 @@ class SimulateTasks(_TaskStep):
 
 
 class RefineTasks(_TaskStep):
-    """Searches whole tasks block by block, then in other ways, until each succeeds.
+    """Tries other ways of whole tasks, and searches them block by block, until each succeeds.
 
     See `besman.stages.refine.one_task.refine_task`.
     """

@@ -121,10 +121,10 @@ class TaskSearchConfig(Config):
 
     Attributes
     ----------
-    by : "blocks" or "ways"
-        blocks: taking the box, putting it, leaving it are searched one after the other, each from
-        the state of the simulation in which the one before has ended; where that does not succeed,
-        and with ways at once, other `ways` of the whole task are simulated.
+    by : "ways" or "blocks"
+        What comes first; the other follows where that does not succeed. ways: other `ways` of the
+        whole task are simulated; blocks: taking the box, putting it, leaving it are searched one
+        after the other, each from the state of the simulation in which the one before has ended.
     episodes : int
         Of each part at most.
     sigma : float
@@ -132,7 +132,7 @@ class TaskSearchConfig(Config):
     seed : int
     """
 
-    by: Literal["blocks", "ways"] = "blocks"
+    by: Literal["ways", "blocks"] = "ways"
     episodes: Annotated[int, Field(ge=1)] = 60
     sigma: Positive = 0.5
     seed: Annotated[int, Field(ge=0)] = 0
