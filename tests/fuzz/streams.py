@@ -103,7 +103,7 @@ def break_datagrams(rng, content):
         elif action == 2:
             del one[rng.randrange(len(one) + 1) :]
             one[2:4] = max(0, len(one) - 4).to_bytes(2, "little")
-        elif action == 3 and one:
+        elif action == 3 and len(one) > 8:
             one[:] = rng.choice((cut, flip, splice))(rng, bytes(one))
         elif len(one) >= 12:
             # Kind and size, frame, counts, names, coordinates, and the time at the end.
