@@ -150,7 +150,7 @@ def break_stream(rng, content):
 
 def _head(rng, about, rows, at):
     key = rng.choice([key for key in about if about[key] is not rows])
-    if isinstance(about[key], list):
+    if isinstance(about[key], list) and about[key]:
         about[key][rng.randrange(len(about[key]))] = rng.choice((*NAMES, None))
     else:
         about[key] = rng.choice(LEAVES)
