@@ -73,7 +73,7 @@ class RawMessage(NamedTuple):
 class Bag:
     """An open bag; see `open_bag`."""
 
-    def __init__(self, reader: Any, decode: Callable[[bytes, str], Any]) -> None:
+    def __init__(self, reader: Any, decode: Callable[[bytes, Any], Any]) -> None:
         self._reader, self._decode = reader, decode
         seconds = _seconds(reader)
         counts: dict[tuple[str, str], int] = {}
@@ -91,7 +91,7 @@ class Bag:
         chosen = [one for one in self._reader.connections if (one.topic, one.msgtype) in wanted]
         # Of the library none means all.
         for connection, stamp, data in self._reader.messages(chosen) if chosen else ():
-            yield connection.topic, stamp, self._decode(data, connection.msgtype)
+            yield connection.topic, stamp, self._decode(data, connection)
 
 
 @contextmanager
@@ -174,13 +174,23 @@ def _refuse_cut_database(path: Path, head: bytes) -> None:
         )
 
 
-def _make_decoder(is_ros_1: bool) -> Callable[[bytes, str], Any]:
-    """Return what makes a message of bytes, by the definitions that come with the library."""
+def _make_decoder(is_ros_1: bool) -> Callable[[bytes, Any], Any]:
+    """Return what makes a message of bytes and the library's connection that it came by."""
     from rosbags.typesys import Stores, get_typestore
 
-    store = get_typestore(Stores.ROS1_NOETIC if is_ros_1 else Stores.LATEST)
-    decode: Callable[[bytes, str], Any] = store.deserialize_cdr
-    return store.deserialize_ros1 if is_ros_1 else decode
+    if is_ros_1:
+        store = get_typestore(Stores.ROS1_NOETIC)
+        return lambda data, connection: store.deserialize_ros1(data, connection.msgtype)
+    decoders: dict[str, Callable[[bytes], Any]] = {}
+
+    def decode(data: bytes, connection: Any) -> Any:
+        kind, about = connection.msgtype, connection.msgdef
+        if kind not in decoders:
+            definition = Definition(f"ros2{about.format.name.lower()}", about.data)
+            decoders[kind] = make_message_decoder(kind, definition)
+        return decoders[kind](data)
+
+    return decode
 
 
 def make_message_decoder(kind: str, definition: Definition | None) -> Callable[[bytes], Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,6 +18,8 @@ UNNAMED = 64
 # Of visualization_msgs/Marker: a cube, a sphere, a cylinder; to be shown, as it is.
 _SOLIDS, _ADD = (1, 2, 3), 0
 _USE_INDEX = 1
+# What topics of a body are called that say nothing of which.
+_NO_NAMES = {"pose", "pose_stamped", "poses", "transform"}
 
 
 class Points(NamedTuple):
@@ -48,8 +50,10 @@ Reader = Callable[[Any, str], Iterator[Points]]
 """Takes a message and what its topic is called."""
 
 
-def _stamp(header: Any) -> int:
-    return int(header.stamp.sec) * 10**9 + int(header.stamp.nanosec)
+def stamp_of(message: Any) -> int:
+    """Return the time in a message's header, nanoseconds."""
+    stamp = message.header.stamp
+    return int(stamp.sec) * 10**9 + int(stamp.nanosec)
 
 
 def _place(point: Any) -> Place:
@@ -70,8 +74,8 @@ def read_marker_array(message: Any, _: str) -> Iterator[Points]:
         for one in solids
     ]
     shown = [one.action == _ADD for one in solids]
-    stamps = [_stamp(one.header) for one, seen in zip(solids, shown, strict=True) if seen]
-    stamp = max(stamps, default=_stamp(solids[0].header))
+    stamps = [stamp_of(one) for one, seen in zip(solids, shown, strict=True) if seen]
+    stamp = max(stamps, default=stamp_of(solids[0]))
     frame = solids[0].header.frame_id
     if not all(names):
         # The columns are the numbers, which stay those of a trajectory.
@@ -91,7 +95,7 @@ def read_marker_array(message: Any, _: str) -> Iterator[Points]:
 def read_mocap_markers(message: Any, _: str) -> Iterator[Points]:
     """Read ``mocap4r2_msgs/Markers`` (``mocap_msgs/Markers`` before): by name, or by index."""
     number = int(message.frame_number)
-    about = _stamp(message.header), message.header.frame_id
+    about = stamp_of(message), message.header.frame_id
     named = [one for one in message.markers if one.marker_name and one.id_type != _USE_INDEX]
     if message.markers and not named:
         places = _by_number((one.marker_index, one.translation) for one in message.markers)
@@ -107,20 +111,20 @@ def read_mocap_markers(message: Any, _: str) -> Iterator[Points]:
 def read_cloud(message: Any, _: str) -> Iterator[Points]:
     """Read ``sensor_msgs/PointCloud``: points without a name."""
     places = np.array([_place(one) for one in message.points[:UNNAMED]]).reshape(-1, 3)
-    yield Points(_stamp(message.header), message.header.frame_id, places)
+    yield Points(stamp_of(message), message.header.frame_id, places)
 
 
 def read_pose(message: Any, name: str) -> Iterator[Points]:
     """Read ``geometry_msgs/PoseStamped``, with covariance or not: one body, called by its topic."""
     pose = getattr(message.pose, "pose", message.pose)
     places = {name: _place(pose.position)}
-    yield Points(_stamp(message.header), message.header.frame_id, places, (name,))
+    yield Points(stamp_of(message), message.header.frame_id, places, (name,))
 
 
 def read_point(message: Any, name: str) -> Iterator[Points]:
     """Read ``geometry_msgs/PointStamped``: one marker, called by its topic."""
     places = {name: _place(message.point)}
-    yield Points(_stamp(message.header), message.header.frame_id, places, (name,))
+    yield Points(stamp_of(message), message.header.frame_id, places, (name,))
 
 
 def read_transforms(message: Any, _: str) -> Iterator[Points]:
@@ -128,7 +132,13 @@ def read_transforms(message: Any, _: str) -> Iterator[Points]:
     for one in getattr(message, "transforms", (message,)):
         name = one.child_frame_id.lstrip("/")
         places = {name: _place(one.transform.translation)}
-        yield Points(_stamp(one.header), one.header.frame_id, places, (name,))
+        yield Points(stamp_of(one), one.header.frame_id, places, (name,))
+
+
+def read_markers(message: Any) -> Iterator[Points]:
+    """Read a message of one of `MARKERS`."""
+    is_array = message.__msgtype__ == KINDS[1][0][0]
+    yield from (read_marker_array if is_array else read_mocap_markers)(message, "")
 
 
 def _by_number(numbered: Iterator[tuple[int, Any]]) -> FloatArray:
@@ -155,8 +165,23 @@ KINDS: tuple[tuple[tuple[str, ...], Reader], ...] = (
 """Types of messages that have markers, and what reads them; of several in a bag the first is meant.
 """
 
+MARKERS = KINDS[0][0] + KINDS[1][0]
+"""Those that name markers, each message a frame."""
+
 WHOLE = 3
 """So many of `KINDS` are whole frames: a bag can only have one topic of them."""
+
+
+def name_topics(topics: Sequence[str]) -> dict[str, str]:
+    """Return what bodies are called by their topics: ``hand`` of ``/vrpn/hand/pose``."""
+    short = {}
+    for topic in topics:
+        parts = [part for part in topic.split("/") if part]
+        while len(parts) > 1 and parts[-1].lower() in _NO_NAMES:
+            parts.pop()
+        short[topic] = parts[-1] if parts else topic
+    names = list(short.values())
+    return {topic: one if names.count(one) == 1 else topic for topic, one in short.items()}
 
 
 def choose_topics(

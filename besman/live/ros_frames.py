@@ -9,9 +9,8 @@ import numpy as np
 
 from besman.exceptions import RecordingError, in_one_line
 from besman.io.recordings.clock import whole_if_near
-from besman.io.recordings.ros_bag import name_topics
 from besman.io.ros_messages import Definition, RawMessage, make_message_decoder
-from besman.io.ros_points import UNNAMED, Points, Reader, choose_topics
+from besman.io.ros_points import UNNAMED, Points, Reader, choose_topics, name_topics
 from besman.live.stream import StreamFormat
 from besman.records import FloatArray
 

@@ -250,7 +250,7 @@ def test_options_that_do_not_go_together_are_one_line(tmp_path, monkeypatch, cap
         (("follow",), "expected either a recording or --live SOURCE"),
         (("follow", "a.tsv", "--live", "lsl:x"), "expected either a recording or --live SOURCE"),
         (("follow", "a.tsv", "--record", "b.tsv"), "--record: is of a live stream"),
-        (("play", SAMPLE, "--as", "vicon"), "--as: got 'vicon'; expected qtm, lsl or natnet"),
+        (("play", SAMPLE, "--as", "vicon"), "--as: got 'vicon'; expected qtm, lsl, natnet or mcap"),
     ):
         assert call(monkeypatch, *arguments) == 2
         assert said in capsys.readouterr().err
@@ -292,6 +292,22 @@ def test_a_stream_without_names_is_followed_as_one_with_names(plan, start):
     assert 0 <= late <= 0.2 * named.rate_hz
     _, truth = follow(Network(named, rows[late:], rows[late:] / named.rate_hz), plan)
     assert blocks == truth
+
+
+def test_points_without_names_that_are_all_hidden_for_a_while(plan, start):
+    """A stretch in which there is nothing to look at has no part in who is who."""
+    named = read_recording(start)
+    n = 1300
+    positions = named.positions[:n].copy()
+    # So many rows are given where a source counts on by more.
+    positions[8:1008] = np.nan
+    changes = {"positions": positions, "names": (None,) * len(named.names), "time": named.time[:n]}
+    unnamed = type(named)(**{**vars(named), **changes})
+    follower = LiveFollower(Network(unnamed, np.arange(n), np.arange(n) / 100), plan)
+    follower.open()
+    lines = list(follower.run())
+    assert [one["kind"] for one in lines[:2]] == ["notice", "names"]
+    assert lines[-1]["frames"] > 100
 
 
 def test_unnamed_points_that_are_no_person_are_told_of(plan, start):

@@ -103,7 +103,7 @@ def break_datagrams(rng, content):
         elif action == 2:
             del one[rng.randrange(len(one) + 1) :]
             one[2:4] = max(0, len(one) - 4).to_bytes(2, "little")
-        elif action == 3 and one:
+        elif action == 3 and len(one) > 8:
             one[:] = rng.choice((cut, flip, splice))(rng, bytes(one))
         elif len(one) >= 12:
             # Kind and size, frame, counts, names, coordinates, and the time at the end.
@@ -150,7 +150,7 @@ def break_stream(rng, content):
 
 def _head(rng, about, rows, at):
     key = rng.choice([key for key in about if about[key] is not rows])
-    if isinstance(about[key], list):
+    if isinstance(about[key], list) and about[key]:
         about[key][rng.randrange(len(about[key]))] = rng.choice((*NAMES, None))
     else:
         about[key] = rng.choice(LEAVES)

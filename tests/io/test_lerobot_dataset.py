@@ -83,3 +83,25 @@ def test_what_cannot_be_written_is_one_line(episodes, tmp_path, monkeypatch):
     with pytest.raises(FileError, match="there is no motion to be an episode"):
         write_lerobot(tmp_path / "set", [], JOINTS, "ur5", 100)
     assert not (tmp_path / "set").exists()
+
+
+def test_the_formats_own_library_reads_it(episodes, tmp_path, monkeypatch):
+    """A large package, of no extra: skipped without. It was read so by lerobot 0.4.2."""
+    monkeypatch.setenv("HF_HUB_OFFLINE", "1")
+    library = pytest.importorskip("lerobot.datasets.lerobot_dataset")
+    folder = tmp_path / "set"
+    write_lerobot(folder, episodes, JOINTS, "ur5", 100)
+    found = library.LeRobotDataset("besman/set", root=folder)
+    assert (len(found), found.num_episodes, found.meta.fps) == (21, 3, 100)
+    assert found.meta.robot_type == "ur5"
+    row = 0
+    for index, episode in enumerate(episodes):
+        for k, (state, action) in enumerate(zip(episode.states, episode.actions, strict=True)):
+            one = found[row]
+            assert (int(one["episode_index"]), one["task"]) == (index, episode.task)
+            assert float(one["timestamp"]) == pytest.approx(k / 100, abs=1e-6)
+            np.testing.assert_array_equal(one["observation.state"], state.astype(np.float32))
+            np.testing.assert_array_equal(one["action"], action.astype(np.float32))
+            row += 1
+    chosen = library.LeRobotDataset("besman/set", root=folder, episodes=[1])
+    assert len(chosen) == len(episodes[1].states)

@@ -10,6 +10,7 @@ import pytest
 
 from besman.exceptions import RecordingError, WebError
 from besman.live import natnet_source
+from besman.live.natnet_link import read_datagram
 from besman.live.natnet_source import UNNAMED, NatNetSource
 from besman.live.play_natnet import play_as_natnet
 from besman.live.play_qtm import Delays
@@ -113,6 +114,7 @@ def test_datagrams_that_are_none_are_one_line():
             source.read(0.0)
         assert "\n" not in str(error.value)
         assert source.ended
+    assert read_datagram(head, None).nat_net_protocol_version == natnet.Version(3, 1)
     source = NatNetSource("127.0.0.1")
     # Before the version of the protocol is known, and of a kind that does not matter.
     for data in (struct.pack("<HHI", 7, 4, 3), struct.pack("<HH", 8, 0), head):

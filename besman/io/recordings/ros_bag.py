@@ -3,6 +3,8 @@
 MCAP and SQLite files of ROS 2 (a bag's folder holds them), with chunks compressed by zstd or lz4 or
 not, and bags of ROS 1; read by ``rosbags`` (extra ``ros``), no ROS is needed. Taken are
 
+- ``visualization_msgs/MarkerArray`` and ``mocap4r2_msgs/Markers``: markers with their names, as
+  `besman.io.ros_points` reads them and besman writes a person's;
 - ``sensor_msgs/JointState``, with the URDF on a topic ``robot_description`` or in a file beside the
   bag: where all links of the arm were, by their names, in the frame of the URDF's root;
 - ``geometry_msgs/PoseStamped`` and ``PoseWithCovarianceStamped``, a body each, called by its topic
@@ -33,19 +35,19 @@ from besman.io.recordings.ros_tracks import (
     sample_values,
 )
 from besman.io.ros_messages import Bag, Topic, open_bag
+from besman.io.ros_points import MARKERS, name_topics, read_markers, stamp_of
 from besman.records import Origin, Recording
 from besman.records.frozen import hand_over
 
 _JOINTS = "sensor_msgs/msg/JointState"
 _POSES = ("geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped")
 _FRAMES = ("geometry_msgs/msg/TransformStamped", "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
-_TAKEN = (_JOINTS, *_POSES, *_FRAMES)
+_TAKEN = (_JOINTS, *MARKERS, *_POSES, *_FRAMES)
 _TEXT = "std_msgs/msg/String"
-_KNOWN = "joint states, poses or transforms"
+_KNOWN = "joint states, markers, poses or transforms"
 _MOST_LISTED = 12
 # No joint turns or slides farther.
 _GREATEST = 1000.0
-_NO_NAMES = {"pose", "pose_stamped", "poses", "transform"}
 _CHOOSE = "choose with --topic, in a recipe with read.topics"
 
 
@@ -150,7 +152,10 @@ def _choose(
             f"{path}: no topic that can be used; expected {_KNOWN}; got {_list(topics)}"
         )
     joints = [one for one in usable if one.kind == _JOINTS]
+    markers = [one for one in usable if one.kind in MARKERS]
     poses = [one for one in usable if one.kind != _JOINTS]
+    if markers and not (joints and has_urdf):
+        return _refuse_several(markers, "markers", asked, path)
     if not joints or (poses and not has_urdf):
         return poses
     if not has_urdf:
@@ -158,11 +163,16 @@ def _choose(
             f"{path}: {joints[0]} and no URDF, which tells where the joints are; expected it on a "
             f"topic robot_description, or as {path.with_suffix('.urdf').name} beside it"
         )
-    if len(joints) > 1 and not asked:
-        raise RecordingError(
-            f"{path}: {len(joints)} topics of joint states: {_list(joints)}; {_CHOOSE}"
-        )
-    return joints
+    return _refuse_several(joints, "joint states", asked, path)
+
+
+def _refuse_several(
+    topics: list[Topic], what: str, asked: Collection[str], path: Path
+) -> list[Topic]:
+    """Return the topics; refuse several of a kind of which nobody has asked for any."""
+    if len(topics) > 1 and not asked:
+        raise RecordingError(f"{path}: {len(topics)} topics of {what}: {_list(topics)}; {_CHOOSE}")
+    return topics
 
 
 def _take_asked(usable: Sequence[Topic], asked: Collection[str], path: Path) -> list[Topic]:
@@ -199,6 +209,7 @@ class _Gathered:
         names = name_topics([one.name for one in topics if one.kind in _POSES])
         takers: dict[str, Callable[[str, int, Any], None]] = {
             _JOINTS: self._take_joints,
+            **dict.fromkeys(MARKERS, self._take_markers),
             **dict.fromkeys(_FRAMES, self._take_frames),
             **dict.fromkeys(_POSES, self._take_pose),
         }
@@ -212,13 +223,13 @@ class _Gathered:
             raise RecordingError(f"{self.path}: no message of {', '.join(kinds)} has positions")
         self._settle_times()
 
-    def _add(self, name: str, stamp: Any, log_ns: int, values: Any) -> Track:
+    def _add(self, name: str, stamp_ns: int, log_ns: int, values: Any) -> Track:
         """Add a value with its times."""
         track = self.tracks.get(name)
         if track is None:
             track = self.tracks[name] = Track()
             self._logged[name] = []
-        track.stamps.append(stamp.sec * 10**9 + stamp.nanosec)
+        track.stamps.append(stamp_ns)
         track.values.append(values)
         self._logged[name].append(log_ns)
         return track
@@ -236,7 +247,19 @@ class _Gathered:
                     f"{self.path}: joint {name!r:.60} is on two topics, {owner} and {topic}; "
                     + _CHOOSE
                 )
-            self._add(name, message.header.stamp, log_ns, value)
+            self._add(name, stamp_of(message), log_ns, value)
+
+    def _take_markers(self, topic: str, log_ns: int, message: Any) -> None:
+        """Take the markers of a frame that are seen."""
+        for one in read_markers(message):
+            if not isinstance(one.places, dict):
+                raise RecordingError(
+                    f"{self.path}: {topic}: markers without names, of which no trajectories are "
+                    "made; expected a name of each"
+                )
+            for name, place in one.places.items():
+                track = self._add(name, one.stamp_ns, log_ns, (*place, 0.0, 0.0, 0.0, 1.0))
+                track.parent = one.frame.lstrip("/")
 
     def _take_frames(self, topic: str, log_ns: int, message: Any) -> None:
         """Take one transform or several; one that stands still is told again and again."""
@@ -246,14 +269,14 @@ class _Gathered:
                 self.tracks.pop(name, None)
                 self._logged.pop(name, None)
             values = _pose_of(one.transform.translation, one.transform.rotation)
-            track = self._add(name, one.header.stamp, log_ns, values)
+            track = self._add(name, stamp_of(one), log_ns, values)
             track.parent = one.header.frame_id.lstrip("/")
 
     def _take_pose(self, name: str, log_ns: int, message: Any) -> None:
         """Take a pose, with its covariance or without."""
         pose = getattr(message.pose, "pose", message.pose)
         values = _pose_of(pose.position, pose.orientation)
-        track = self._add(name, message.header.stamp, log_ns, values)
+        track = self._add(name, stamp_of(message), log_ns, values)
         track.parent = message.header.frame_id.lstrip("/")
 
     def _settle_times(self) -> None:
@@ -281,18 +304,6 @@ def _pose_of(position: Any, turn: Any) -> tuple[float, ...]:
     if not all(abs(one) < 2.0 for one in values[3:]):
         return (np.nan,) * 7
     return values if 0.5 < math.hypot(*values[3:]) < 2.0 else (np.nan,) * 7
-
-
-def name_topics(topics: Sequence[str]) -> dict[str, str]:
-    """Return what bodies are called by their topics: ``hand`` of ``/vrpn/hand/pose``."""
-    short = {}
-    for topic in topics:
-        parts = [part for part in topic.split("/") if part]
-        while len(parts) > 1 and parts[-1].lower() in _NO_NAMES:
-            parts.pop()
-        short[topic] = parts[-1] if parts else topic
-    names = list(short.values())
-    return {topic: one if names.count(one) == 1 else topic for topic, one in short.items()}
 
 
 def _follow_joints(
@@ -380,6 +391,8 @@ def _record(
         names=names,
         rate_hz=grid.rate_hz,
         source=gathered.path.name,
-        orientations=from_matrices(np.where(hidden[..., None, None], np.nan, turned)),
+        orientations=None
+        if chosen[0].kind in MARKERS
+        else from_matrices(np.where(hidden[..., None, None], np.nan, turned)),
         origin=Origin(notes=(*listed, *gathered.notes)),
     )

@@ -51,21 +51,27 @@ def choose_anchor_frames(fragments: Fragments, n_markers: int, n_anchors: int) -
     Returns
     -------
     int array, shape (n_anchors,)
-        Frames, those with most to see first.
+        Frames, those with most to see first; fewer where a stretch shows nothing at all.
     """
     worth = np.minimum(fragments.n_samples / fragments.rate_hz, 2.0) + 0.2
     steps = np.zeros(fragments.n_frames + 1)
     np.add.at(steps, fragments.start, worth)
     np.add.at(steps, fragments.stop, -worth)
     total = np.cumsum(steps)[:-1]
+    seen = np.zeros(fragments.n_frames + 1, dtype=int)
+    np.add.at(seen, fragments.start, 1)
+    np.add.at(seen, fragments.stop, -1)
+    total[np.cumsum(seen)[:-1] == 0] = 0.0
     bounds = np.linspace(0, fragments.n_frames, n_anchors + 1).astype(int)
     frames = np.array(
         [
             begin + int(np.argmax(total[begin:end]))
             for begin, end in pairwise(bounds.tolist())
             if end > begin
-        ]
+        ],
+        dtype=int,
     )
+    frames = frames[total[frames] > 0.0]
     return frames[np.argsort(-total[frames], kind="stable")]
 
 

@@ -1,6 +1,7 @@
 """Bags of ROS messages: what a library writes is read; a second one writes and reads them too."""
 
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from besman.standalone.look_text import find_next
 
 pytest.importorskip("rosbags", reason="the extra ros is not installed")
 import pinocchio
+from places import SAMPLE
 from ros_bags import EPOCH_NS, Messages, write_bag
 
 URDF = """<robot name="arm"><link name="base_link"/><link name="upper_arm_link"/>
@@ -335,3 +337,55 @@ def test_poses_that_are_none_are_gaps(tmp_path):
     read = read_recording(write_bag(tmp_path / "a.mcap", {"/hand": rows, "/blind": blind}))
     assert read.names == ("hand",)
     np.testing.assert_array_equal(np.flatnonzero(np.isnan(read.positions[:, 0, 0])), range(20, 40))
+
+
+def test_markers_with_names_are_read_as_they_are_followed(tmp_path):
+    """Of a type that the library does not know too: its definition stands in the file."""
+    from growing_bags import MOCAP, MOCAP_DEFINITION, McapWriter
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    from besman.live.play_mcap import play_as_mcap
+    from besman.live.play_qtm import Delays
+
+    given = read_recording(SAMPLE / "subject1.tsv")
+    given = replace(given, time=given.time[:60], positions=given.positions[:60].copy())
+    played = tmp_path / "played.mcap"
+    play_as_mcap(given, played, Delays(pace=1000.0))
+    read = read_recording(played)
+    assert (read.names, read.rate_hz, read.orientations) == (given.names, 100.0, None)
+    np.testing.assert_allclose(read.positions, given.positions, atol=1e-6)
+    store = get_typestore(Stores.EMPTY)
+    types = get_types_from_msg(MOCAP_DEFINITION, MOCAP)
+    store.register({name: one for name, one in types.items() if name not in store.types})
+    make = {name.rpartition("/")[2]: kind for name, kind in store.types.items()}
+    for by_name in (True, False):
+        path = tmp_path / f"mocap_{by_name}.mcap"
+        writer = McapWriter(path)
+        for row in range(30):
+            at = EPOCH_NS + row * 10**7
+            markers = [
+                make["Marker"](0, k, name if by_name else "", make["Point"](0.01 * row, k, 1))
+                for k, name in enumerate(("hand", "elbow"))
+            ]
+            header = make["Header"](make["Time"](at // 10**9, at % 10**9), "map")
+            data = bytes(store.serialize_cdr(make["Markers"](header, row, markers), MOCAP))
+            writer.write("/markers", MOCAP, MOCAP_DEFINITION, at, data)
+        writer.finish()
+        if not by_name:
+            with pytest.raises(RecordingError, match="/markers: markers without names"):
+                read_recording(path)
+            continue
+        read = read_recording(path)
+        assert read.names == ("hand", "elbow")
+        np.testing.assert_allclose(
+            read.positions, [[[0.01 * row, k, 1.0] for k in range(2)] for row in range(30)]
+        )
+
+
+def test_two_topics_of_markers(tmp_path):
+    make = Messages()
+    array = make.make("visualization_msgs/msg/MarkerArray", markers=[])
+    rows = [(EPOCH_NS + k * 10**7, array) for k in range(3)]
+    path = write_bag(tmp_path / "a.mcap", {"/one": rows, "/two": rows})
+    with pytest.raises(RecordingError, match=r"2 topics of markers: /one .*choose with --topic"):
+        read_recording(path)

@@ -26,6 +26,15 @@ def test_frames_are_those_where_most_is_seen_for_long():
     assert (np.diff(worth[frames]) <= 1e-12).all()
 
 
+def test_a_stretch_that_shows_nothing_has_no_frame():
+    positions = np.random.default_rng(3).normal(size=(1, 4, 3)).repeat(90, axis=0)
+    positions[:30] = np.nan
+    frames = choose_anchor_frames(split_fragments(positions, 50.0), 8, 3)
+    assert sorted(frames // 30) == [1, 2]
+    nobody = split_fragments(np.full_like(positions, np.nan), 50.0)
+    assert choose_anchor_frames(nobody, 8, 3).shape == (0,)
+
+
 @pytest.mark.parametrize("hidden", [(), (2, 5)])
 def test_all_markers_of_an_instant_are_named(clean, teacher, marker_set, hidden):
     model = learn_from_recording(teacher, marker_set)
