@@ -156,11 +156,12 @@ def read_rows(
         if n_found + n_lines > len(found):
             found = _make_room(found[:n_found], n_lines, len(block), lines, row)
         into = found[n_found : n_found + n_lines]
-        values = _parse_plain(block, cells, into) if is_whole else None
-        text = b"" if values is not None else cells.tabbed(block)
-        if values is None and is_whole and _is_even(text, width):
-            values = parse_cells(text, n_lines * width)
-        end = n_lines
+        if is_whole and _parse_plain(block, cells, into):
+            n_found, row = n_found + n_lines, row + n_lines
+            continue
+        text, end = cells.tabbed(block), n_lines
+        is_even = is_whole and _is_even(text, width)
+        values = parse_cells(text, n_lines * width) if is_even else None
         if values is None:
             body = text.split(b"\n")
             end = next((at for at, line in enumerate(body) if not line.strip(b"\t ")), n_lines)
@@ -169,11 +170,10 @@ def read_rows(
                 above = lines.last(min(_ROWS_ABOVE, len(lines) - first))[:-1]
                 body = _look_for_cut(body, cells, above, width, lines.is_ended, path, row, partial)
             values = _parse(body, width, texts, path, row, lines) if body else None
-        n_here = 0 if values is None else values.size // width
-        if values is not None and values is not into:
-            into[:n_here] = values.reshape(-1, width)
-        n_found += n_here
-        if end < n_lines or is_last:
+        if values is not None:
+            into[: values.size // width] = values.reshape(-1, width)
+            n_found += values.size // width
+        if end < n_lines:
             break
         row += n_lines
     if n_found == 0:
@@ -191,13 +191,14 @@ def _make_room(
     return room
 
 
-def _parse_plain(block: bytes, cells: Cells, into: FloatArray) -> FloatArray | None:
-    """Parse lines as they are, where one byte separates cells and all of them are plain."""
+def _parse_plain(block: bytes, cells: Cells, into: FloatArray) -> bool:
+    """Parse lines as they are, where one byte separates cells; tell whether all are plain."""
     if cells.is_doubled or cells.separator == b" " or b'"' in block:
-        return None
+        return False
     point = b"," if cells.has_decimal_commas else b"."
     n_rows, width = into.shape
-    return parse_table(block, n_rows, width, cells.separator, point, False, into)
+    read = parse_table(block, n_rows, width, cells.separator, point, False, into)
+    return read is not None
 
 
 def _is_even(text: bytes, width: int) -> bool:

@@ -5,8 +5,8 @@ not, and bags of ROS 1; read by ``rosbags`` (extra ``ros``), no ROS is needed. T
 
 - ``sensor_msgs/JointState``, with the URDF on a topic ``robot_description`` or in a file beside the
   bag: where all links of the arm were, by their names, in the frame of the URDF's root;
-- ``geometry_msgs/PoseStamped`` and ``PoseWithCovarianceStamped``, a body each, called by its topic
-  (``/vrpn/hand/pose`` is ``hand``), ``TransformStamped`` and ``tf2_msgs/TFMessage`` (``/tf`` and
+- ``geometry_msgs/PoseStamped``, ``PoseWithCovarianceStamped`` and ``nav_msgs/Odometry``, a body each,
+  called by its topic (``/vrpn/hand/pose`` is ``hand``), ``TransformStamped`` and ``tf2_msgs/TFMessage`` (``/tf`` and
   ``/tf_static``), called by their frames, in the frame above them all.
 
 Times are those of the headers, of topics without any those of logging. All is brought to even
@@ -37,7 +37,11 @@ from besman.records import Origin, Recording
 from besman.records.frozen import hand_over
 
 _JOINTS = "sensor_msgs/msg/JointState"
-_POSES = ("geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped")
+_POSES = (
+    "geometry_msgs/msg/PoseStamped",
+    "geometry_msgs/msg/PoseWithCovarianceStamped",
+    "nav_msgs/msg/Odometry",
+)
 _FRAMES = ("geometry_msgs/msg/TransformStamped", "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 _TAKEN = (_JOINTS, *_POSES, *_FRAMES)
 _TEXT = "std_msgs/msg/String"
@@ -45,7 +49,7 @@ _KNOWN = "joint states, poses or transforms"
 _MOST_LISTED = 12
 # No joint turns or slides farther.
 _GREATEST = 1000.0
-_NO_NAMES = {"pose", "pose_stamped", "poses", "transform"}
+_NO_NAMES = {"pose", "pose_stamped", "poses", "transform", "odom", "odometry"}
 _CHOOSE = "choose with --topic, in a recipe with read.topics"
 
 
