@@ -22,12 +22,12 @@ import numpy as np
 
 from besman.exceptions import RecordingError
 from besman.foreign.numbers import parse_number
-from besman.io.recordings.bodies import hold_orientations, read_orientations
+from besman.io.recordings.bodies import gather_turns, hold_orientations, read_orientations
 from besman.io.recordings.c3d_names import find_names
 from besman.io.recordings.clock import RowClock, read_rate, settle_clock
 from besman.io.recordings.format import Units
 from besman.io.recordings.lengths import find_length, parse_unit
-from besman.io.recordings.number_rows import ROWS_SEEN, Cells, find_cells, read_rows, see_commas
+from besman.io.recordings.number_rows import ROWS_SEEN, Cells, find_cells, read_tracks, see_commas
 from besman.io.recordings.text_lines import TextLines, open_lines
 from besman.records import FloatArray, Origin, Recording
 from besman.records.frozen import hand_over
@@ -100,17 +100,19 @@ def read_nexus_csv(path: Path, units: Units | None = None, partial: bool = False
             f"{path}: no table of trajectories or model outputs; got {', '.join(titles) or 'none'}"
         )
     section = _read_header(lines, titles[chosen], chosen, path)
-    values = read_rows(
-        lines, section.data_line, section.width, section.cells, path, partial=partial
-    )
+    # Frames and their parts, and what turns bodies.
+    turned, turns = gather_turns(section.turns, 2)
+    values, positions = read_tracks(
+        lines, section.data_line, section.width, section.cells, path,
+        (0, section.sub_column or 0, *turned), section.columns, partial=partial,
+    )  # fmt: skip
     if chosen == _TITLES[0]:
         titles |= _find_titles(lines, section.data_line + len(values))
     clock = _settle(section, values, path)
-    columns = np.array(section.columns)[:, None] + np.arange(3)
-    positions = clock.spread(np.take(values, columns, axis=1))
+    positions = clock.spread(positions)
     length = find_length(section.unit, units, positions, str(path), "the line of units")
     positions *= length.metres
-    orientations = read_orientations(values, section.turns, section.labels, path.name)
+    orientations = read_orientations(values, turns, section.labels, path.name)
     others = [title for title in titles if title != chosen]
     return Recording(
         time=clock.time,

@@ -19,8 +19,6 @@ import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from besman.exceptions import RecordingError, RecordingWarning
 from besman.foreign.numbers import parse_number
 from besman.io.recordings.c3d_names import find_names
@@ -32,7 +30,7 @@ from besman.io.recordings.number_rows import (
     Cells,
     find_cells,
     is_blank,
-    read_rows,
+    read_tracks,
     see_commas,
 )
 from besman.io.recordings.text_lines import TextLines, open_lines
@@ -92,12 +90,13 @@ def read_trc(path: Path, units: Units | None = None, partial: bool = False) -> R
     lines = open_lines(path, "a TRC recording")
     header = _read_header(lines, path)
     n_markers = len(header.names)
-    values = read_rows(
-        lines, header.data_line, 2 + 3 * n_markers, header.cells, path, partial=partial
-    )
+    values, positions = read_tracks(
+        lines, header.data_line, 2 + 3 * n_markers, header.cells, path, (0, 1),
+        range(2, 2 + 3 * n_markers, 3), partial=partial,
+    )  # fmt: skip
     rate_hz = read_rate(header.values.get("datarate", ""))
     clock = settle_clock(values[:, 0], values[:, 1], rate_hz, path, header.data_line + 1)
-    positions = clock.spread(np.ascontiguousarray(values[:, 2:]).reshape(len(values), n_markers, 3))
+    positions = clock.spread(positions)
     _check_counts(header, values, path)
     length = find_length(header.values.get("units"), units, positions, str(path), "Units")
     positions *= length.metres
