@@ -21,13 +21,19 @@ from pathlib import Path
 import numpy as np
 
 from besman.exceptions import RecordingError
-from besman.foreign.numbers import parse_number
 from besman.io.recordings.bodies import gather_turns, hold_orientations, read_orientations
 from besman.io.recordings.c3d_names import find_names
 from besman.io.recordings.clock import RowClock, read_rate, settle_clock
 from besman.io.recordings.format import Units
 from besman.io.recordings.lengths import find_length, parse_unit
-from besman.io.recordings.number_rows import ROWS_SEEN, Cells, find_cells, read_tracks, see_commas
+from besman.io.recordings.number_rows import (
+    ROWS_SEEN,
+    Cells,
+    find_cells,
+    is_number,
+    read_tracks,
+    see_commas,
+)
 from besman.io.recordings.text_lines import TextLines, open_lines
 from besman.records import FloatArray, Origin, Recording
 from besman.records.frozen import hand_over
@@ -165,7 +171,7 @@ def _read_header(lines: TextLines, at: int, title: str, path: Path) -> _Section:
     names += [""] * (len(axes) - len(names))
     rate = cells.split(head[1])[0]
     row = cells.split(head[table + 1]) if table + 1 < len(head) else []
-    units = row + [""] * (len(axes) - len(row)) if row and not _is_number(row[0]) else None
+    units = row + [""] * (len(axes) - len(row)) if row and not is_number(row[0]) else None
     n_ends = next((k for k in range(len(axes), 0, -1) if axes[k - 1]), 0)
     columns, labels, words = _find_positions(axes[:n_ends], names, units)
     turns = _find_turns(axes[:n_ends], columns, labels, names)
@@ -194,14 +200,6 @@ def _read_header(lines: TextLines, at: int, title: str, path: Path) -> _Section:
 
 def _is_columns(line: str) -> bool:
     return find_cells(line).split(line)[0].lower() in _FIRST
-
-
-def _is_number(text: str) -> bool:
-    try:
-        parse_number(text.replace(",", "."))
-    except ValueError:
-        return False
-    return True
 
 
 def _find_positions(

@@ -63,10 +63,29 @@ class Cells:
         return text if self.separator == b"\t" else text.replace(self.separator, b"\t")
 
     def split(self, line: str) -> list[str]:
-        """Return the cells of a line of a header, without blanks around them."""
+        """Return the cells of a line of a header, without blanks and quotes around them."""
         if self.separator == b" ":
             return line.split() or [""]
-        return [cell.strip().strip('"').strip() for cell in line.split(self.separator.decode())]
+        mark = self.separator.decode()
+        parts = line.split(mark)
+        parts = _join_quoted(parts, mark) if '"' in line else parts
+        return [cell.strip().strip('"').strip() for cell in parts]
+
+
+def _join_quoted(parts: list[str], mark: str) -> list[str]:
+    """Put together what was cut between quotes; all as it was if a quote is not closed."""
+    joined: list[str] = []
+    begun: list[str] = []
+    for part in parts:
+        bare = part.strip()
+        begins = bare[:1] == '"' and (len(bare) == 1 or bare[-1] != '"')
+        if begun or begins:
+            begun.append(part)
+            if len(begun) == 1 or bare[-1:] != '"':
+                continue
+            part, begun = mark.join(begun), []
+        joined.append(part)
+    return parts if begun else joined
 
 
 def find_cells(line: str) -> Cells:
@@ -95,12 +114,17 @@ def see_commas(cells: Cells, rows: Sequence[str]) -> Cells:
     return replace(cells, has_decimal_commas=has_commas and not any("." in one for one in found))
 
 
-def is_numeric(cell: str) -> bool:
-    """Tell whether a cell is a number, or stands for one that is not there."""
+def is_word(cell: str) -> bool:
+    """Tell whether a cell is a word, and none that stands for a number that is not there."""
+    return any(map(str.isalpha, cell)) and cell.lower() not in _MISSING and not is_number(cell)
+
+
+def is_number(cell: str) -> bool:
+    """Tell whether a cell is a number, with a point or a comma."""
     try:
         parse_number(cell.replace(",", "."))
     except ValueError:
-        return cell.lower() in _MISSING
+        return False
     return True
 
 

@@ -30,6 +30,7 @@ from besman.io.recordings.number_rows import (
     Cells,
     find_cells,
     is_blank,
+    is_number,
     read_tracks,
     see_commas,
 )
@@ -152,12 +153,7 @@ def _is_row(line: str) -> bool:
     """Tell whether a line begins with the number of a frame."""
     if is_blank(line):
         return False
-    first = find_cells(line).split(line.strip(" "))[0]
-    try:
-        parse_number(first.replace(",", "."))
-    except ValueError:
-        return False
-    return True
+    return is_number(find_cells(line).split(line.strip(" "))[0])
 
 
 def _read_names(line: str, cells: Cells) -> list[str]:

@@ -88,3 +88,19 @@ def test_tracks_are_columns_of_the_rows_however_the_file_is_cut(
 def test_commas_between_tabs_are_told_by_the_first_rows(rows, has_commas):
     assert see_commas(Cells(b"\t"), rows) == Cells(b"\t", has_decimal_commas=has_commas)
     assert see_commas(Cells(b","), rows) == Cells(b",")
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ('Frame,"Hand, left","b",c', ["Frame", "Hand, left", "b", "c"]),
+        ('"a, b, c" ,"","d"', ["a, b, c", "", "d"]),
+        ('a,"b,c', ["a", "b", "c"]),
+        ('5" rod,6" rod,x', ['5" rod', '6" rod', "x"]),
+        ("a,b", ["a", "b"]),
+    ],
+)
+def test_a_separator_between_quotes_is_part_of_a_name(line, expected):
+    assert [one.replace('"', "") for one in Cells(b",").split(line)] == [
+        one.replace('"', "") for one in expected
+    ]
