@@ -1,11 +1,11 @@
 """TRC: frames by markers, as OpenSim, EVaRT, Cortex, Pose2Sim and OpenCap write it.
 
-Variants seen: tabs, commas, semicolons or blanks between cells; cells padded with blanks, tabs
-doubled (EVaRT); millimetres, centimetres and metres, or another word there; frames from 0 and from
-1; blank cells and lines cut short at gaps; names with blanks, or none; no blank line, or one of
-separators, below the header; counts of markers and frames in the header that are not those of the
-columns and rows. Path file type 3 and 4. The format does not say which way is up: OpenSim's files
-are y-up, those exported from a laboratory often z-up.
+Variants seen: tabs, commas, semicolons or blanks between cells; decimal commas, also between tabs;
+cells padded with blanks, tabs doubled (EVaRT); millimetres, centimetres and metres, or another word
+there; frames from 0 and from 1; blank cells and lines cut short at gaps; names with blanks, or
+none; no blank line, or one of separators, below the header; counts of markers and frames in the
+header that are not those of the columns and rows. Path file type 3 and 4. The format does not say
+which way is up: OpenSim's files are y-up, those exported from a laboratory often z-up.
 
 References
 ----------
