@@ -92,6 +92,46 @@ def left_handed(paths: Paths, rng: np.random.Generator) -> Paths:
             for name, path in paths.items()}  # fmt: skip
 
 
+def passed_to_the_person(paths: Paths, rng: np.random.Generator) -> Paths:
+    """Let the ball come by a pass from below the ring for two seconds before; badly seen first."""
+    n_before, arrives_s, flight_s = 60, 1.6, 0.9
+    ball, gravity = paths["ball"], np.array([0.0, 0.0, -9.81 / FOOT_M])
+    held = ball[np.flatnonzero(np.isfinite(ball[:, 0]))[0]]
+    start = np.array([38.0, 0.5, 4.5])
+    velocity = (held - start - 0.5 * gravity * flight_s**2) / flight_s
+    time_s = np.arange(n_before) / 30.0
+    since = (time_s - arrives_s + flight_s)[:, None]
+    coming = start + velocity * since + 0.5 * gravity * since**2
+    coming[since[:, 0] < 0.45] = np.nan
+    coming[time_s >= arrives_s] = held
+    first = np.flatnonzero(np.isfinite(coming[:, 0]))[:4]
+    coming[first] += rng.normal(0.0, 1.5, (len(first), 3))
+    ball[:20] = np.where(np.isnan(ball[:20]), held, ball[:20])
+    stands = {name: path[:1] + rng.normal(0.0, 0.01, (n_before, 3)) for name, path in paths.items()}
+    stands["ball"] = coming
+    return {name: np.concatenate([stands[name], path]) for name, path in paths.items()}
+
+
+def walks_off(paths: Paths, rng: np.random.Generator) -> Paths:
+    """Let the person go back by 1.2 m in the three seconds after."""
+    share = np.linspace(0.0, 1.0, 91)[1:, None]
+    way = (10 * share**3 - 15 * share**4 + 6 * share**5) * np.array([-4.0, 0.5, 0.0])
+    after = {
+        name: path[-1:] + way + rng.normal(0.0, 0.01, way.shape) for name, path in paths.items()
+    }
+    return {name: np.concatenate([path, after[name]]) for name, path in paths.items()}
+
+
+def badly_seen_ball(paths: Paths, rng: np.random.Generator) -> Paths:
+    """Spoil the last frames of the ball, and see another thing for three frames later."""
+    ball = paths["ball"]
+    last = int(np.flatnonzero(np.isfinite(ball[:, 0]))[-1])
+    ball[last - 2 : last + 1] += rng.normal(0.0, 0.5, (3, 3))
+    other = slice(last + 9, last + 12)
+    ball[other] = np.array([30.0, 5.0, 3.0]) + rng.normal(0.0, 1.0, ball[other].shape)
+    return paths
+
+
 def together(*changes: Change) -> Change:
     def change(paths: Paths, rng: np.random.Generator) -> Paths:
         for one in changes:
@@ -117,6 +157,10 @@ VARIANTS: dict[str, tuple[Change, tuple[str, ...]]] = {
     "no finger at all": (never_seen("FINGER"), ()),
     "ball lost 4 frames earlier": (lost_early, ()),
     "no ball": (never_seen("ball"), ()),
+    "a pass before the throw": (passed_to_the_person, ()),
+    "walks off after it": (walks_off, ()),
+    "pass, ball badly seen, walks off": (
+        together(badly_seen_ball, passed_to_the_person, walks_off), ()),
     "y up, 1.5 cm, dropped, hidden": (
         together(jitter(0.015), dropped(0.1), hidden, lifted), ()),
 }  # fmt: skip
@@ -133,11 +177,21 @@ def spoil(content: dict, change: Change, name: str, trial: int) -> dict:
         for one in names
     }
     paths = change(paths, np.random.default_rng((SEED, trial, len(name))))
-    for row, frame in enumerate(frames):
-        frame["ball"] = paths["ball"][row].tolist()
-        frame["player"] = {one: path[row].tolist() for one, path in paths.items() if one != "ball"}
-        if name.startswith("no rate"):
-            content["tracking"][row].pop("time")
+    ball = paths.pop("ball").tolist()
+    content["tracking"] = [
+        {
+            "frame": row,
+            "time": int(1000 * row / 30),
+            "data": {
+                "ball": place,
+                "player": {one: path[row].tolist() for one, path in paths.items()},
+            },
+        }
+        for row, place in enumerate(ball)
+    ]
+    if name.startswith("no rate"):
+        for frame in content["tracking"]:
+            frame.pop("time")
     return content
 
 

@@ -19,7 +19,7 @@ UNNAMED = 64
 _SOLIDS, _ADD = (1, 2, 3), 0
 _USE_INDEX = 1
 # What topics of a body are called that say nothing of which.
-_NO_NAMES = {"pose", "pose_stamped", "poses", "transform"}
+_NO_NAMES = {"pose", "pose_stamped", "poses", "transform", "odom", "odometry"}
 
 
 class Points(NamedTuple):

@@ -45,6 +45,24 @@ def warn_of_no_turns(written: FloatArray, turns: FloatArray, body: str, source: 
         )
 
 
+def gather_turns(turns: Sequence[int | None], n_before: int) -> tuple[list[int], list[int | None]]:
+    """Return the columns of all quaternions, and where each begins when these are all that is kept.
+
+    Parameters
+    ----------
+    turns : sequence of int or None
+        Where the four numbers of each body begin; None of what has none.
+    n_before : int
+        Columns that are kept before them.
+    """
+    columns: list[int] = []
+    kept: list[int | None] = []
+    for turn in turns:
+        kept.append(None if turn is None else n_before + len(columns))
+        columns += [] if turn is None else range(turn, turn + 4)
+    return columns, kept
+
+
 def read_orientations(
     values: FloatArray, columns: Sequence[int | None], names: Sequence[str], source: str
 ) -> FloatArray | None:

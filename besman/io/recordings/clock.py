@@ -22,6 +22,8 @@ _UNEVEN = 0.5
 # A rate is meant to be whole if it is this near, or as near as times tell that are rounded so.
 _WHOLE = 5e-4
 _ROUNDED = (1e-2, 1e-3, 1e-4)
+# Seconds up to which a double has these steps.
+_LATEST = 1e11
 # What times may count, in a second.
 _PARTS_OF_SECOND = (1.0, 1e3, 1e6, 1e9)
 TIME_NAMES: dict[str, float | None] = (
@@ -271,7 +273,7 @@ def _tell(odd_hz: float) -> str:
 
 def _find_rounding(times: FloatArray) -> float:
     """Return the step to which rising times are rounded, seconds; 0 if it is fine, or frames'."""
-    if len(times) < 2 or not np.isfinite(times).all() or not times[0] < times[-1]:
+    if len(times) < 2 or not times[0] < times[-1] or not (np.abs(times) < _LATEST).all():
         return 0.0
     for step in _ROUNDED:
         counted = np.round(times / step)

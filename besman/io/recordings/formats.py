@@ -122,8 +122,8 @@ FORMATS = (
         (".csv",),
         is_keypoint_csv,
         "keypoints_csv:read_keypoints_csv",
-        "markerless systems: columns name_x, name_y, name_z, or names above x, y, z; or a row a "
-        "keypoint: frame, keypoint, x, y, z; time or '# fps: 30'; units by height",
+        "markerless systems: name_x, name_y, name_z; names above x, y, z; or a row a keypoint; "
+        "time or '# fps: 30'; units by height",
         takes_units=True,
         takes_partial=True,
         writes_zeros=True,
@@ -143,8 +143,7 @@ FORMATS = (
         (".mcap", ".db3", ".bag"),
         is_bag,
         "ros_bag:read_bag",
-        "ROS 2 (MCAP, SQLite) and ROS 1: joint states with their URDF, poses, tf; "
-        "pip install 'besman[ros]'",
+        "ROS 2 (MCAP, SQLite), ROS 1: joint states with URDF, poses, tf; pip install 'besman[ros]'",
         companions="ros_bag:find_bag_files",
         has_one_up=True,
     ),
@@ -217,11 +216,9 @@ def read_recording(
     head = _read_head(path)
     found = recognise(head)
     if found is None:
-        if not head.strip():
-            raise RecordingError(f"{path}: the file is empty; expected {KNOWN_FORMATS}")
-        raise RecordingError(
-            f"{path}: a format that is not known; expected {KNOWN_FORMATS}" + see_look(str(path))
-        )
+        what = "a format that is not known" if head.strip() else "the file is empty"
+        more = see_look(str(path)) if head.strip() else ""
+        raise RecordingError(f"{path}: {what}; expected {KNOWN_FORMATS}{more}")
     chosen = None if topics is None else tuple(topics)
     with reading(
         units=units, partial=partial, up=up, rate_hz=rate_hz, subject=subject, topics=chosen
@@ -346,9 +343,12 @@ def find_recordings(paths: Iterable[Path]) -> list[Path]:
         if path.is_dir():
             inside = [file for file in path.iterdir() if _is_recording(file)]
             if not inside:
+                deeper = [one for one in path.iterdir() if one.is_dir()]
+                deeper = [one for one in deeper if any(map(_is_recording, one.iterdir()))]
+                more = f"; there are some in {min(deeper)}" if deeper else ""
                 raise RecordingError(
                     f"{path}: no recording in this folder; expected files that are "
-                    f"{KNOWN_FORMATS}, or end in {', '.join(_own_suffixes())}"
+                    f"{KNOWN_FORMATS}, or end in {', '.join(_own_suffixes())}{more}"
                 )
             found += sorted(inside, key=_natural_order)
         elif path.is_file():

@@ -2,11 +2,12 @@
 
 Variants seen: a list of frames, or one under ``frames``, ``tracking``, ``data`` or ``keypoints``,
 and those that `besman.io.recordings.keypoint_frames` names; a frame a line (JSON Lines); frames'
-numbers and times, in seconds or milliseconds (SPL open data); ``NaN`` and ``null`` for what was not
-seen, and names that some frames lack; several people a frame under ``people``, each with a name or
-an id, and OpenPose's flat lists ``pose_keypoints_3d`` of BODY_25, gathered into one file; the rate
-as ``fps``, ``frame_rate``, ``sampling_rate`` or ``rate_hz``, ``units`` and ``up``, beside the
-frames or in ``metadata``, or none of them. Where no unit is named the height of the body tells it.
+numbers and times, in seconds or milliseconds (SPL open data), micro- or nanoseconds; ``NaN`` and
+``null`` for what was not seen, and names that some frames lack; several people a frame under
+``people``, each with a name or an id, and OpenPose's flat lists ``pose_keypoints_3d`` of BODY_25,
+gathered into one file; the rate as ``fps``, ``frame_rate``, ``sampling_rate`` or ``rate_hz``,
+``units`` and ``up``, beside the frames or in ``metadata``, or none of them. Where no unit is named
+the height of the body tells it.
 """
 
 from __future__ import annotations

@@ -30,7 +30,7 @@ from besman.io.recordings.number_rows import (
     Cells,
     find_cells,
     is_blank,
-    is_numeric,
+    is_word,
     read_rows,
     see_commas,
 )
@@ -134,8 +134,7 @@ def _find_texts(
     return tuple(
         column
         for column in range(width)
-        if column not in used
-        and any(not is_numeric(row[column]) for row in split if column < len(row))
+        if column not in used and any(is_word(row[column]) for row in split if column < len(row))
     )
 
 

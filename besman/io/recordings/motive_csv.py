@@ -22,17 +22,15 @@ from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
-import numpy as np
-
 from besman.exceptions import RecordingError, RecordingWarning
 from besman.foreign.numbers import parse_number
-from besman.io.recordings.bodies import hold_orientations, read_orientations
+from besman.io.recordings.bodies import gather_turns, hold_orientations, read_orientations
 from besman.io.recordings.c3d_names import keep_single_names
 from besman.io.recordings.clock import read_rate, settle_clock
 from besman.io.recordings.conventions import BY_HABIT
 from besman.io.recordings.format import Units
 from besman.io.recordings.lengths import find_length
-from besman.io.recordings.number_rows import ROWS_SEEN, Cells, find_cells, read_rows, see_commas
+from besman.io.recordings.number_rows import ROWS_SEEN, Cells, find_cells, read_tracks, see_commas
 from besman.io.recordings.text_lines import TextLines, open_lines
 from besman.records import FloatArray, Origin, Recording
 from besman.records.frozen import hand_over
@@ -109,22 +107,22 @@ def read_motive_csv(path: Path, units: Units | None = None, partial: bool = Fals
     """
     lines = open_lines(path, "a Motive CSV")
     header = _read_header(lines, path)
-    values = read_rows(
-        lines, header.data_line, header.width, header.cells, path, partial=partial,
-        texts=header.texts,
+    tracks, notes = _choose_tracks(header.tracks)
+    turned, turns = gather_turns([track.rotation for track in tracks], 2)
+    values, positions = read_tracks(
+        lines, header.data_line, header.width, header.cells, path,
+        (0, header.time_column or 0, *turned), [track.position for track in tracks],
+        partial=partial, texts=header.texts,
     )  # fmt: skip
     said = (header.values.get(f"{key} frame rate", "") for key in ("export", "capture"))
     rate_hz = read_rate(next(filter(None, said), ""))
-    times = None if header.time_column is None else values[:, header.time_column]
+    times = None if header.time_column is None else values[:, 1]
     clock = settle_clock(values[:, 0], times, rate_hz, path, header.data_line + 1)
     _check_count(header, len(values), path)
-    tracks, notes = _choose_tracks(header.tracks)
-    columns = np.array([[track.position + axis for axis in range(3)] for track in tracks])
-    positions = clock.spread(np.take(values, columns, axis=1))
+    positions = clock.spread(positions)
     word = header.values.get("length units")
     length = find_length(word, units, positions, str(path), "Length Units")
     positions *= length.metres
-    turns = [track.rotation for track in tracks]
     orientations = read_orientations(values, turns, [track.name for track in tracks], path.name)
     return Recording(
         time=clock.time,

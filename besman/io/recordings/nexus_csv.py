@@ -21,13 +21,19 @@ from pathlib import Path
 import numpy as np
 
 from besman.exceptions import RecordingError
-from besman.foreign.numbers import parse_number
-from besman.io.recordings.bodies import hold_orientations, read_orientations
+from besman.io.recordings.bodies import gather_turns, hold_orientations, read_orientations
 from besman.io.recordings.c3d_names import find_names
 from besman.io.recordings.clock import RowClock, read_rate, settle_clock
 from besman.io.recordings.format import Units
 from besman.io.recordings.lengths import find_length, parse_unit
-from besman.io.recordings.number_rows import ROWS_SEEN, Cells, find_cells, read_rows, see_commas
+from besman.io.recordings.number_rows import (
+    ROWS_SEEN,
+    Cells,
+    find_cells,
+    is_number,
+    read_tracks,
+    see_commas,
+)
 from besman.io.recordings.text_lines import TextLines, open_lines
 from besman.records import FloatArray, Origin, Recording
 from besman.records.frozen import hand_over
@@ -100,17 +106,19 @@ def read_nexus_csv(path: Path, units: Units | None = None, partial: bool = False
             f"{path}: no table of trajectories or model outputs; got {', '.join(titles) or 'none'}"
         )
     section = _read_header(lines, titles[chosen], chosen, path)
-    values = read_rows(
-        lines, section.data_line, section.width, section.cells, path, partial=partial
-    )
+    # Frames and their parts, and what turns bodies.
+    turned, turns = gather_turns(section.turns, 2)
+    values, positions = read_tracks(
+        lines, section.data_line, section.width, section.cells, path,
+        (0, section.sub_column or 0, *turned), section.columns, partial=partial,
+    )  # fmt: skip
     if chosen == _TITLES[0]:
         titles |= _find_titles(lines, section.data_line + len(values))
     clock = _settle(section, values, path)
-    columns = np.array(section.columns)[:, None] + np.arange(3)
-    positions = clock.spread(np.take(values, columns, axis=1))
+    positions = clock.spread(positions)
     length = find_length(section.unit, units, positions, str(path), "the line of units")
     positions *= length.metres
-    orientations = read_orientations(values, section.turns, section.labels, path.name)
+    orientations = read_orientations(values, turns, section.labels, path.name)
     others = [title for title in titles if title != chosen]
     return Recording(
         time=clock.time,
@@ -163,7 +171,7 @@ def _read_header(lines: TextLines, at: int, title: str, path: Path) -> _Section:
     names += [""] * (len(axes) - len(names))
     rate = cells.split(head[1])[0]
     row = cells.split(head[table + 1]) if table + 1 < len(head) else []
-    units = row + [""] * (len(axes) - len(row)) if row and not _is_number(row[0]) else None
+    units = row + [""] * (len(axes) - len(row)) if row and not is_number(row[0]) else None
     n_ends = next((k for k in range(len(axes), 0, -1) if axes[k - 1]), 0)
     columns, labels, words = _find_positions(axes[:n_ends], names, units)
     turns = _find_turns(axes[:n_ends], columns, labels, names)
@@ -192,14 +200,6 @@ def _read_header(lines: TextLines, at: int, title: str, path: Path) -> _Section:
 
 def _is_columns(line: str) -> bool:
     return find_cells(line).split(line)[0].lower() in _FIRST
-
-
-def _is_number(text: str) -> bool:
-    try:
-        parse_number(text.replace(",", "."))
-    except ValueError:
-        return False
-    return True
 
 
 def _find_positions(

@@ -38,13 +38,7 @@ def prepare(n_bytes: int) -> None:
 
 
 def parse_table(
-    text: bytes,
-    n_rows: int,
-    n_columns: int,
-    separator: bytes,
-    point: bytes,
-    is_strict: bool,
-    into: FloatArray | None = None,
+    text: bytes, n_rows: int, n_columns: int, separator: bytes, point: bytes, is_strict: bool
 ) -> FloatArray | None:
     """Parse lines of plain cells; the values are those of Python's ``float``.
 
@@ -58,8 +52,6 @@ def parse_table(
     is_strict : bool
         Whether each line has as many cells as there are columns, or one more that is empty. Else
         empty ones may come and go at its end.
-    into : array, shape (n_rows, n_columns), optional
-        Written, and returned; a new one if it is not given.
 
     Returns
     -------
@@ -73,7 +65,7 @@ def parse_table(
     from besman.io.recordings.number_kernel import read_table
 
     codes = np.frombuffer(text + b"\n", np.uint8)
-    values = np.empty((n_rows, n_columns)) if into is None else into
+    values = np.empty((n_rows, n_columns))
     n_read = read_table(codes, separator[0], point[0], is_strict, values)
     return values if n_read == n_rows else None
 

@@ -6,11 +6,12 @@ An hour of a recording is read by the same quick way as a Qualisys TSV (`number_
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from besman.exceptions import RecordingError
 from besman.foreign.numbers import parse_number
@@ -62,10 +63,29 @@ class Cells:
         return text if self.separator == b"\t" else text.replace(self.separator, b"\t")
 
     def split(self, line: str) -> list[str]:
-        """Return the cells of a line of a header, without blanks around them."""
+        """Return the cells of a line of a header, without blanks and quotes around them."""
         if self.separator == b" ":
             return line.split() or [""]
-        return [cell.strip().strip('"').strip() for cell in line.split(self.separator.decode())]
+        mark = self.separator.decode()
+        parts = line.split(mark)
+        parts = _join_quoted(parts, mark) if '"' in line else parts
+        return [cell.strip().strip('"').strip() for cell in parts]
+
+
+def _join_quoted(parts: list[str], mark: str) -> list[str]:
+    """Put together what was cut between quotes; all as it was if a quote is not closed."""
+    joined: list[str] = []
+    begun: list[str] = []
+    for part in parts:
+        bare = part.strip()
+        begins = bare[:1] == '"' and (len(bare) == 1 or bare[-1] != '"')
+        if begun or begins:
+            begun.append(part)
+            if len(begun) == 1 or bare[-1:] != '"':
+                continue
+            part, begun = mark.join(begun), []
+        joined.append(part)
+    return parts if begun else joined
 
 
 def find_cells(line: str) -> Cells:
@@ -94,12 +114,17 @@ def see_commas(cells: Cells, rows: Sequence[str]) -> Cells:
     return replace(cells, has_decimal_commas=has_commas and not any("." in one for one in found))
 
 
-def is_numeric(cell: str) -> bool:
-    """Tell whether a cell is a number, or stands for one that is not there."""
+def is_word(cell: str) -> bool:
+    """Tell whether a cell is a word, and none that stands for a number that is not there."""
+    return any(map(str.isalpha, cell)) and cell.lower() not in _MISSING and not is_number(cell)
+
+
+def is_number(cell: str) -> bool:
+    """Tell whether a cell is a number, with a point or a comma."""
     try:
         parse_number(cell.replace(",", "."))
     except ValueError:
-        return cell.lower() in _MISSING
+        return False
     return True
 
 
@@ -147,20 +172,92 @@ def read_rows(
     RecordingError
         If there is no row, one has too many cells, a cell is no number, or the last line was cut.
     """
+    blocks = _read_blocks(lines, first, width, cells, path, partial, texts)
+    return _gather(blocks, (slice(None),))[0]
+
+
+def read_tracks(
+    lines: TextLines,
+    first: int,
+    width: int,
+    cells: Cells,
+    path: Path,
+    lead: Sequence[int],
+    places: Sequence[int],
+    *,
+    partial: bool = False,
+    texts: tuple[int, ...] = (),
+) -> tuple[FloatArray, FloatArray]:
+    """Read rows as `read_rows` does, and keep no more of them than is asked for.
+
+    Parameters
+    ----------
+    lines, first, width, cells, path, partial, texts
+        As of `read_rows`.
+    lead : sequence of int
+        Columns such as frame and time.
+    places : sequence of int, length M
+        Columns of x, behind which y and z stand.
+
+    Returns
+    -------
+    array, shape (T, L)
+        The first.
+    array, shape (T, M, 3)
+        The others.
+    """
+    columns = (np.array(places, np.intp)[:, None] + np.arange(3)).ravel()
+    blocks = _read_blocks(lines, first, width, cells, path, partial, texts)
+    is_even = bool((np.diff(columns) == 1).all())
+    wanted = slice(columns[0], columns[-1] + 1) if is_even else columns
+    led, placed = _gather(blocks, (np.array(lead, np.intp), wanted))
+    return led, placed.reshape(len(placed), -1, 3)
+
+
+def _gather(
+    blocks: Iterator[tuple[FloatArray, int]], picks: Sequence[npt.NDArray[np.intp] | slice]
+) -> list[FloatArray]:
+    """Return columns of all rows together, each pick as an array of its own."""
+    found: list[FloatArray] = []
+    n_found = 0
+    for values, n_left in blocks:
+        n_rows = len(values)
+        for which, pick in enumerate(picks):
+            # What is picked by numbers is gathered faster by `take`.
+            part = values[:, pick] if isinstance(pick, slice) else values.take(pick, axis=1)
+            if not n_found:
+                found.append(np.empty((0, part.shape[1])))
+            if n_found + n_rows > len(found[which]):
+                room = np.empty((n_found + max(n_left, n_rows), part.shape[1]))
+                room[:n_found] = found[which][:n_found]
+                found[which] = room
+            found[which][n_found : n_found + n_rows] = part
+        n_found += n_rows
+    return [one[:n_found] for one in found]
+
+
+def _read_blocks(
+    lines: TextLines,
+    first: int,
+    width: int,
+    cells: Cells,
+    path: Path,
+    partial: bool,
+    texts: tuple[int, ...],
+) -> Iterator[tuple[FloatArray, int]]:
+    """Yield the rows of each part of a file, and how many there will be, if all are as long."""
     prepare(lines.n_bytes)
-    found, n_found, row = np.empty((0, width)), 0, first
+    row, is_any = first, False
     for block in lines.blocks(first):
         n_lines = count_lines(block)
+        n_left = int(_MARGIN * n_lines * lines.n_bytes / max(len(block), 1))
+        n_left = max(0, min(n_left, len(lines) - row))
         is_last = row + n_lines >= len(lines)
         is_whole = not texts and (lines.is_ended or not is_last)
-        if n_found + n_lines > len(found):
-            found = _make_room(found[:n_found], n_lines, len(block), lines, row)
-        into = found[n_found : n_found + n_lines]
-        values = _parse_plain(block, cells, into) if is_whole else None
-        text = b"" if values is not None else cells.tabbed(block)
+        values = _parse_plain(block, cells, n_lines, width) if is_whole else None
+        text, end = b"" if values is not None else cells.tabbed(block), n_lines
         if values is None and is_whole and _is_even(text, width):
             values = parse_cells(text, n_lines * width)
-        end = n_lines
         if values is None:
             body = text.split(b"\n")
             end = next((at for at, line in enumerate(body) if not line.strip(b"\t ")), n_lines)
@@ -169,35 +266,22 @@ def read_rows(
                 above = lines.last(min(_ROWS_ABOVE, len(lines) - first))[:-1]
                 body = _look_for_cut(body, cells, above, width, lines.is_ended, path, row, partial)
             values = _parse(body, width, texts, path, row, lines) if body else None
-        n_here = 0 if values is None else values.size // width
-        if values is not None and values is not into:
-            into[:n_here] = values.reshape(-1, width)
-        n_found += n_here
+        if values is not None and values.size:
+            is_any = True
+            yield values.reshape(-1, width), n_left
         if end < n_lines or is_last:
             break
         row += n_lines
-    if n_found == 0:
+    if not is_any:
         raise RecordingError(f"{path}:{first + 1}: no frames after the header; is the file cut?")
-    return found[:n_found]
 
 
-def _make_room(
-    found: FloatArray, n_lines: int, n_bytes: int, lines: TextLines, row: int
-) -> FloatArray:
-    """Return rows with room for those that follow, if all are as long as so many lines."""
-    n_more = max(n_lines, int(_MARGIN * n_lines * lines.n_bytes / max(n_bytes, 1)))
-    room = np.empty((len(found) + min(n_more, len(lines) - row), found.shape[1]))
-    room[: len(found)] = found
-    return room
-
-
-def _parse_plain(block: bytes, cells: Cells, into: FloatArray) -> FloatArray | None:
+def _parse_plain(block: bytes, cells: Cells, n_rows: int, width: int) -> FloatArray | None:
     """Parse lines as they are, where one byte separates cells and all of them are plain."""
     if cells.is_doubled or cells.separator == b" " or b'"' in block:
         return None
     point = b"," if cells.has_decimal_commas else b"."
-    n_rows, width = into.shape
-    return parse_table(block, n_rows, width, cells.separator, point, False, into)
+    return parse_table(block, n_rows, width, cells.separator, point, False)
 
 
 def _is_even(text: bytes, width: int) -> bool:

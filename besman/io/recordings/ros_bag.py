@@ -7,9 +7,10 @@ not, and bags of ROS 1; read by ``rosbags`` (extra ``ros``), no ROS is needed. T
   `besman.io.ros_points` reads them and besman writes a person's;
 - ``sensor_msgs/JointState``, with the URDF on a topic ``robot_description`` or in a file beside the
   bag: where all links of the arm were, by their names, in the frame of the URDF's root;
-- ``geometry_msgs/PoseStamped`` and ``PoseWithCovarianceStamped``, a body each, called by its topic
-  (``/vrpn/hand/pose`` is ``hand``), ``TransformStamped`` and ``tf2_msgs/TFMessage`` (``/tf`` and
-  ``/tf_static``), called by their frames, in the frame above them all.
+- ``geometry_msgs/PoseStamped``, ``PoseWithCovarianceStamped`` and ``nav_msgs/Odometry``, a body
+  each, called by its topic (``/vrpn/hand/pose`` is ``hand``), ``TransformStamped`` and
+  ``tf2_msgs/TFMessage`` (``/tf`` and ``/tf_static``), called by their frames, in the frame above
+  them all.
 
 Times are those of the headers, of topics without any those of logging. All is brought to even
 times, at the rate of the fastest topic.
@@ -40,7 +41,11 @@ from besman.records import Origin, Recording
 from besman.records.frozen import hand_over
 
 _JOINTS = "sensor_msgs/msg/JointState"
-_POSES = ("geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped")
+_POSES = (
+    "geometry_msgs/msg/PoseStamped",
+    "geometry_msgs/msg/PoseWithCovarianceStamped",
+    "nav_msgs/msg/Odometry",
+)
 _FRAMES = ("geometry_msgs/msg/TransformStamped", "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 _TAKEN = (_JOINTS, *MARKERS, *_POSES, *_FRAMES)
 _TEXT = "std_msgs/msg/String"

@@ -1,11 +1,11 @@
 """TRC: frames by markers, as OpenSim, EVaRT, Cortex, Pose2Sim and OpenCap write it.
 
-Variants seen: tabs, commas, semicolons or blanks between cells; cells padded with blanks, tabs
-doubled (EVaRT); millimetres, centimetres and metres, or another word there; frames from 0 and from
-1; blank cells and lines cut short at gaps; names with blanks, or none; no blank line, or one of
-separators, below the header; counts of markers and frames in the header that are not those of the
-columns and rows. Path file type 3 and 4. The format does not say which way is up: OpenSim's files
-are y-up, those exported from a laboratory often z-up.
+Variants seen: tabs, commas, semicolons or blanks between cells; decimal commas, also between tabs;
+cells padded with blanks, tabs doubled (EVaRT); millimetres, centimetres and metres, or another word
+there; frames from 0 and from 1; blank cells and lines cut short at gaps; names with blanks, or
+none; no blank line, or one of separators, below the header; counts of markers and frames in the
+header that are not those of the columns and rows. Path file type 3 and 4. The format does not say
+which way is up: OpenSim's files are y-up, those exported from a laboratory often z-up.
 
 References
 ----------
@@ -19,8 +19,6 @@ import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from besman.exceptions import RecordingError, RecordingWarning
 from besman.foreign.numbers import parse_number
 from besman.io.recordings.c3d_names import find_names
@@ -32,7 +30,8 @@ from besman.io.recordings.number_rows import (
     Cells,
     find_cells,
     is_blank,
-    read_rows,
+    is_number,
+    read_tracks,
     see_commas,
 )
 from besman.io.recordings.text_lines import TextLines, open_lines
@@ -92,12 +91,13 @@ def read_trc(path: Path, units: Units | None = None, partial: bool = False) -> R
     lines = open_lines(path, "a TRC recording")
     header = _read_header(lines, path)
     n_markers = len(header.names)
-    values = read_rows(
-        lines, header.data_line, 2 + 3 * n_markers, header.cells, path, partial=partial
-    )
+    values, positions = read_tracks(
+        lines, header.data_line, 2 + 3 * n_markers, header.cells, path, (0, 1),
+        range(2, 2 + 3 * n_markers, 3), partial=partial,
+    )  # fmt: skip
     rate_hz = read_rate(header.values.get("datarate", ""))
     clock = settle_clock(values[:, 0], values[:, 1], rate_hz, path, header.data_line + 1)
-    positions = clock.spread(np.ascontiguousarray(values[:, 2:]).reshape(len(values), n_markers, 3))
+    positions = clock.spread(positions)
     _check_counts(header, values, path)
     length = find_length(header.values.get("units"), units, positions, str(path), "Units")
     positions *= length.metres
@@ -153,12 +153,7 @@ def _is_row(line: str) -> bool:
     """Tell whether a line begins with the number of a frame."""
     if is_blank(line):
         return False
-    first = find_cells(line).split(line.strip(" "))[0]
-    try:
-        parse_number(first.replace(",", "."))
-    except ValueError:
-        return False
-    return True
+    return is_number(find_cells(line).split(line.strip(" "))[0])
 
 
 def _read_names(line: str, cells: Cells) -> list[str]:

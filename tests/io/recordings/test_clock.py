@@ -94,3 +94,9 @@ def test_rates_of_headers():
 def test_what_is_wrong_is_one_line(given, message):
     with pytest.raises(RecordingError, match=message):
         settle(**given)
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning", "ignore::besman.exceptions.RecordingWarning")
+def test_times_beyond_all_bounds_are_one_line():
+    with pytest.raises(RecordingError):
+        settle(times=[0.0, 0.5, 1e308])

@@ -34,6 +34,12 @@ def test_files_keep_their_order_and_count_once(tmp_path):
 def test_nothing_found(tmp_path):
     with pytest.raises(RecordingError, match=r"no recording in this folder; expected .* \.tsv"):
         find_recordings([tmp_path])
+    for name in ("empty", "person1", "person2"):
+        (tmp_path / name).mkdir()
+        if name != "empty":
+            make(tmp_path / name, "a.tsv")
+    with pytest.raises(RecordingError, match=r"no recording .*; there are some in .*person1$"):
+        find_recordings([tmp_path])
     with pytest.raises(RecordingError, match="absent: no such file or folder"):
         find_recordings([tmp_path / "absent"])
     with pytest.raises(RecordingError, match="no recordings given"):

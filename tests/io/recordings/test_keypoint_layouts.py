@@ -249,3 +249,10 @@ def test_words_beside_the_places_of_a_table(tmp_path):
         rows.append(["T1", f"{at / 30:.6f}", *places, "made" if at > 3 else ""])
     path.write_text("".join(",".join(row) + "\n" for row in rows))
     assert_is_the_recording(read_recording(path))
+
+
+def test_other_digits_in_a_column_that_nothing_is_taken_from_are_no_word(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("time,nose_x,nose_y,nose_z,score\n0,1,2,3,\u0663\n0.1,1,2,3,0.5\n")
+    with pytest.raises(RecordingError, match="column 5: got '\u0663', expected a number"):
+        read_recording(path)

@@ -137,3 +137,8 @@ def test_what_motive_did_not_label_has_no_name(tmp_path, called):
     written = take(("a", "b", None))
     lines = [line.replace("Unlabeled 1002", called) for line in motive_lines(written)]
     assert_reads(lines, written, tmp_path)
+
+
+def test_a_comma_in_a_name(tmp_path):
+    written = take(("Hand, left", "Hand, right", "c"))
+    assert_reads(motive_lines(written, bodies=1), written, tmp_path)

@@ -258,6 +258,25 @@ def test_poses_are_bodies_called_by_their_topics(tmp_path):
     assert read_recording(path, topics=("/a",)).names == ("a",)
 
 
+def test_odometry_is_a_pose_with_its_covariance(tmp_path):
+    make, zeros = Messages(), np.zeros(36)
+    plain = poses(make)
+    nothing = make.make("geometry_msgs/msg/Vector3", x=0.0, y=0.0, z=0.0)
+    twist = make.make("geometry_msgs/msg/Twist", linear=nothing, angular=nothing)
+    motion = make.make("geometry_msgs/msg/TwistWithCovariance", twist=twist, covariance=zeros)
+    told = []
+    for log_ns, message in plain:
+        pose = make.make(
+            "geometry_msgs/msg/PoseWithCovariance", pose=message.pose, covariance=zeros
+        )
+        told.append((log_ns, make.make("nav_msgs/msg/Odometry", header=message.header,
+                     child_frame_id="body", pose=pose, twist=motion)))  # fmt: skip
+    found = read_recording(write_bag(tmp_path / "a.mcap", {"/lab/hand/odom": told}))
+    other = read_recording(write_bag(tmp_path / "b.mcap", {"/lab/hand/pose": plain}))
+    assert found.names == other.names == ("hand",)
+    np.testing.assert_array_equal(found.positions, other.positions)
+
+
 def test_joints_that_nothing_turns_so_far(tmp_path):
     make = Messages()
     rows = joint_topic(make)
