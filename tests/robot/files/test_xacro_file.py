@@ -142,6 +142,10 @@ def test_what_arguments_there_are_is_said(package, arguments, message):
         ('<a v="${[].__class__}"/>', "not allowed: the name '__class__'"),
         ('<a v="${(lambda: 1)()}"/>', "not allowed: Lambda"),
         ('<a v="$(eval [0][0].mro)"/>', "the name 'mro'"),
+        (
+            '<xacro:include filename="$(arg length).xacro"/>',
+            "xacro: .*No such file .*; --arg may change length=0.2",
+        ),
         ('<a v="${undefined}"/>', "xacro: name 'undefined' is not defined"),
         ("<xacro:hinge/>", r"xacro: Undefined parameters \[name,parent,length\]"),
     ],
