@@ -1,6 +1,6 @@
 """How many arms of public packages come in by their file alone, how long that takes, and what for.
 
-    python benchmarks/robots.py [FOLDER...] [--all] [--packages FOLDER] [--throws] [--table]
+    python benchmarks/robots.py [FOLDER_OR_FILE...] [--all] [--packages FOLDER] [--throws] [--table]
                                 [--only WORD]
 
 URDFs, xacros and MJCFs of arms are brought in with no option but the file: five arms of the
@@ -71,8 +71,10 @@ _NO_ARM = re.compile(
 
 
 def find_files(folders: list[Path], words: tuple[str, ...]) -> list[Path]:
-    """Return the URDFs, xacros and MJCFs of arms below folders."""
-    files = [file for folder in folders for file in sorted(folder.rglob("*.urdf"))]
+    """Return the URDFs, xacros and MJCFs of arms below folders, and files as they are."""
+    files = [one for one in folders if one.is_file()]
+    folders = [one for one in folders if one.is_dir()]
+    files += [file for folder in folders for file in sorted(folder.rglob("*.urdf"))]
     for folder in folders:
         for file in sorted(folder.rglob("*.xacro")):
             if "<robot" in file.read_text(errors="replace") and "_macro" not in file.name:

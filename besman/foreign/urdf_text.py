@@ -138,7 +138,8 @@ def parse_urdf(text: str) -> ElementTree.Element:
     except (ValueError, LookupError) as error:
         raise UrdfTextError(f"not valid XML: {error}") from None
     if tree.tag != "robot" or tree.find("link") is None:
-        raise UrdfTextError("cannot be used as URDF: expected <robot> with links")
+        got = "" if tree.tag == "robot" else f", got <{tree.tag:.40}>"
+        raise UrdfTextError(f"cannot be used as URDF: expected <robot> with links{got}")
     _check_names(tree)
     _check_tree(tree)
     _check_numbers(tree, "")

@@ -31,7 +31,8 @@ def robot(*joints):
         (robot(joint("j", "a", "d")), "joint j: no link 'd'"),
         ("<!DOCTYPE r [<!ENTITY b '" + "c" * 9 + "'>]><robot/>", "entities are not allowed"),
         ("<robot", "not valid XML"),
-        ("<robot/>", "expected <robot> with links"),
+        ("<robot/>", "expected <robot> with links$"),
+        ("<sdf version='1.7'><model/></sdf>", "expected <robot> with links, got <sdf>$"),
         (b"\xff\xfe<\x00", "expected text in UTF-8"),
     ],
 )  # fmt: skip

@@ -196,10 +196,12 @@ def _fault(told: Mapping[str, Any], path: Path, home: Path) -> str:
         return f"xacro: not allowed: {error}; expected what it reads below {home}"
     declared = told["declared"]
     missing = [name for name, default in declared.items() if default is None]
-    if "Undefined substitution argument" not in error or not missing:
-        return f"xacro: {error}"
-    given = " ".join(f"--arg {name}=VALUE" for name in missing)
     others = ", ".join(f"{name}={value}" for name, value in declared.items() if value is not None)
+    if "Undefined substitution argument" not in error or not missing:
+        # The default of an argument may name a file that is not there.
+        more = f"; --arg may change {others}" if others and "No such file" in error else ""
+        return f"xacro: {error}{more}"
+    given = " ".join(f"--arg {name}=VALUE" for name in missing)
     more = f"; those with a default: {others}" if others else ""
     return f"xacro needs the arguments {', '.join(missing)}; give {given}{more}"
 

@@ -36,12 +36,14 @@ class RefusedError(Exception):
     """What a xacro may not do."""
 
 
-def check_expression(text: str) -> None:
+def check_expression(text: str, has_builtins: bool = False) -> None:
     """Refuse an expression that leads out of xacro.
 
     Parameters
     ----------
     text : str
+    has_builtins : bool, optional
+        Whether names that no file defines are Python's, as in ``$(eval ...)``.
 
     Raises
     ------
@@ -57,9 +59,11 @@ def check_expression(text: str) -> None:
         # xacro says so.
         return
     for node in ast.walk(tree):
-        name = getattr(node, "attr", None) or getattr(node, "id", None) or ""
-        if name.startswith(_INNARDS) or name in _LEADS_OUT:
-            raise RefusedError(f"the name {name!r} in the expression {text!r:.80}")
+        attribute, name = getattr(node, "attr", ""), getattr(node, "id", "")
+        # A file's own names may be called like anything.
+        strange = name.startswith("__") or (has_builtins and name in _LEADS_OUT)
+        if strange or attribute.startswith(_INNARDS) or attribute in _LEADS_OUT:
+            raise RefusedError(f"the name {attribute or name!r} in the expression {text!r:.80}")
         if isinstance(node, ast.Lambda | ast.NamedExpr | ast.Await | ast.Yield | ast.GeneratorExp):
             raise RefusedError(f"{type(node).__name__} in the expression {text!r:.80}")
         if isinstance(node, ast.BinOp) and not _is_small(node):
@@ -67,11 +71,18 @@ def check_expression(text: str) -> None:
 
 
 def _is_small(node: ast.BinOp) -> bool:
-    """Tell whether an operation can be no large power."""
+    """Tell whether an operation is no large power, as far as it can be told from its text."""
     if not isinstance(node.op, ast.Pow | ast.LShift):
         return True
-    power = getattr(node.right, "value", None)
-    return isinstance(power, int | float) and power <= _GREATEST_POWER
+    for part in ast.walk(node.right):
+        if isinstance(part, ast.BinOp) and isinstance(part.op, ast.Pow | ast.LShift):
+            return False
+        value = getattr(part, "value", 0)
+        if isinstance(part, ast.Constant) and not (
+            isinstance(value, int | float) and value <= _GREATEST_POWER
+        ):
+            return False
+    return True
 
 
 def expand(task: Mapping[str, Any]) -> dict[str, Any]:
@@ -131,7 +142,7 @@ def _close_ways_out(xacro: Any, substitution: Any, packages: Mapping[str, str], 
         return evaluate(expression, *scopes)
 
     def checked_argument(expression: str, context: Any) -> Any:
-        check_expression(expression)
+        check_expression(expression, has_builtins=True)
         return evaluate_argument(expression, context)
 
     def find(package: str) -> str:

@@ -62,8 +62,8 @@ def test_fitted_capsules_are_those_of_the_robot_and_a_mesh_that_is_none_is_left_
     found, notes = fit_shapes(robot.model, bare, tree, urdf, path, shares.append)
     assert set(notes) == {
         f"mesh {broken} cannot be read: the link has no shape of it",
-        f'mesh {wide.get("filename")} is wider than 20 m; expected metres, or scale="0.001 0.001 '
-        '0.001" for millimetres: the link has no shape of it',
+        f"mesh {wide.get('filename')} is wider than 20 m, the link has no shape of it; expected "
+        'metres, or scale="0.001 0.001 0.001" for millimetres',
         "capsules along upper_arm_link, forearm_link: no shape is given",
     }
     assert any(one["link"] == "forearm_link" for one in found)

@@ -102,6 +102,14 @@ def test_an_argument_may_be_used_above_its_default(package):
 
 
 @has_xacro
+@pytest.mark.parametrize("name", ["type", "format", "_max", "f_max", "co_x", "vars"])
+def test_a_property_may_be_called_like_anything(package, name):
+    text = f'<xacro:property name="{name}" value="0.5"/><material name="${{{name} ** {name}}}"/>'
+    tree = read_xacro(package(text), {"name": "x"}, {}).tree
+    assert float(tree.find("material").get("name")) == pytest.approx(0.5**0.5)
+
+
+@has_xacro
 def test_tags_without_a_prefix_are_read_as_old_files_mean_them(package):
     text = ARM.replace("xacro:arg", "arg").replace("<xacro:include", "<include")
     text = text.replace("<link name=", '<property name="turn" value="0.5"/><link name=')
@@ -134,6 +142,10 @@ def test_what_arguments_there_are_is_said(package, arguments, message):
         ('<a v="${[].__class__}"/>', "not allowed: the name '__class__'"),
         ('<a v="${(lambda: 1)()}"/>', "not allowed: Lambda"),
         ('<a v="$(eval [0][0].mro)"/>', "the name 'mro'"),
+        (
+            '<xacro:include filename="$(arg length).xacro"/>',
+            "xacro: .*No such file .*; --arg may change length=0.2",
+        ),
         ('<a v="${undefined}"/>', "xacro: name 'undefined' is not defined"),
         ("<xacro:hinge/>", r"xacro: Undefined parameters \[name,parent,length\]"),
     ],
