@@ -257,7 +257,7 @@ def borne_share(
         return math.inf
     most, _ = _asked_torques(model, accelerations, tip, reach_m)
     return min(
-        joint["torque_nm"] / max(_TORQUE_RESERVE * float(torque), 1e-9)
+        float(joint["torque_nm"]) / max(_TORQUE_RESERVE * float(torque), 1e-9)
         for joint, torque in zip(joints, most, strict=True)
         if joint["torque_nm"] is not None
     )

@@ -52,7 +52,7 @@ def _load(path: Path) -> Any:
     """Read a MJCF without its pictures."""
     import mujoco
 
-    # MuJoCo adds the folder twice to meshes of an included file where the path is relative.
+    # By a relative path MuJoCo does not find the meshes that an included file names.
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
         spec = mujoco.MjSpec.from_file(str(path.absolute()))
