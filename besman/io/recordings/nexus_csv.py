@@ -30,7 +30,7 @@ from besman.io.recordings.number_rows import (
     ROWS_SEEN,
     Cells,
     find_cells,
-    is_number,
+    is_number_cell,
     read_tracks,
     see_commas,
 )
@@ -171,7 +171,7 @@ def _read_header(lines: TextLines, at: int, title: str, path: Path) -> _Section:
     names += [""] * (len(axes) - len(names))
     rate = cells.split(head[1])[0]
     row = cells.split(head[table + 1]) if table + 1 < len(head) else []
-    units = row + [""] * (len(axes) - len(row)) if row and not is_number(row[0]) else None
+    units = row + [""] * (len(axes) - len(row)) if row and not is_number_cell(row[0]) else None
     n_ends = next((k for k in range(len(axes), 0, -1) if axes[k - 1]), 0)
     columns, labels, words = _find_positions(axes[:n_ends], names, units)
     turns = _find_turns(axes[:n_ends], columns, labels, names)

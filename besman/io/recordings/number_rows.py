@@ -116,10 +116,10 @@ def see_commas(cells: Cells, rows: Sequence[str]) -> Cells:
 
 def is_word(cell: str) -> bool:
     """Tell whether a cell is a word, and none that stands for a number that is not there."""
-    return any(map(str.isalpha, cell)) and cell.lower() not in _MISSING and not is_number(cell)
+    return any(map(str.isalpha, cell)) and cell.lower() not in _MISSING and not is_number_cell(cell)
 
 
-def is_number(cell: str) -> bool:
+def is_number_cell(cell: str) -> bool:
     """Tell whether a cell is a number, with a point or a comma."""
     try:
         parse_number(cell.replace(",", "."))

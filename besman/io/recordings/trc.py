@@ -30,7 +30,7 @@ from besman.io.recordings.number_rows import (
     Cells,
     find_cells,
     is_blank,
-    is_number,
+    is_number_cell,
     read_tracks,
     see_commas,
 )
@@ -153,7 +153,7 @@ def _is_row(line: str) -> bool:
     """Tell whether a line begins with the number of a frame."""
     if is_blank(line):
         return False
-    return is_number(find_cells(line).split(line.strip(" "))[0])
+    return is_number_cell(find_cells(line).split(line.strip(" "))[0])
 
 
 def _read_names(line: str, cells: Cells) -> list[str]:
