@@ -24,6 +24,8 @@ _HEAD_BYTES = 100
 _VERSION, _CHANGES = 18, slice(24, 28)
 # SQLite's own places in a file that its locks are of.
 _LOCKS_AT, _LOCKS_BYTES = 0x40000000, 512
+# The head of the index of a write-ahead log, and the byte in it that says that it is made.
+_INDEX_BYTES, _INDEXED = 48, 12
 _ROWS = 2000
 # For so long what is read may not hold together, or be refused.
 _TORN_S = 3.0
@@ -67,7 +69,7 @@ class GrowingSqlite:
         if not head.startswith(SQLITE):
             raise RecordingError(f"{self.path}: is no SQLite database")
         logs = head[_VERSION] == 2
-        if not logs and self._is_written():
+        if not self._is_indexed() if logs else self._is_written():
             return []
         try:
             found = self._query("mode=ro" if logs else "mode=ro&nolock=1")
@@ -132,6 +134,22 @@ class GrowingSqlite:
             != fcntl.F_UNLCK
             for one in (asked, shared)
         )
+
+    def _is_indexed(self) -> bool:
+        """Tell whether the write-ahead log has its index: who comes before makes it, and locks it.
+
+        It stands twice in the file beside the database, and says that it is whole.
+        """
+        try:
+            with self.path.with_name(self.path.name + "-shm").open("rb") as file:
+                head = file.read(2 * _INDEX_BYTES)
+        except FileNotFoundError:
+            # Nobody has the database, or somebody is about to make the index of its log.
+            return not self._log.exists() or time.time() - self._log.stat().st_mtime > _TORN_S
+        except OSError as error:
+            raise RecordingError(f"{self.path}: cannot be read: {error.strerror}") from None
+        one, other = head[:_INDEX_BYTES], head[_INDEX_BYTES:]
+        return one == other and len(one) > _INDEXED and one[_INDEXED] == 1
 
     def _query(self, how: str) -> list[tuple[int, str, str, int, bytes]]:
         """Return new rows, by a connection that sees the file as it is now."""
