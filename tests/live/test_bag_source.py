@@ -191,7 +191,6 @@ def test_a_database_that_the_same_process_writes(tmp_path):
     assert not path.with_name("a.db3-wal").exists()
 
 
-@pytest.mark.parametrize("ending", ["mcap", "db3"])
 def test_the_index_of_a_log_is_left_to_the_writer(tmp_path):
     """Who comes first makes it, and locks what the writer needs at its beginning."""
     path = tmp_path / "a.db3"
@@ -211,6 +210,7 @@ def test_the_index_of_a_log_is_left_to_the_writer(tmp_path):
     growing.close()
 
 
+@pytest.mark.parametrize("ending", ["mcap", "db3"])
 def test_a_bag_that_is_split_is_read_on(tmp_path, ending):
     folder = tmp_path / "bag"
     folder.mkdir()
