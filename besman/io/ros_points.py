@@ -135,7 +135,7 @@ def read_transforms(message: Any, _: str) -> Iterator[Points]:
         yield Points(stamp_of(one), one.header.frame_id, places, (name,))
 
 
-def read_markers(message: Any) -> Iterator[Points]:
+def read_named_markers(message: Any) -> Iterator[Points]:
     """Read a message of one of `MARKERS`."""
     is_array = message.__msgtype__ == KINDS[1][0][0]
     yield from (read_marker_array if is_array else read_mocap_markers)(message, "")

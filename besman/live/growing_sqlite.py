@@ -24,6 +24,10 @@ _HEAD_BYTES = 100
 _VERSION, _CHANGES = 18, slice(24, 28)
 # SQLite's own places in a file that its locks are of.
 _LOCKS_AT, _LOCKS_BYTES = 0x40000000, 512
+# The head of the index of a write-ahead log, and the byte in it that says that it is made.
+_INDEX_BYTES, _MADE = 48, 12
+# How a database is opened: with its log; without a lock; without anything beside it.
+_LOGGED, _UNLOCKED, _AS_IT_IS = "mode=ro", "mode=ro&nolock=1", "mode=ro&immutable=1"
 _ROWS = 2000
 # For so long what is read may not hold together, or be refused.
 _TORN_S = 3.0
@@ -66,15 +70,17 @@ class GrowingSqlite:
             return []
         if not head.startswith(SQLITE):
             raise RecordingError(f"{self.path}: is no SQLite database")
-        logs = head[_VERSION] == 2
-        if not logs and self._is_written():
+        how = self._find_way(head)
+        if how is None:
             return []
         try:
-            found = self._query("mode=ro" if logs else "mode=ro&nolock=1")
+            found = self._query(how)
         except sqlite3.Error as error:
             self._wait(in_one_line(error))
             return []
-        if not logs and (self._is_written() or self._read_head()[_CHANGES] != head[_CHANGES]):
+        if self._find_way(head) != how or (
+            how != _LOGGED and self._read_head()[_CHANGES] != head[_CHANGES]
+        ):
             self._wait("it never rests")
             return []
         self._torn_s = 0.0
@@ -132,6 +138,23 @@ class GrowingSqlite:
             != fcntl.F_UNLCK
             for one in (asked, shared)
         )
+
+    def _find_way(self, head: bytes) -> str | None:
+        """Return how the file can be read now so that nobody is locked out; None if it cannot."""
+        if head[_VERSION] != 2:
+            return None if self._is_written() else _UNLOCKED
+        try:
+            with self.path.with_name(self.path.name + "-shm").open("rb") as file:
+                index = file.read(2 * _INDEX_BYTES)
+        except FileNotFoundError:
+            # Nobody has it, or somebody is about to: who comes first makes the index of the log,
+            # and locks it meanwhile.
+            return None if self._log.exists() else _AS_IT_IS
+        except OSError as error:
+            raise RecordingError(f"{self.path}: cannot be read: {error.strerror}") from None
+        # It begins twice with the same, which says that it is made.
+        one, other = index[:_INDEX_BYTES], index[_INDEX_BYTES:]
+        return _LOGGED if one == other and len(one) > _MADE and one[_MADE] == 1 else None
 
     def _query(self, how: str) -> list[tuple[int, str, str, int, bytes]]:
         """Return new rows, by a connection that sees the file as it is now."""

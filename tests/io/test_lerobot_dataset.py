@@ -10,6 +10,8 @@ from besman.exceptions import FileError
 from besman.io.lerobot_dataset import Episode, write_lerobot
 
 JOINTS = ("a_joint", "b_joint")
+# Of no extra: with what it brings it has several gigabytes, and nothing else of them is used.
+LIBRARY = "lerobot.datasets.lerobot_dataset"
 
 
 @pytest.fixture(scope="module")
@@ -88,7 +90,7 @@ def test_what_cannot_be_written_is_one_line(episodes, tmp_path, monkeypatch):
 def test_the_formats_own_library_reads_it(episodes, tmp_path, monkeypatch):
     """A large package, of no extra: skipped without. It was read so by lerobot 0.4.2."""
     monkeypatch.setenv("HF_HUB_OFFLINE", "1")
-    library = pytest.importorskip("lerobot.datasets.lerobot_dataset")
+    library = pytest.importorskip(LIBRARY)
     folder = tmp_path / "set"
     write_lerobot(folder, episodes, JOINTS, "ur5", 100)
     found = library.LeRobotDataset("besman/set", root=folder)

@@ -191,6 +191,24 @@ def test_a_database_that_the_same_process_writes(tmp_path):
     assert not path.with_name("a.db3-wal").exists()
 
 
+def test_the_index_of_a_log_is_left_to_the_writer(tmp_path):
+    """Who comes first makes it, and locks what the writer needs at its beginning."""
+    path = tmp_path / "a.db3"
+    writer = SqliteWriter(path, "WAL")
+    writer.write_all(poses(3))
+    growing, index = GrowingSqlite(path), tmp_path / "a.db3-shm"
+    whole = index.read_bytes()
+    for changed in (bytes(len(whole)), whole[:20], whole[:12] + b"\0" + whole[13:]):
+        copy = tmp_path / "b.db3"
+        copy.write_bytes(path.read_bytes())
+        (tmp_path / "b.db3-wal").write_bytes((tmp_path / "a.db3-wal").read_bytes())
+        (tmp_path / "b.db3-shm").write_bytes(changed)
+        assert GrowingSqlite(copy).read_new() == []
+    assert len(growing.read_new()) == 6
+    writer.close()
+    growing.close()
+
+
 @pytest.mark.parametrize("ending", ["mcap", "db3"])
 def test_a_bag_that_is_split_is_read_on(tmp_path, ending):
     folder = tmp_path / "bag"

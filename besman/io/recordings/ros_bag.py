@@ -36,7 +36,7 @@ from besman.io.recordings.ros_tracks import (
     sample_values,
 )
 from besman.io.ros_messages import Bag, Topic, open_bag
-from besman.io.ros_points import MARKERS, name_topics, read_markers, stamp_of
+from besman.io.ros_points import MARKERS, name_topics, read_named_markers, stamp_of
 from besman.records import Origin, Recording
 from besman.records.frozen import hand_over
 
@@ -256,7 +256,7 @@ class _Gathered:
 
     def _take_markers(self, topic: str, log_ns: int, message: Any) -> None:
         """Take the markers of a frame that are seen."""
-        for one in read_markers(message):
+        for one in read_named_markers(message):
             if not isinstance(one.places, dict):
                 raise RecordingError(
                     f"{self.path}: {topic}: markers without names, of which no trajectories are "

@@ -72,7 +72,8 @@ def choose_anchor_frames(fragments: Fragments, n_markers: int, n_anchors: int) -
         dtype=int,
     )
     frames = frames[total[frames] > 0.0]
-    return frames[np.argsort(-total[frames], kind="stable")]
+    chosen: IntArray = frames[np.argsort(-total[frames], kind="stable")]
+    return chosen
 
 
 def find_anchor(
