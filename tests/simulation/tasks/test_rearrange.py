@@ -22,8 +22,8 @@ from besman.simulation.tasks.rearrange.rearrange_scene import rearrange_model
 from besman.simulation.tasks.rearrange.rearranging import judge, simulate_task
 from besman.simulation.tasks.rearrange.sections import GraspConfig, WaysConfig
 from besman.simulation.tasks.rearrange.ways import Led, list_aimed
-from besman.stages.refine.stage import CmaEsConfig
 from besman.stages.refine.one_task import is_same
+from besman.stages.refine.stage import CmaEsConfig
 from besman.stages.refine.whole_tasks import AimTasks, RefineTasks, SimulateTasks
 
 TASK = load_whole_task("rearrange")
