@@ -35,10 +35,6 @@ OTHERWISE = {
         "stages/map/test_map_demonstrations.py",
     ),
     "besman.stages.recognize.figures": ("through its stage", "stages/recognize/test_figures.py"),
-    "besman.stages.select.handled_objects": (
-        "through its step",
-        "stages/select/test_block_steps.py",
-    ),
     "besman.view.assets": ("served to the page", "view/test_page.py"),
     "besman.web.connections": ("through a server", "web/test_loopback.py"),
     "besman.work.cluster": ("through workers", "work/test_cluster.py"),

@@ -123,8 +123,8 @@ def whole_task_problem(
         raise ConfigError(
             f"--problem {name}: none of {len(plans)} tasks takes one object and puts it, once"
         )
-    more = {} if episodes is None else {"episodes": episodes}
-    return WholeTaskProblem(name, usable, robot, task, task.box_frame(plans, robot), **more)
+    frame, most = task.box_frame(plans, robot), episodes or WholeTaskProblem.episodes
+    return WholeTaskProblem(name, usable, robot, task, frame, most)
 
 
 def _takes_one(plan: TaskPlan) -> bool:

@@ -31,7 +31,8 @@ from besman.stages.map.demonstration import (
     why_not,
 )
 from besman.stages.map.mapping import Correction, Mapping
-from besman.stages.map.placement import ArmPaths, Placement, correct_placement, find_placement
+from besman.stages.map.placement import Placement, correct_placement, find_placement
+from besman.stages.map.placement_cost import ArmPaths
 from besman.stages.map.surroundings import PlacedScene
 from besman.stages.map.what_fits import what_fits, why_it_cannot_fit
 from besman.work.outcome import Notes, failure_of

@@ -12,18 +12,14 @@ import numpy.typing as npt
 from besman.robot.inverse_kinematics import IkWeights
 from besman.robot.model import Robot
 from besman.search.in_a_box import BoxSearch, Optimizer, make_box_search
-from besman.simulation.tasks.rearrange.shown_scene import ShownScene
 from besman.stages.map.placement_cost import (
-    POSES_AMONG,
     ArmCost,
+    ArmPaths,
     Cost,
-    find_starts,
     pose_of,
     scale_about,
-    thin_out,
     thin_rows,
 )
-from besman.stages.map.surroundings import thin_among
 from besman.stages.map.terms import TermWeights
 
 FloatArray = npt.NDArray[np.float64]
@@ -82,28 +78,6 @@ class PlacementSearch:
     scale: tuple[float, float] | None = None
     demonstrations: int = 64
     seed: int = 0
-
-
-@dataclass(frozen=True, eq=False)
-class ArmPaths:
-    """What one arm is to do.
-
-    Attributes
-    ----------
-    robot : Robot
-        The arm with its tool.
-    paths : sequence of (time, poses)
-        Seconds, shape (T,), and poses of the tool centre point in the back frame, shape (T, 4, 4).
-    scenes : sequence of ShownScene
-        What stands around each; none where nothing is known to.
-    n_poses : int
-        How many of each are looked at among that.
-    """
-
-    robot: Robot
-    paths: Sequence[tuple[FloatArray, FloatArray]]
-    scenes: Sequence[ShownScene] = ()
-    n_poses: int = POSES_AMONG
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,7 +150,7 @@ def find_placement(
     chosen = [_choose(arm, search.demonstrations) for arm in arms]
     points = [poses[thin_rows(len(time)), :3, 3] for arm in chosen for time, poses in arm.paths]
     centre = np.concatenate(points).mean(0)
-    costs = tuple(_arm_cost(arm, search, centre, back_height) for arm in chosen)
+    costs = tuple(_cost(arm, search, centre, back_height) for arm in chosen)
     space = _Space.around(arms[0].robot, search)
     with ThreadPoolExecutor(max_workers=jobs) as threads:
         grid, cost = _search_grid(Cost(costs), space, threads)
@@ -206,7 +180,7 @@ def correct_placement(
     -------
     Placement
     """
-    cost = _arm_cost(arm, search, common.centre, back_height)
+    cost = _cost(arm, search, common.centre, back_height)
     space = _Space.around(arm.robot, search)
     middle = common.pose[:3, :3] @ common.centre + common.pose[:3, 3]
     origin = space.point(np.array([*middle, common.yaw, common.scale]))
@@ -228,23 +202,11 @@ def correct_placement(
     return _placement(Cost((cost,)), space.parameters(best), common.centre, tried)
 
 
-def _arm_cost(
+def _cost(
     arm: ArmPaths, search: PlacementSearch, centre: FloatArray, back_height: float | None
 ) -> ArmCost:
     """Return what placements cost one arm."""
-    around = None
-    if arm.scenes:
-        n_poses = arm.n_poses
-        paths, steps_s = thin_out(arm.paths, n_poses)
-        rows = [thin_rows(len(time), n_poses) for time, _ in arm.paths]
-        around = thin_among(arm.paths, rows, arm.scenes)
-    else:
-        paths, steps_s = thin_out(arm.paths)
-    starts = find_starts(arm.robot, paths, search.ik, search.free_spin, search.seed)
-    return ArmCost(
-        arm.robot, paths, steps_s, centre, search.weights, search.ik, search.free_spin, starts,
-        back_height, around,
-    )  # fmt: skip
+    return arm.cost(centre, search.weights, search.ik, search.free_spin, search.seed, back_height)
 
 
 def _placement(

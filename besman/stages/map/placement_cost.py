@@ -11,7 +11,8 @@ import numpy.typing as npt
 from besman.robot.inverse_kinematics import IkWeights, draw_starts, find_branches, follow_all
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.model import Robot
-from besman.stages.map.surroundings import AROUND_WEIGHT, Around
+from besman.simulation.tasks.rearrange.shown_scene import ShownScene
+from besman.stages.map.surroundings import AROUND_WEIGHT, Around, thin_among
 from besman.stages.map.terms import HEIGHT_SCALE_M, SCALE_SCALE, TermWeights, compiled_terms
 
 FloatArray = npt.NDArray[np.float64]
@@ -166,6 +167,60 @@ class ArmCost:
     def __call__(self, parameters: FloatArray) -> float:
         """Return the mean cost over the demonstrations."""
         return float(np.mean(self.terms(parameters)[0] @ self.weight_array))
+
+
+@dataclass(frozen=True, eq=False)
+class ArmPaths:
+    """What one arm is to do.
+
+    Attributes
+    ----------
+    robot : Robot
+        The arm with its tool.
+    paths : sequence of (time, poses)
+        Seconds, shape (T,), and poses of the tool centre point in the back frame, shape (T, 4, 4).
+    scenes : sequence of ShownScene
+        What stands around each; none where nothing is known to.
+    n_poses : int
+        How many of each are looked at among that.
+    """
+
+    robot: Robot
+    paths: Sequence[tuple[FloatArray, FloatArray]]
+    scenes: Sequence[ShownScene] = ()
+    n_poses: int = POSES_AMONG
+
+    def cost(
+        self,
+        centre: FloatArray,
+        weights: TermWeights,
+        ik: IkWeights,
+        free_spin: bool,
+        seed: int,
+        back_height: float | None,
+    ) -> ArmCost:
+        """Return what placements cost; see `besman.stages.map.placement.PlacementSearch`.
+
+        Parameters
+        ----------
+        centre : array, shape (3,)
+            About which movements are turned and scaled, metres in the back frame.
+        weights, ik, free_spin, seed
+            Of the search.
+        back_height : float or None
+            As of `besman.stages.map.placement.find_placement`.
+        """
+        around = None
+        if self.scenes:
+            paths, steps_s = thin_out(self.paths, self.n_poses)
+            rows = [thin_rows(len(time), self.n_poses) for time, _ in self.paths]
+            around = thin_among(self.paths, rows, self.scenes)
+        else:
+            paths, steps_s = thin_out(self.paths)
+        starts = find_starts(self.robot, paths, ik, free_spin, seed)
+        return ArmCost(
+            self.robot, paths, steps_s, centre, weights, ik, free_spin, starts, back_height, around
+        )
 
 
 def find_starts(

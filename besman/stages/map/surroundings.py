@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -149,12 +150,15 @@ def thin_among(
         _thin_one(time[kept], poses[kept], scene, n_ways, n_boxes)
         for (time, poses), kept, scene in zip(demonstrations, rows, scenes, strict=True)
     ]
-    return Around(*(np.stack(column) for column in zip(*parts, strict=True)), scenes[0])
+    paths, own, straight, boxes, halves, present, carries = (
+        np.stack(column) for column in zip(*parts, strict=True)
+    )
+    return Around(paths, own, straight, boxes, halves, present, carries, scenes[0])
 
 
 def _thin_one(
     time: FloatArray, poses: FloatArray, scene: ShownScene, n_ways: int, n_boxes: int
-) -> tuple[FloatArray | IntArray | BoolArray, ...]:
+) -> tuple[npt.NDArray[Any], ...]:
     """Return what `Around` has of one demonstration, as long as the longest."""
     more = n_ways - len(scene.ways)
     all_s = np.concatenate([time, scene.ways_s, np.full(more, time[-1])])

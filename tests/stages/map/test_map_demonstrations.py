@@ -15,8 +15,8 @@ from besman.records import Failure, HandTrajectory, LabelledSegments
 from besman.robot.limits import check_limits, resample_trajectory
 from besman.robot.model import load_robot
 from besman.stages.map.demonstration import place_target, pose_errors, tool_poses
-from besman.stages.map.placement import ArmPaths, PlacementSearch, find_placement
-from besman.stages.map.placement_cost import pose_of
+from besman.stages.map.placement import PlacementSearch, find_placement
+from besman.stages.map.placement_cost import ArmPaths, pose_of
 from besman.stages.map.stage import MapConfig, map_results
 from besman.stages.map.terms import TermWeights, path_terms
 from besman.stages.select.stage import SelectConfig

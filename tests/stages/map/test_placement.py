@@ -7,8 +7,8 @@ from besman.exceptions import ConfigError
 from besman.records import HandTrajectory
 from besman.robot.model import load_robot
 from besman.stages.map.demonstration import tool_poses
-from besman.stages.map.placement import ArmPaths, PlacementSearch, correct_placement, find_placement
-from besman.stages.map.placement_cost import scale_about
+from besman.stages.map.placement import PlacementSearch, correct_placement, find_placement
+from besman.stages.map.placement_cost import ArmPaths, scale_about
 from besman.stages.map.stage import MapConfig, map_results
 
 ROBOT = load_robot("ur5", "gripper")

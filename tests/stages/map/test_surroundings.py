@@ -16,9 +16,10 @@ from besman.simulation.tasks.kinds import load_whole_task
 from besman.simulation.tasks.rearrange.boxes import board_pose, box_poses
 from besman.simulation.tasks.rearrange.shown_scene import list_scenes
 from besman.stages.map import surroundings
+from besman.stages.map.around_kernel import fill_lacks
 from besman.stages.map.demonstration import tool_poses
-from besman.stages.map.placement import ArmPaths, PlacementSearch, find_placement
-from besman.stages.map.placement_cost import ArmCost, find_starts, thin_out, thin_rows
+from besman.stages.map.placement import PlacementSearch, find_placement
+from besman.stages.map.placement_cost import ArmPaths, thin_rows
 from besman.stages.map.stage import MapConfig
 from besman.stages.map.surroundings import PlacedScene, thin_among
 from besman.stages.map.terms import SAFE_DISTANCE_M
@@ -101,6 +102,35 @@ def test_gaps_and_costs_are_those_of_points_along_the_capsules():
     assert np.all(missed > lacks * np.sqrt(still.shape[2]))
 
 
+def test_what_is_touched_between_two_poses_counts_for_the_second():
+    robot, _, _, found = scene()
+    chain = robot.chain
+    here = (chain.capsule_joints >= 0) & (chain.capsule_joints < robot.n - 1)
+    # Stretched out, and turned about its base.
+    out = np.array([0.0, -0.5, 0.0, 0.0, 0.0, 0.0])
+    turned = out + [1.6, 0, 0, 0, 0, 0]
+    rows = np.stack([out, turned])
+    links = (chain.capsule_joints[here], chain.capsule_ends[here], chain.capsule_radii[here])
+    # A small box where the forearm is halfway, which neither end is near.
+    halfway = (out + turned) / 2
+    ends = place_all(chain.placements, chain.axes, *map(np.array, links[:2]), halfway[None])
+    box = np.eye(4)
+    box[:3, 3] = ends[0, links[0] == 2].reshape(-1, 3).mean(axis=0)
+    lacks = {}
+    for name, present in (("there", True), ("gone before", False)):
+        told = np.empty((1, 1, 2))
+        fill_lacks(
+            chain.placements, chain.axes, chain.tip, *map(np.array, links),
+            np.array(found.carried), np.array(found.half), box[None, None],
+            np.full((1, 1, 3), 0.01), np.array([[[present], [True]]]), np.zeros((1, 2), bool),
+            SAFE_DISTANCE_M, rows[None, None], told,
+        )  # fmt: skip
+        lacks[name] = told[0, 0]
+    assert lacks["there"][0] == 0.0
+    assert lacks["there"][1] > 1.0
+    np.testing.assert_array_equal(lacks["gone before"], 0.0)
+
+
 def test_ends_of_straight_ways_stand_between_the_hands_poses_in_the_order_of_time():
     _, demonstration, tools, found = scene()
     rows = thin_rows(len(tools), 24)
@@ -133,11 +163,8 @@ def test_what_stands_where_the_arm_would_be_moves_the_placement():
         halves=np.concatenate([[[0.04, 0.04, 0.04]], found.halves[1:]]),
     )  # fmt: skip
     moved = find_placement([dataclasses.replace(arm, scenes=[walled])], search)
-    paths, steps_s = thin_out(arm.paths, 24)
-    around = thin_among(arm.paths, [thin_rows(len(tools), 24)], [walled])
-    starts = find_starts(robot, paths, search.ik, False, search.seed)
-    cost = ArmCost(
-        robot, paths, steps_s, usual.centre, search.weights, search.ik, False, starts, None, around
+    cost = dataclasses.replace(arm, scenes=[walled]).cost(
+        usual.centre, search.weights, search.ik, False, search.seed, None
     )
     middle = usual.pose[:3, :3] @ usual.centre + usual.pose[:3, 3]
     as_usual, _ = cost.terms(np.array([*middle, usual.yaw, 1.0]))

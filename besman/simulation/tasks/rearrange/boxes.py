@@ -92,13 +92,14 @@ def frame_of_tools(insides: Sequence[FloatArray]) -> BoxFrame | None:
     BoxFrame
         See `frame_of_grasps`; None if there is no pose.
     """
-    centres, turns, sides = [], [], []
+    centres, turns = list[FloatArray](), list[float]()
+    sides: list[float] = []
     for inside in insides:
         centres.append(inside[:3, 3])
         # Across the fingers, on the side away from the gripper.
         across = np.array([-inside[1, 0], inside[0, 0]])
-        side = np.sign(across @ inside[:2, 2]) or 1.0
-        turns.append(np.arctan2(*(side * across)[::-1]))
+        side = float(np.sign(across @ inside[:2, 2])) or 1.0
+        turns.append(float(np.arctan2(*(side * across)[::-1])))
         sides.append(-side)
     if not centres:
         return None
