@@ -5,6 +5,7 @@ Everything heavy is imported by its command.
 
 from __future__ import annotations
 
+import atexit
 import os
 import sys
 import threading
@@ -34,6 +35,7 @@ from besman.io.recordings.format import (
     parse_up,
     reading,
 )
+from besman.work.garbage import keep_all
 from besman.work.stopping import stops_on_signals
 
 app = typer.Typer(
@@ -158,6 +160,7 @@ def _take_value(option: str) -> str | None:
 
 def main() -> None:
     """Run the command line; a user's error is one line and exit code 2."""
+    atexit.register(keep_all)
     debug, strict, partial = _take("--debug"), _take("--strict"), _take("--partial")
     units, up, rate = _take_value("--units"), _take_value("--up"), _take_value("--rate")
     subject, topics = _take_value("--subject"), _take_value("--topic")
