@@ -3,6 +3,7 @@
 Everything heavy is imported by its command.
 """
 
+import atexit
 import copy
 import os
 import sys
@@ -33,6 +34,7 @@ from besman.io.recordings.format import (
     parse_up,
     reading,
 )
+from besman.work.garbage import keep_all
 from besman.work.stopping import stops_on_signals
 
 app = typer.Typer(
@@ -172,6 +174,7 @@ def _leave_others(app: typer.Typer) -> typer.Typer:
 
 def main() -> None:
     """Run the command line; a user's error is one line and exit code 2."""
+    atexit.register(keep_all)
     debug, strict, partial = _take("--debug"), _take("--strict"), _take("--partial")
     units, up, rate = _take_value("--units"), _take_value("--up"), _take_value("--rate")
     subject, topics = _take_value("--subject"), _take_value("--topic")

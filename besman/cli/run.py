@@ -8,6 +8,7 @@ import typer
 from besman.cli.options import ALL_CORES, Cluster, Jobs, Json, Out, Recordings, ToolName
 from besman.cli.run_folders import say_check
 from besman.exceptions import ConfigError
+from besman.work.garbage import keep_all
 
 if TYPE_CHECKING:
     from besman.work.workers import Workers
@@ -53,6 +54,7 @@ def run(
     with _workers(folder, jobs, cluster) as workers:
         from besman.pipeline.pipeline import run_pipeline
 
+        keep_all()
         with stage_display() as display:
             run_pipeline(config, folder, jobs=jobs, fresh=fresh, display=display, workers=workers)
         if video:

@@ -12,3 +12,12 @@ _YOUNG = 50_000
 def collect_seldom() -> None:
     """Have cyclic garbage looked for when there is more of it; 5 to 8 % of a short command."""
     gc.set_threshold(_YOUNG, *gc.get_threshold()[1:])
+
+
+def keep_all() -> None:
+    """Take all that there is for no garbage: what was loaded, or at the end, when all goes anyway.
+
+    To look through what a run has loaded takes a tenth of a second, and Python does so at the end,
+    more than once. Not for a process that goes on with other work: its garbage would stay.
+    """
+    gc.freeze()

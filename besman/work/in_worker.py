@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import gc
 import os
 import pickle
 import signal
@@ -27,8 +26,6 @@ _PR_SET_PDEATHSIG = 1
 def begin_worker() -> None:
     """Make this process a worker, which ends with its parent; see `end_with_parent`."""
     collect_seldom()
-    # What it was forked with is no garbage: loky has all else looked through once a second.
-    gc.freeze()
     end_with_parent()
 
 

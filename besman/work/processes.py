@@ -21,6 +21,7 @@ from besman.work.stopping import SIGNALS
 _IDLE_S = 60.0
 # What `besman.work.in_worker` loads before the first item.
 _LOADED = ("besman.work.loaded_code", "numpy", "scipy.linalg", "threadpoolctl")
+_LOADED_LAST = "besman.work.loaded_last"
 _ONE_THREAD = "OPENBLAS_NUM_THREADS"
 
 
@@ -39,7 +40,7 @@ def start_server(preload: Sequence[str] = ()) -> None:
     os.environ[_ONE_THREAD] = "1"
     try:
         with _deaf():
-            get_context("forkserver").set_forkserver_preload([*_LOADED, *preload])
+            get_context("forkserver").set_forkserver_preload([*_LOADED, *preload, _LOADED_LAST])
             forkserver.ensure_running()
     finally:
         if before is None:
