@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numba
 import numpy as np
 import numpy.typing as npt
 
@@ -29,8 +30,6 @@ def low_pass(values: FloatArray, rate_hz: float, cutoff_hz: float, n_beyond: int
     -------
     array, shape (T, ...)
     """
-    from besman.geometry.low_pass_kernel import filter_columns
-
     ahead, back = butterworth(rate_hz, cutoff_hz)
     rows = np.asarray(values, dtype=np.float64).reshape(len(values), -1)
     before = 2.0 * rows[:1] - rows[n_beyond:0:-1]
@@ -40,7 +39,7 @@ def low_pass(values: FloatArray, rate_hz: float, cutoff_hz: float, n_beyond: int
         np.array([[1.0 + back[1], -1.0], [back[2], 1.0]]), ahead[1:] - back[1:] * ahead[0]
     )
     for _ in range(2):
-        found = filter_columns(found, ahead, back, states[:, None] * found[:1])[::-1]
+        found = _filter(found, ahead, back, states[:, None] * found[:1])[::-1]
     within: FloatArray = found[n_beyond : n_beyond + len(rows)].reshape(np.shape(values))
     return within
 
@@ -62,3 +61,20 @@ def butterworth(rate_hz: float, cutoff_hz: float) -> tuple[FloatArray, FloatArra
     poles = -pole * np.exp(1j * np.pi * np.array([-1.0, 1.0]) / 4.0)
     gain = pole**2 * np.real(1.0 / np.prod(4.0 - poles))
     return gain * np.array([1.0, 2.0, 1.0]), np.real(np.poly((4.0 + poles) / (4.0 - poles)))
+
+
+@numba.njit(cache=True, nogil=True)
+def _filter(
+    values: FloatArray, ahead: FloatArray, back: FloatArray, states: FloatArray
+) -> FloatArray:  # pragma: no cover
+    """Filter columns (T, K), in the transposed direct form II from its states (2, K) on."""
+    found = np.empty_like(values)
+    for column in range(values.shape[1]):
+        first, second = states[0, column], states[1, column]
+        for row in range(len(values)):
+            value = values[row, column]
+            new = ahead[0] * value + first
+            first = ahead[1] * value - back[1] * new + second
+            second = ahead[2] * value - back[2] * new
+            found[row, column] = new
+    return found

@@ -28,13 +28,7 @@ import numpy as np
 from besman.exceptions import RecordingError, nearest
 from besman.io.recordings.bodies import from_matrices
 from besman.io.recordings.format import READING
-from besman.io.recordings.ros_tracks import (
-    Grid,
-    Track,
-    compose_tree,
-    find_grid,
-    sample_values,
-)
+from besman.io.recordings.ros_tracks import Grid, Track, compose_tree, find_grid, sample_values
 from besman.io.ros_messages import Bag, Topic, open_bag
 from besman.io.ros_points import MARKERS, name_topics, read_named_markers, stamp_of
 from besman.records import Origin, Recording

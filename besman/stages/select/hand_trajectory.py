@@ -16,7 +16,6 @@ import numpy.typing as npt
 
 from besman.exceptions import MappingError
 from besman.geometry.frames import back_frame, hand_frame, rotation_to_quaternion
-from besman.geometry.low_pass import low_pass
 from besman.records import HandTrajectory, LabelledRecording, LabelledSegments
 from besman.records.layers import Side
 from besman.stages.select.body_points import BodyPoints, GapLimits, find_body_points
@@ -257,5 +256,7 @@ def _smooth(positions: FloatArray, rate_hz: float, cutoff_hz: float) -> FloatArr
     """Low-pass without delay; nothing to do if the cutoff is above what the rate can carry."""
     if cutoff_hz >= 0.45 * rate_hz:
         return positions
+    from besman.geometry.low_pass import low_pass
+
     n_beyond = min(len(positions) - 1, int(3 * rate_hz / cutoff_hz))
     return low_pass(positions, rate_hz, cutoff_hz, n_beyond)
