@@ -211,7 +211,9 @@ def read_tracks(
     is_even = bool((np.diff(columns) == 1).all())
     wanted = slice(columns[0], columns[-1] + 1) if is_even else columns
     led, placed = _gather(blocks, (np.array(lead, np.intp), wanted))
-    return led, placed.reshape(len(placed), -1, 3)
+    # No view, which a record would copy.
+    placed.resize((len(placed), len(places), 3), refcheck=False)
+    return led, placed
 
 
 def _gather(
@@ -233,7 +235,9 @@ def _gather(
                 found[which] = room
             found[which][n_found : n_found + n_rows] = part
         n_found += n_rows
-    return [one[:n_found] for one in found]
+    for one in found:
+        one.resize((n_found, one.shape[1]), refcheck=False)
+    return found
 
 
 def _read_blocks(
