@@ -11,7 +11,7 @@ With --names: how much of recordings whose names were taken away is named right 
 With --rates: 13 markers at 500 Hz and 60 at 240 Hz from the socket, for so many seconds each.
 
     python benchmarks/live.py [RUN] [--seconds 60] [--soak SECONDS]
-    python benchmarks/live.py [RUN] --rates SECONDS
+    python benchmarks/live.py [RUN] --rates SECONDS [--hz 500|240]
     python benchmarks/live.py --names FOLDER
 
 RUN is a finished run of ``besman run``, whose model is followed; ``ur5_stick_throw`` is run if
@@ -159,13 +159,17 @@ def restart(path: Path, plan, clean: LiveFollower) -> None:
         player.wait()
 
 
-def rates(plan, folder: Path, seconds: float) -> None:
+def rates(plan, folder: Path, seconds: float, only_hz: float | None) -> None:
     """Say what is lost of many frames from the socket, and what they leave in memory."""
     process = psutil.Process()
     for n_markers, rate_hz in ((13, 500.0), (60, 240.0)):
+        if only_hz not in (None, rate_hz):
+            continue
+        # Of its own, so that both may be measured at once.
+        port = PORT + round(rate_hz)
         path = make_recording(folder, seconds, n_markers, rate_hz)
-        player = play(path, "qtm", "--port", str(PORT))
-        follower = LiveFollower(QtmSource("127.0.0.1", PORT, wait_s=1.0), plan)
+        player = play(path, "qtm", "--port", str(port))
+        follower = LiveFollower(QtmSource("127.0.0.1", port, wait_s=10.0), plan)
         follower.open()
         settled, before = min(30.0, seconds / 3) * rate_hz, 0
         for _ in follower.run():
@@ -340,6 +344,9 @@ def main() -> None:
     parser.add_argument("run", type=Path, nargs="?")
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--soak", type=float, help="so many seconds of frames, and nothing else")
+    parser.add_argument(
+        "--hz", type=float, choices=(500.0, 240.0), help="with --rates: one of them"
+    )
     parser.add_argument("--rates", type=float, help="so many seconds each, and nothing else")
     parser.add_argument("--names", type=Path, help="name the recordings of it, and nothing else")
     asked = parser.parse_args()
@@ -354,7 +361,7 @@ def main() -> None:
             flood(plan, 60, 240.0, asked.soak)
             return
         if asked.rates:
-            rates(plan, Path(folder), asked.rates)
+            rates(plan, Path(folder), asked.rates, asked.hz)
             return
         path = make_recording(Path(folder), asked.seconds)
         clean = follow(path, plan)
