@@ -11,6 +11,7 @@ from besman.work.work import Work
 
 DRAWING = (
     "matplotlib.backends.backend_svg",
+    "matplotlib.figure",
     "besman.report.figures",
     "besman.report.motion_figures",
     "besman.report.overview",
