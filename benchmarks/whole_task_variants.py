@@ -1,9 +1,10 @@
 """Whole tasks of recordings that were disturbed: another size, place, rate, and gaps.
 
-Run with ``python benchmarks/whole_task_variants.py FOLDER [ROBOT [EVERY]]``, the folder with the
-public pick-and-place recordings. All of them are disturbed alike; blocks are found by the default
-segmentation and recognition, examples drawn from them, and of each action every fourth (EVERY)
-demonstration is mapped, imitated, and simulated (`rearrange`) as it was imitated, then refined.
+Run with ``python benchmarks/whole_task_variants.py FOLDER [ROBOT [EVERY [ONLY]]]``, the folder with
+the public pick-and-place recordings; ONLY is part of the name of a disturbance. All of them are
+disturbed alike; blocks are found by the default segmentation and recognition, examples drawn from
+them, and of each action every fourth (EVERY) demonstration is mapped, imitated, and simulated
+(`rearrange`) as it was imitated, then refined.
 """
 
 import dataclasses
@@ -86,7 +87,9 @@ def try_variant(recordings, truth, robot, every):
     counts, lines = np.zeros(5, dtype=int), []
     for name in ACTIONS:
         try:
-            _, found = divide(name, recordings, blocks)
+            notes = Notes()
+            _, found = divide(name, recordings, blocks, Work(notes=notes))
+            lines += [str(one) for one in notes.failures]
             counts[0] += len(found)
             chosen = found[::every]
             counts[1] += len(chosen)
@@ -104,12 +107,14 @@ def try_variant(recordings, truth, robot, every):
     return counts, lines
 
 
-def main(folder, robot="ur5", every=4):
+def main(folder, robot="ur5", every=4, only=""):
     inputs = read_inputs([str(folder)])
     recordings = [name_parts(one) for one in inputs.recordings]
     truth = [one for one in inputs.truth if one is not None]
     arm = load_robot(robot, "gripper3")
     for name, (own, labels) in disturb(recordings, truth).items():
+        if only not in name:
+            continue
         (found, tried, mapped, shown, refined), lines = try_variant(own, labels, arm, int(every))
         print(
             f"{robot}, {name}: {found} actions found, {tried} tried, {mapped} mapped; "

@@ -109,13 +109,14 @@ def find_actions(folder, seed=0):
     return {name: divide(name, recordings, blocks)[1] for name in ACTIONS}
 
 
-def divide(name, recordings, blocks):
+def divide(name, recordings, blocks, work=None):
     """Return where actions of one name are, and their demonstrations."""
     config = SelectConfig(action=name, actions=ACTIONS, **{"as": "blocks"})
     actions = FindActions(config).run(recordings, blocks, ())
     hands = config.run(recordings, actions)
     markers = load_marker_set("right_arm")
-    return actions, DivideActions(config).run(recordings, blocks, actions, hands, markers)
+    work = work or Work()
+    return actions, DivideActions(config).run(recordings, blocks, actions, hands, markers, work)
 
 
 def imitate_tasks(robot, demonstrations):

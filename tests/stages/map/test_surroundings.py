@@ -108,7 +108,7 @@ def test_what_is_touched_between_two_poses_counts_for_the_second():
     here = (chain.capsule_joints >= 0) & (chain.capsule_joints < robot.n - 1)
     # Stretched out, and turned about its base.
     out = np.array([0.0, -0.5, 0.0, 0.0, 0.0, 0.0])
-    turned = [*out, 1.6, 0, 0, 0, 0, 0]
+    turned = np.array([1.6, *out[1:]])
     rows = np.stack([out, turned])
     links = (chain.capsule_joints[here], chain.capsule_ends[here], chain.capsule_radii[here])
     # A small box where the forearm is halfway, which neither end is near.
