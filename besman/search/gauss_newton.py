@@ -23,6 +23,7 @@ import numpy.typing as npt
 
 from besman.search.cma_es import CmaEs, Restarts
 from besman.search.gaussian import Bounds, check_bounds
+from besman.search.damped_step import damped_step
 from besman.search.residual_points import Tried, correct_by_all, important_directions, rms
 
 FloatArray = npt.NDArray[np.float64]
@@ -100,10 +101,12 @@ class GaussNewton:
         jacobian: npt.ArrayLike | None = None,
         first: npt.ArrayLike | None = None,
         trust: npt.ArrayLike | None = None,
+        floor: npt.ArrayLike | None = None,
     ) -> None:
         self._start = np.array(start, dtype=np.float64)
         self._trust = np.ones(len(self._start)) if trust is None else np.array(trust)
         self._bounds = check_bounds(self._start, bounds)
+        self._floor = np.full(len(self._start), -np.inf) if floor is None else np.array(floor)
         self._options = (sigma, population, seed, bounds, restarts)
         self._steps, self._left = steps, steps
         self._next = self._start if first is None else np.array(first, dtype=np.float64)
@@ -269,6 +272,7 @@ class GaussNewton:
 
     def _within(self, points: FloatArray) -> FloatArray:
         """Move points (..., D) to where they may be."""
+        points = np.maximum(points, self._floor)
         return points if self._bounds is None else np.clip(points, *self._bounds)
 
     def _measure_anew(self, tried: Tried) -> None:
@@ -346,11 +350,11 @@ class GaussNewton:
         assert self.jacobian is not None
         known = np.isfinite(tried.residuals)
         n = len(known)
-        rows = self.jacobian[:n][known] * self._trust / np.sqrt(n)
+        rows = self.jacobian[:n][known] / np.sqrt(n)
         wanted = tried.residuals[known] / np.sqrt(n)
-        system = rows @ rows.T + self._damping * np.eye(len(rows))
-        step = -self._trust * (rows.T @ np.linalg.solve(system, wanted))
-        return np.asarray(step * min(1.0, self._reach / max(float(np.linalg.norm(step)), 1e-12)))
+        return damped_step(
+            rows, wanted, self._trust, self._damping, self._reach, self._floor - tried.point
+        )
 
     def _end(self) -> None:
         """End, or look at all worlds, if an outcome is within the radius; else begin elsewhere.

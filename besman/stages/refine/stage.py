@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
+import numpy.typing as npt
 from pydantic import Field
 
 from besman.config.stage import Config, Items, Stage, Truth, Work
@@ -98,9 +99,16 @@ class RefinementConfig(Stage):
     """Keys of a method that are no arguments of its search."""
 
     def make_search(
-        self, dimension: int, seed: tuple[int, ...], shared: ClassModel | None = None
+        self,
+        dimension: int,
+        seed: tuple[int, ...],
+        shared: ClassModel | None = None,
+        floor: npt.ArrayLike | None = None,
     ) -> Search:
-        """Set up the search over a space of so many coordinates, around zero."""
+        """Set up the search over a space of so many coordinates, around zero.
+
+        `floor` (D,) tells below which coordinates nothing changes, to a search that knows slopes.
+        """
         own = type(self).model_fields.keys() - RefinementConfig.model_fields.keys()
         learnt = {}
         if shared is not None and not shared.useless:
@@ -108,6 +116,7 @@ class RefinementConfig(Stage):
                 "jacobian": shared.jacobian,
                 "trust": shared.trust,
                 "first": shared.point,
+                "floor": floor,
             }
         search: Search = search_kind(self.method).load()(
             np.zeros(dimension),
@@ -266,7 +275,9 @@ class RefinementConfig(Stage):
 
         plan = place_plan(plan, robot, task)
         space = self.space(plan, robot)
-        search = self.make_search(space.dimension, (self.seed, _seed_of(plan)), shared)
+        search = self.make_search(
+            space.dimension, (self.seed, _seed_of(plan)), shared, space.floor
+        )
         n_models = len(self.perturbations(robot))
         return MotionSearch(space, search, robot, task, self.episodes, shared, n_models)
 
