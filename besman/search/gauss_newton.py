@@ -24,7 +24,8 @@ import numpy.typing as npt
 from besman.search.cma_es import CmaEs, Restarts
 from besman.search.gaussian import Bounds, check_bounds
 from besman.search.damped_step import damped_step
-from besman.search.residual_points import Tried, correct_by_all, important_directions, rms
+from besman.search.linear_model import learn
+from besman.search.residual_points import Tried, important_directions, rms
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -52,6 +53,13 @@ _TRUST = 0.2
 _DIRECTIONS, _DIFFERENCE, _TRUST_OF_MEASURED = 6, 1.0, 0.5
 # Where all worlds are off alike, or all within the radius, as soon as steps are this short.
 _ASTRAY = 1.0
+
+import os
+JUMP=float(os.environ.get('JUMP','2'));FAILS=int(os.environ.get('FAILS','3'))
+ROUGH=float(os.environ.get('ROUGH','2'))
+ASIDE=float(os.environ.get('ASIDE','0.7'))
+# How far beside a start without an outcome it begins: there a movement is brought back within limits.
+BESIDE = 1e-3
 
 
 class GaussNewton:
@@ -108,7 +116,8 @@ class GaussNewton:
         self._bounds = check_bounds(self._start, bounds)
         self._floor = np.full(len(self._start), -np.inf) if floor is None else np.array(floor)
         self._options = (sigma, population, seed, bounds, restarts)
-        self._steps, self._left = steps, steps
+        self._steps = steps = steps * (3 if os.environ.get('NOB') and (jacobian is None or len(jacobian) == 1) else 1)
+        self._left = steps
         self._next = self._start if first is None else np.array(first, dtype=np.float64)
         self._at: Tried | None = None
         self._best: Tried | None = None
@@ -117,6 +126,8 @@ class GaussNewton:
         self._nearest: Tried | None = None
         self._wary, self._most_detours = damping, detours
         self._damping, self._reach, self._detours, self._back = damping, _REACH, 0, 0
+        self._jumped = False
+        self._failed, self._random = 0, np.random.default_rng(seed)
         self._ended = self.handed_over = self._in_worlds = self._aside = False
         self._strategy: CmaEs | None = None
         self._other: Tried | None = None
@@ -124,7 +135,7 @@ class GaussNewton:
         self._block: FloatArray | None = None
         self._may_measure, self._alone, self._returned = True, False, False
         self._given = None if jacobian is None else np.array(jacobian, dtype=np.float64)
-        self.jacobian = None if self._given is None else self._given.copy()
+        self.jacobian = self._prior = self._given
         if self.jacobian is None:
             self._begin_cma(self._start)
 
@@ -167,7 +178,7 @@ class GaussNewton:
         elif known:
             self._learn(tried)
         elif np.array_equal(self._next, point):
-            self._end()
+            self._next = self._within(self._next + BESIDE)
 
     def tell(
         self, points: FloatArray, returns: FloatArray, residuals: FloatArray | None = None
@@ -210,7 +221,6 @@ class GaussNewton:
         if nearest.first <= _NEAR and self.n_worlds > 1:
             self.enter_worlds(nearest.point)
             return
-        self.jacobian = correct_by_all(self.jacobian, nearest, self._seen, _AROUND, _RIDGE)
         self._begin()
         self._aside, self._left = True, _ASIDE
         self._at = self._best = nearest
@@ -219,6 +229,7 @@ class GaussNewton:
     def enter_worlds(self, point: FloatArray) -> None:
         """Look at all worlds from now on, beginning at a point that is near in the first."""
         self._strategy, self._aside, self._in_worlds, self._next = None, False, True, point
+        self._prior = self.jacobian
         self._begin()
         self._may_measure = not self._returned
 
@@ -230,7 +241,8 @@ class GaussNewton:
     def _begin_at_other(self, other: Tried) -> None:
         """Begin again at the start, whose outcome is known: where the first point leads nowhere."""
         assert self._given is not None
-        self.jacobian, self._other, self._in_worlds = self._given.copy(), None, False
+        self.jacobian = self._prior = self._given
+        self._other, self._in_worlds = None, False
         self._begin()
         self._learn(other)
 
@@ -245,8 +257,10 @@ class GaussNewton:
                 return
             self._at = tried
         else:
-            self._correct(self._at, tried)
-            self._judge(self._at, tried)
+            if self._in_worlds:
+                self._judge(self._at, tried)
+            else:
+                self._judge_alone(self._at, tried)
         enough = self._best.cost <= _NEAR and self.n_worlds > 1 and not self._in_worlds
         # All off alike in spite of steps: what tells why is cheap.
         astray = self._in_worlds and not self._best.apart and self._reach <= _ASTRAY
@@ -268,7 +282,30 @@ class GaussNewton:
     def _go_on(self, tried: Tried) -> None:
         """Take the next step from a point."""
         self._left -= 1
-        self._next = self._within(tried.point + self._step(tried))
+        assert self._prior is not None
+        self.jacobian, expected = learn(self._prior, tried, self._others(tried))
+        if self._in_worlds or len(tried.residuals) > 1:
+            self._next = self._within(tried.point + self._step(Tried(tried.point, expected)))
+            return
+        base = tried
+        if self._failed >= FAILS:
+            self._jumped = True
+            self._next = self._within(self._best.point + JUMP / ASIDE * self._aside_step())
+            return
+        if self._failed:
+            aside = self._within(tried.point + self._aside_step())
+            moved = tried.residuals + self.jacobian[:1] @ (aside - tried.point)
+            base = Tried(aside, moved)
+        self._next = self._within(base.point + self._step(base))
+
+    def _aside_step(self) -> FloatArray:
+        rows = self.jacobian[0]
+        z = self._random.standard_normal(rows.shape[1]) * (np.abs(rows).sum(axis=0) > 0)
+        z -= rows.T @ np.linalg.solve(rows @ rows.T + 1e-9 * np.eye(len(rows)), rows @ z)
+        return ASIDE * z / max(float(np.linalg.norm(z)), 1e-12)
+
+    def _others(self, tried: Tried) -> list[Tried]:
+        return [one for one in self._seen if one is not tried]
 
     def _within(self, points: FloatArray) -> FloatArray:
         """Move points (..., D) to where they may be."""
@@ -297,7 +334,6 @@ class GaussNewton:
         self._block, before = None, self._best
         for one in tried:
             self._note(one)
-            self._correct(before, one, _TRUST_OF_MEASURED)
         if self._alone and self._in_worlds:
             # One world tells where to aim, until it is near.
             self._in_worlds, self._returned = False, True
@@ -331,19 +367,40 @@ class GaussNewton:
             apart = trust * (off - mean) if len(off) == self.n_worlds else 0.0
             self.jacobian += (mean + apart)[..., None] * step / length
 
+    def _judge_alone(self, before: Tried, after: Tried) -> None:
+        if self._jumped:
+            self._jumped, self._failed = False, 0
+            if after.cost < np.inf:
+                self._at = after
+            return
+        if after.cost < before.cost:
+            self._at, self._failed = after, 0
+            self._reach = min(_REACH, 2.0 * self._reach)
+            self._left += after.cost < _PROGRESS * before.cost
+        else:
+            if before.cost > ROUGH:
+                self._reach = max(0.5 * self._reach, 0.4)
+            else:
+                self._failed += 1
+            if after is self._best:
+                self._at = after
+
     def _judge(self, before: Tried, after: Tried) -> None:
         """Go on from where a step has led, or back and with a shorter one."""
         assert self._best is not None
         closer = after.spread < before.spread - _CLOSER and np.isfinite(after.residuals).all()
         if after.cost < before.cost:
             self._at, self._detours = after, 0
+            self._failed = 0
             self._left += after.cost < _PROGRESS * before.cost
         elif closer and self._detours < self._most_detours:
             self._at, self._detours = after, self._detours + 1
         else:
             self._at, self._detours = self._best, 0
-            self._damping *= 2.0
-            self._reach *= 0.5
+            self._failed += 1
+            if self._in_worlds:
+                self._damping *= 2.0
+                self._reach *= 0.5
 
     def _step(self, tried: Tried) -> FloatArray:
         """Return the damped step of the linear model [1]_, no longer than the reach."""
@@ -390,6 +447,8 @@ class GaussNewton:
 
     def _worth_measuring(self, best: Tried | None) -> TypeGuard[Tried]:
         """Tell whether steps stalled for want of a Jacobian that holds here."""
+        if self.n_worlds == 1 and os.environ.get('NOB'):
+            return False
         if best is None or not self._may_measure or not best.cost < np.inf:
             return False
         if self._in_worlds and best.apart:

@@ -97,6 +97,12 @@ def moves_too_little(jacobian: FloatArray) -> str:
     return "" if rank == wanted else f"the outcome's Jacobian is of rank {rank}, expected {wanted}"
 
 
+def signs_full(signs, measured, n):
+    full = np.zeros((len(signs), n))
+    full[:, measured] = signs
+    return full
+
+
 Evaluate = Callable[[FloatArray, bool], FloatArray]
 """Gives the residuals (W, R) at a point (D,), NaN where there is none: in all worlds, or the first
 alone."""
@@ -109,6 +115,7 @@ def measure_jacobian(
     step: float,
     aiming: float | None = None,
     work: Work = Work(),
+    floor=None,
 ) -> tuple[FloatArray, FloatArray]:
     """Measure a Jacobian by finite differences, forward where that way leads to an outcome.
 
@@ -134,6 +141,26 @@ def measure_jacobian(
     trust : array, shape (D,)
         See `trust_of`; 1 without `aiming`.
     """
+    if aiming is None:
+        import os
+        from besman.search.two_level import two_level_design, fit_slopes
+        signs = two_level_design(len(measured), os.environ.get('FOLD')=='1')
+        ways = np.zeros((len(signs), len(point)))
+        ways[:, measured] = step * signs
+        points = np.maximum(point + ways, np.full(len(point), -np.inf) if floor is None else floor + 0 * ways)
+        low = point + ways < points
+        points = np.where(low, np.where(signs_full(signs, measured, len(point)) < 0, floor, floor + 2 * step), points)
+        up = np.zeros(len(point), bool)
+        if floor is not None:
+            near = (point - step < floor)
+            up = near
+            full = signs_full(signs, measured, len(point))
+            points = point + ways
+            points[:, near] = np.maximum(point, floor)[near] + step * (full[:, near] > 0)
+        found = np.array([evaluate(one, True) for one in points])
+        T, W, R = found.shape
+        slopes = fit_slopes(points - point, found.reshape(T, W * R))
+        return slopes.reshape(W, R, -1), np.ones(len(point))
     here = evaluate(point, True)
     measure = partial(
         _measure_column, evaluate=evaluate, point=point, here=here, step=step, aiming=aiming

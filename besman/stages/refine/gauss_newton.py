@@ -15,6 +15,7 @@ from besman.config.stage import Work
 from besman.records import AnyPlan
 from besman.records.files import digest
 from besman.robot.model import Robot
+from besman.search.gauss_newton import BESIDE
 from besman.search.protocol import Part
 from besman.simulation.perturbation import Perturbation
 from besman.simulation.task import Task
@@ -150,6 +151,10 @@ class _Lesson:
             why = f"a Jacobian takes {cost} episodes, all motions may take {budget}"
             return nothing(1, why)
         point, spent = _zero(space), 1
+        if first.failure:
+            # Beside it a movement is brought back within its limits.
+            point, spent = point + BESIDE, 2
+            (first,), _, _ = try_in_worlds(self.robot, self.task, [space.plan_at(point)], ())
         if first.failure or not np.isfinite(first.residual).all():
             search = self._search(None, work.jobs)
             while not search.search.done:
@@ -192,7 +197,7 @@ class _Lesson:
         step = self.config.difference or usual
         # Where to aim is told by short differences to both sides, how far models are apart is not.
         return measure_jacobian(
-            evaluate, point, measured, step, _DIFFERENCE if worlds else None, work
+            evaluate, point, measured, step, _DIFFERENCE if worlds else None, work, space.floor
         )
 
     def _measured(self, space: Space) -> list[int]:
