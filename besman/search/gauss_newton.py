@@ -54,12 +54,11 @@ _DIRECTIONS, _DIFFERENCE, _TRUST_OF_MEASURED = 6, 1.0, 0.5
 # Where all worlds are off alike, or all within the radius, as soon as steps are this short.
 _ASTRAY = 1.0
 
-import os
-JUMP=float(os.environ.get('JUMP','2'));FAILS=int(os.environ.get('FAILS','3'))
-ROUGH=float(os.environ.get('ROUGH','2'))
-ASIDE=float(os.environ.get('ASIDE','0.7'))
 # How far beside a start without an outcome it begins: there a movement is brought back within limits.
 BESIDE = 1e-3
+# In one world: so many times the steps; after the first in vain they begin so far aside, where the
+# linear outcome is the same; after so many in vain they begin so far off anew.
+_LONGER, _ASIDE_BY, _IN_VAIN, _JUMP = 3, 0.7, 2, 2.5
 
 
 class GaussNewton:
@@ -116,8 +115,7 @@ class GaussNewton:
         self._bounds = check_bounds(self._start, bounds)
         self._floor = np.full(len(self._start), -np.inf) if floor is None else np.array(floor)
         self._options = (sigma, population, seed, bounds, restarts)
-        self._steps = steps = steps * (3 if os.environ.get('NOB') and (jacobian is None or len(jacobian) == 1) else 1)
-        self._left = steps
+        self._steps, self._left = steps, _LONGER * steps
         self._next = self._start if first is None else np.array(first, dtype=np.float64)
         self._at: Tried | None = None
         self._best: Tried | None = None
@@ -126,8 +124,7 @@ class GaussNewton:
         self._nearest: Tried | None = None
         self._wary, self._most_detours = damping, detours
         self._damping, self._reach, self._detours, self._back = damping, _REACH, 0, 0
-        self._jumped = False
-        self._failed, self._random = 0, np.random.default_rng(seed)
+        self._in_vain, self._jumped, self._random = 0, False, np.random.default_rng(seed)
         self._ended = self.handed_over = self._in_worlds = self._aside = False
         self._strategy: CmaEs | None = None
         self._other: Tried | None = None
@@ -236,7 +233,9 @@ class GaussNewton:
     def _begin(self) -> None:
         """Begin a row of steps."""
         self._at = self._best = None
-        self._left, self._damping, self._reach, self._detours = self._steps, self._wary, _REACH, 0
+        steps = self._steps if self._in_worlds else _LONGER * self._steps
+        self._left, self._damping, self._reach, self._detours = steps, self._wary, _REACH, 0
+        self._in_vain, self._jumped = 0, False
 
     def _begin_at_other(self, other: Tried) -> None:
         """Begin again at the start, whose outcome is known: where the first point leads nowhere."""
@@ -281,31 +280,30 @@ class GaussNewton:
 
     def _go_on(self, tried: Tried) -> None:
         """Take the next step from a point."""
+        assert self._prior is not None and self._best is not None
         self._left -= 1
-        assert self._prior is not None
-        self.jacobian, expected = learn(self._prior, tried, self._others(tried))
-        if self._in_worlds or len(tried.residuals) > 1:
+        others = [one for one in self._seen if one is not tried]
+        self.jacobian, expected = learn(self._prior, tried, others)
+        if self._in_worlds:
             self._next = self._within(tried.point + self._step(Tried(tried.point, expected)))
             return
-        base = tried
-        if self._failed >= FAILS:
+        if self._in_vain == _IN_VAIN:
             self._jumped = True
-            self._next = self._within(self._best.point + JUMP / ASIDE * self._aside_step())
+            self._next = self._within(self._best.point + _JUMP * self._free_direction())
             return
-        if self._failed:
-            aside = self._within(tried.point + self._aside_step())
-            moved = tried.residuals + self.jacobian[:1] @ (aside - tried.point)
-            base = Tried(aside, moved)
-        self._next = self._within(base.point + self._step(base))
+        if self._in_vain:
+            aside = self._within(tried.point + _ASIDE_BY * self._free_direction())
+            moved = self.jacobian[:1] @ (aside - tried.point)
+            tried = Tried(aside, tried.residuals[:1] + moved)
+        self._next = self._within(tried.point + self._step(tried))
 
-    def _aside_step(self) -> FloatArray:
+    def _free_direction(self) -> FloatArray:
+        """Draw a direction, shape (D,), along which the outcome stays, as far as is known."""
+        assert self.jacobian is not None
         rows = self.jacobian[0]
-        z = self._random.standard_normal(rows.shape[1]) * (np.abs(rows).sum(axis=0) > 0)
-        z -= rows.T @ np.linalg.solve(rows @ rows.T + 1e-9 * np.eye(len(rows)), rows @ z)
-        return ASIDE * z / max(float(np.linalg.norm(z)), 1e-12)
-
-    def _others(self, tried: Tried) -> list[Tried]:
-        return [one for one in self._seen if one is not tried]
+        drawn = self._random.standard_normal(rows.shape[1]) * rows.any(axis=0)
+        drawn -= np.linalg.pinv(rows) @ (rows @ drawn)
+        return np.asarray(drawn / max(float(np.linalg.norm(drawn)), 1e-12))
 
     def _within(self, points: FloatArray) -> FloatArray:
         """Move points (..., D) to where they may be."""
@@ -354,36 +352,19 @@ class GaussNewton:
         self._back += 1
         self._next = 0.5 * (point + self._start)
 
-    def _correct(self, before: Tried, after: Tried, trust: float = _TRUST) -> None:
-        """Update the Jacobian by what a step did [2]_."""
-        assert self.jacobian is not None
-        step = after.point - before.point
-        length = float(step @ step)
-        if length > 0:
-            # What the first world does, all do, as far as is known.
-            told = self.jacobian[: len(after.residuals)] @ step
-            off = np.nan_to_num(after.residuals - before.residuals[: len(told)] - told)
-            mean = off.mean(axis=0)
-            apart = trust * (off - mean) if len(off) == self.n_worlds else 0.0
-            self.jacobian += (mean + apart)[..., None] * step / length
-
     def _judge_alone(self, before: Tried, after: Tried) -> None:
+        """Go on from where a step in one world has led, or from where it began.
+
+        What is rough there says little: a step in vain is followed by another as long, elsewhere.
+        """
         if self._jumped:
-            self._jumped, self._failed = False, 0
-            if after.cost < np.inf:
-                self._at = after
-            return
-        if after.cost < before.cost:
-            self._at, self._failed = after, 0
-            self._reach = min(_REACH, 2.0 * self._reach)
+            self._jumped, self._in_vain = False, 0
+            self._at = after if after.cost < np.inf else before
+        elif after.cost < before.cost:
+            self._at, self._in_vain = after, 0
             self._left += after.cost < _PROGRESS * before.cost
         else:
-            if before.cost > ROUGH:
-                self._reach = max(0.5 * self._reach, 0.4)
-            else:
-                self._failed += 1
-            if after is self._best:
-                self._at = after
+            self._at, self._in_vain = before, self._in_vain + 1
 
     def _judge(self, before: Tried, after: Tried) -> None:
         """Go on from where a step has led, or back and with a shorter one."""
@@ -391,16 +372,13 @@ class GaussNewton:
         closer = after.spread < before.spread - _CLOSER and np.isfinite(after.residuals).all()
         if after.cost < before.cost:
             self._at, self._detours = after, 0
-            self._failed = 0
             self._left += after.cost < _PROGRESS * before.cost
         elif closer and self._detours < self._most_detours:
             self._at, self._detours = after, self._detours + 1
         else:
             self._at, self._detours = self._best, 0
-            self._failed += 1
-            if self._in_worlds:
-                self._damping *= 2.0
-                self._reach *= 0.5
+            self._damping *= 2.0
+            self._reach *= 0.5
 
     def _step(self, tried: Tried) -> FloatArray:
         """Return the damped step of the linear model [1]_, no longer than the reach."""
@@ -447,13 +425,11 @@ class GaussNewton:
 
     def _worth_measuring(self, best: Tried | None) -> TypeGuard[Tried]:
         """Tell whether steps stalled for want of a Jacobian that holds here."""
-        if self.n_worlds == 1 and os.environ.get('NOB'):
+        if best is None or not self._may_measure or not self._in_worlds or not best.cost < np.inf:
             return False
-        if best is None or not self._may_measure or not best.cost < np.inf:
-            return False
-        if self._in_worlds and best.apart:
+        if best.apart:
             return best.cost > _POOR and (best.cost <= 1.0 or self._other is None)
-        return best.cost > (_POOR if self._in_worlds or self.n_worlds == 1 else _NEAR)
+        return best.cost > _POOR
 
     def _begin_cma(self, start: FloatArray) -> None:
         """Have CMA-ES go on."""

@@ -97,12 +97,6 @@ def moves_too_little(jacobian: FloatArray) -> str:
     return "" if rank == wanted else f"the outcome's Jacobian is of rank {rank}, expected {wanted}"
 
 
-def signs_full(signs, measured, n):
-    full = np.zeros((len(signs), n))
-    full[:, measured] = signs
-    return full
-
-
 Evaluate = Callable[[FloatArray, bool], FloatArray]
 """Gives the residuals (W, R) at a point (D,), NaN where there is none: in all worlds, or the first
 alone."""
@@ -141,29 +135,23 @@ def measure_jacobian(
     trust : array, shape (D,)
         See `trust_of`; 1 without `aiming`.
     """
-    if aiming is None:
-        import os
+    import os
+    if aiming is None or os.environ.get("DES"):
+        step = float(os.environ.get("DES") or step) if aiming is not None else step
         from besman.search.two_level import two_level_design, fit_slopes
-        signs = two_level_design(len(measured), os.environ.get('FOLD')=='1')
+        signs = two_level_design(len(measured))
+        least = np.full(len(point), -np.inf) if floor is None else floor
+        middle = np.where(point - step < least, np.maximum(point, least) + step, point)
         ways = np.zeros((len(signs), len(point)))
         ways[:, measured] = step * signs
-        points = np.maximum(point + ways, np.full(len(point), -np.inf) if floor is None else floor + 0 * ways)
-        low = point + ways < points
-        points = np.where(low, np.where(signs_full(signs, measured, len(point)) < 0, floor, floor + 2 * step), points)
-        up = np.zeros(len(point), bool)
-        if floor is not None:
-            near = (point - step < floor)
-            up = near
-            full = signs_full(signs, measured, len(point))
-            points = point + ways
-            points[:, near] = np.maximum(point, floor)[near] + step * (full[:, near] > 0)
-        found = np.array([evaluate(one, True) for one in points])
+        middle[[d for d in range(len(point)) if d not in measured]] = point[[d for d in range(len(point)) if d not in measured]]
+        found = np.array([evaluate(one, True) for one in middle + ways])
         T, W, R = found.shape
-        slopes = fit_slopes(points - point, found.reshape(T, W * R))
+        slopes = fit_slopes(ways, found.reshape(T, W * R))
         return slopes.reshape(W, R, -1), np.ones(len(point))
     here = evaluate(point, True)
     measure = partial(
-        _measure_column, evaluate=evaluate, point=point, here=here, step=step, aiming=aiming
+        _measure_column, evaluate=evaluate, point=point, here=here, step=step, aiming=aiming, floor=floor
     )
     columns = work.map(
         measure, list(measured), name=lambda at: f"coordinate {at}", processes=_COLUMNS
@@ -184,6 +172,7 @@ def _measure_column(
     here: FloatArray,
     step: float,
     aiming: float | None,
+    floor=None,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Measure the slopes along a coordinate: (W, R), and ahead and behind (R,) in the first."""
 
@@ -202,7 +191,10 @@ def _measure_column(
     column = one_way(step, True)
     if aiming is None:
         return column, column[0], column[0]
-    return column, one_way(aiming, False)[0], one_way(-aiming, False)[0]
+    ahead = one_way(aiming, False)[0]
+    if floor is not None and point[at] - aiming < floor[at]:
+        return column, ahead, ahead
+    return column, ahead, one_way(-aiming, False)[0]
 
 
 def load_class(folder: Path | None, name: str) -> ClassModel | None:
