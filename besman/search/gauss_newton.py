@@ -24,7 +24,7 @@ import numpy.typing as npt
 from besman.search.cma_es import CmaEs, Restarts
 from besman.search.gaussian import Bounds, check_bounds
 from besman.search.damped_step import damped_step
-from besman.search.linear_model import learn
+from besman.search.linear_model import learn_slopes
 from besman.search.residual_points import Tried, important_directions, rms
 
 FloatArray = npt.NDArray[np.float64]
@@ -36,9 +36,8 @@ _REACH, _LEAST_REACH = 3.0, 0.1
 _CLOSER = 0.02
 # An outcome that CMA-ES brings this near is worth Newton steps again.
 _NEAR = 0.5
-# Points no farther off than this tell of the Jacobian at the nearest that CMA-ES knows; corrections
-# cost so much, and as many steps are taken there without progress.
-_AROUND, _RIDGE, _ASIDE = 4.0, 0.3, 2
+# So many steps are taken without progress at the nearest point that CMA-ES knows.
+_ASIDE = 2
 # Outcomes of two dimensions that are so far apart (root mean square) are within the radius 87 times
 # in 100, if they are normal: not often enough.
 _POOR = 0.7
@@ -226,7 +225,6 @@ class GaussNewton:
     def enter_worlds(self, point: FloatArray) -> None:
         """Look at all worlds from now on, beginning at a point that is near in the first."""
         self._strategy, self._aside, self._in_worlds, self._next = None, False, True, point
-        self._prior = self.jacobian
         self._begin()
         self._may_measure = not self._returned
 
@@ -257,6 +255,7 @@ class GaussNewton:
             self._at = tried
         else:
             if self._in_worlds:
+                self._correct(self._at, tried)
                 self._judge(self._at, tried)
             else:
                 self._judge_alone(self._at, tried)
@@ -282,11 +281,11 @@ class GaussNewton:
         """Take the next step from a point."""
         assert self._prior is not None and self._best is not None
         self._left -= 1
-        others = [one for one in self._seen if one is not tried]
-        self.jacobian, expected = learn(self._prior, tried, others)
         if self._in_worlds:
-            self._next = self._within(tried.point + self._step(Tried(tried.point, expected)))
+            self._next = self._within(tried.point + self._step(tried))
             return
+        others = [one for one in self._seen if one is not tried]
+        self.jacobian = learn_slopes(self._prior, tried, others)
         if self._in_vain == _IN_VAIN:
             self._jumped = True
             self._next = self._within(self._best.point + _JUMP * self._free_direction())
@@ -332,9 +331,10 @@ class GaussNewton:
         self._block, before = None, self._best
         for one in tried:
             self._note(one)
+            self._correct(before, one, _TRUST_OF_MEASURED)
         if self._alone and self._in_worlds:
             # One world tells where to aim, until it is near.
-            self._in_worlds, self._returned = False, True
+            self._in_worlds, self._returned, self._prior = False, True, self.jacobian
             before = Tried(before.point, before.residuals[:1])
         best = min([before, *tried], key=lambda one: one.cost)
         self._begin()
@@ -351,6 +351,19 @@ class GaussNewton:
             return
         self._back += 1
         self._next = 0.5 * (point + self._start)
+
+    def _correct(self, before: Tried, after: Tried, trust: float = _TRUST) -> None:
+        """Update the Jacobian by what a step in all worlds did [2]_."""
+        assert self.jacobian is not None
+        step = after.point - before.point
+        length = float(step @ step)
+        if length > 0:
+            # What the first world does, all do, as far as is known.
+            told = self.jacobian[: len(after.residuals)] @ step
+            off = np.nan_to_num(after.residuals - before.residuals[: len(told)] - told)
+            mean = off.mean(axis=0)
+            apart = trust * (off - mean) if len(off) == self.n_worlds else 0.0
+            self.jacobian = self.jacobian + (mean + apart)[..., None] * step / length
 
     def _judge_alone(self, before: Tried, after: Tried) -> None:
         """Go on from where a step in one world has led, or from where it began.

@@ -17,6 +17,7 @@ from besman.records.files import digest
 from besman.robot.model import Robot
 from besman.search.gauss_newton import BESIDE
 from besman.search.protocol import Part
+from besman.search.two_level import two_level_design
 from besman.simulation.perturbation import Perturbation
 from besman.simulation.task import Task
 from besman.stages.refine.robustness import RobustConfig
@@ -141,9 +142,7 @@ class _Lesson:
         worlds = config.perturbations(self.robot)
         nothing = partial(nothing_shared, self.plan.name, space.dimension)
         measured = self._measured(space)
-        in_worlds = 1 + len(worlds)
-        each = in_worlds + 2 if worlds else 1
-        cost, budget = len(measured) * each + in_worlds, config.episodes * self.n_plans
+        cost, budget = self._cost(len(measured), len(worlds)), config.episodes * self.n_plans
         (first,), _, _ = try_in_worlds(self.robot, self.task, [space.plan_at(_zero(space))], ())
         if not len(first.residual):
             return nothing(1, f"{self.task.kind} has no outcome to take steps on")
@@ -187,18 +186,27 @@ class _Lesson:
         self, space: Space, point: FloatArray, measured: Sequence[int], work: Work
     ) -> tuple[FloatArray, FloatArray]:
         """Measure the Jacobian (W, R, D) at a point, and how far it can be relied on (D,)."""
-        from besman.stages.refine.class_model import measure_jacobian
+        from besman.stages.refine.class_model import measure_all_at_once, measure_jacobian
 
         worlds = self.config.perturbations(self.robot)
-        usual = _DIFFERENCE_IN_WORLDS if worlds else _DIFFERENCE
         evaluate = partial(
             _residuals_at, space=space, robot=self.robot, task=self.task, worlds=worlds
         )
-        step = self.config.difference or usual
+        if not worlds:
+            step = self.config.difference or _DIFFERENCE
+            jacobian = measure_all_at_once(evaluate, point, measured, step, space.floor, work)
+            return jacobian, np.ones(space.dimension)
+        step = self.config.difference or _DIFFERENCE_IN_WORLDS
         # Where to aim is told by short differences to both sides, how far models are apart is not.
         return measure_jacobian(
-            evaluate, point, measured, step, _DIFFERENCE if worlds else None, work, space.floor
+            evaluate, point, measured, step, _DIFFERENCE, space.floor, work
         )
+
+    def _cost(self, n_measured: int, n_worlds: int) -> int:
+        """Return how many episodes a Jacobian takes."""
+        if n_worlds == 0:
+            return len(two_level_design(n_measured))
+        return n_measured * (n_worlds + 3) + n_worlds + 1
 
     def _measured(self, space: Space) -> list[int]:
         """Return the coordinates that are measured."""
