@@ -78,14 +78,14 @@ def fit_within_conditions(
     """
     n_weights = response.shape[1]
     scale = LAST_PHASE ** -np.linspace(0.0, 1.0, n_weights)
-    particular, null = solutions(conditions * scale, value)
+    particular, null = _solutions(conditions * scale, value)
     matrix = response * scale
     found = np.linalg.lstsq(matrix @ null, residual - matrix @ particular, rcond=_RANK)[0]
     weights: FloatArray = scale[:, None] * (particular + null @ found)
     return weights
 
 
-def solutions(constraint: FloatArray, value: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _solutions(constraint: FloatArray, value: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the smallest solution of constraint w = value, and a basis of all changes of it."""
     left, singular, right = np.linalg.svd(constraint)
     rank = len(singular)
@@ -96,7 +96,7 @@ def constrained_least_squares(
     matrix: FloatArray, target: FloatArray, constraint: FloatArray, value: FloatArray
 ) -> FloatArray:
     """Minimise ``|matrix w - target|^2`` with a tiny ridge, subject to constraint w = value."""
-    particular, null = solutions(constraint, value)
+    particular, null = _solutions(constraint, value)
     reduced = matrix @ null
     gram = reduced.T @ reduced
     gram += _RIDGE * np.linalg.eigvalsh(gram)[-1] * np.eye(len(gram))

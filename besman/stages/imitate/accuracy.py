@@ -7,20 +7,13 @@ from dataclasses import replace
 from typing import Protocol, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
 from besman.exceptions import PlanError
-from besman.motion.fit_within_limits import fit_within_limits
-from besman.motion.rollout import least_duration, roll_out_plans
-from besman.records import AnyPlan, BlockPlan, JointTrajectory, MotionPlan, TaskPlan
+from besman.motion.rollout import roll_out_plans
+from besman.records import AnyPlan, BlockPlan, JointTrajectory, TaskPlan
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.model import Robot
 
-FloatArray = npt.NDArray[np.float64]
-
-# A plan that its limits make longer by less than this share is not fitted anew; one that is may
-# have so many times the weights.
-_AS_LONG, _MORE_WEIGHTS = 1.001, 4
 # Each number is half as much again as the one before, or a third: least squares over all of them
 # costs little more than over the last.
 NUMBERS = (20, 30, 40, 60, 80, 120, 160, 240, 320, 480, 640, 960)
@@ -104,52 +97,6 @@ def least_weights(
             break
     assert best is not None
     return best
-
-
-def within_limits(
-    plan: MotionPlan,
-    trajectory: JointTrajectory,
-    movement: tuple[FloatArray, FloatArray],
-    since_s: float,
-    robot: Robot,
-    wanted_m: float,
-    most: int | None = None,
-) -> MotionPlan:
-    """Return a plan as close to what it imitates that need not be slowed down for a limit.
-
-    Parameters
-    ----------
-    plan : MotionPlan
-        By least squares alone.
-    trajectory : JointTrajectory
-        What it imitates.
-    movement : two arrays, shapes (T,) and (T, n)
-        The same from rest to rest, seconds and rad.
-    since_s : float
-        When the trajectory begins in it, seconds.
-    robot : Robot
-    wanted_m : float
-        Greatest distance of the tool at the same time, metres, unless the plan's is larger.
-    most : int, optional
-        How many numbers of weights are tried, from the plan's own on.
-
-    Returns
-    -------
-    MotionPlan
-        The plan itself if it keeps the limits, or none does that is as close.
-    """
-    limits, own = robot.limits, least_duration(plan, robot.limits)
-    if own <= _AS_LONG * plan.duration:
-        return plan
-    number = plan.weights.shape[1]
-    numbers = [n for n in NUMBERS if number < n <= _MORE_WEIGHTS * number]
-    for n in [number, *numbers][:most]:
-        weights = fit_within_limits(*movement, n, limits.velocity, limits.acceleration)
-        kept = measure_error(replace(plan, weights=weights), trajectory, since_s, robot)
-        close = _error_m(kept) <= max(wanted_m, _error_m(plan))
-        if close and least_duration(kept, limits) < own:
-            return kept
-    return plan
 
 
 def _error_m(plan: Imitation) -> float:

@@ -94,14 +94,8 @@ class _DmpConfig(Stage):
             plan = imitate(self.n_weights)
         else:
             plan = least_weights(imitate, len(trajectory.time), 1e-3 * self.error_mm)
-        if robot is not None:
-            plan = self._keep_limits(plan, trajectory, robot)
         greatest = self.greatest_error_mm
         refuse_if_lost(plan, None if greatest is None else 1e-3 * greatest)
-        return plan
-
-    def _keep_limits(self, plan: AnyPlan, trajectory: JointTrajectory, robot: Robot) -> AnyPlan:
-        """Return a plan as close that is within the arm's limits, if this kind of plan can be."""
         return plan
 
     @abstractmethod
@@ -148,22 +142,9 @@ class ImitateConfig(_DmpConfig):
         A motion plan starts and ends at rest, a demonstration need not: the plan speeds up and
         slows down in this time before and after it. With 0 it does so within the demonstration,
         and is then at the demonstration's own start and end.
-
-    A mapped movement is as fast as the arm may; an imitation of it by least squares alone would be
-    beyond a limit here and there, and be slowed down all along for it. So the least squares keep
-    the limits, where that is possible within `error_mm`; it may take more weights.
     """
 
     method: Literal["joint_dmp"] = "joint_dmp"
-
-    def _keep_limits(self, plan: AnyPlan, trajectory: JointTrajectory, robot: Robot) -> AnyPlan:
-        from besman.stages.imitate.accuracy import within_limits
-
-        assert isinstance(plan, MotionPlan)
-        wanted_m, lead_in_s = 1e-3 * self.error_mm, self.lead_in_s
-        movement = self._at_rest_at_ends(trajectory)
-        most = 1 if self.n_weights is not None else None
-        return within_limits(plan, trajectory, movement, lead_in_s, robot, wanted_m, most)
 
     def _fit(self, trajectory: JointTrajectory, robot: Robot | None, n_weights: int) -> MotionPlan:
         time, positions = self._at_rest_at_ends(trajectory)
