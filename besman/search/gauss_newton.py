@@ -1,17 +1,17 @@
 """Damped Gauss-Newton steps on the residuals of outcomes; where they stall, CMA-ES goes on.
 
 The Jacobian comes from outside, measured once for many searches alike; every search corrects its
-own copy by what its steps do. Steps are those of least norm that the damping allows, so that
-directions that change no outcome stay where they are. Residuals may be those of several models of
-the world at once: what is left of them then is how far apart the models' outcomes are. The first
-steps are taken in the one model alone, until its outcome is near: that tells where all are.
+own copy: in one world by the slopes that make all its outcomes most likely (see
+`besman.search.linear_model`), in all of them by what each step did. Steps are those of least norm
+that the damping allows, so that directions that change no outcome stay where they are. Residuals
+may be those of several models of the world at once: what is left of them then is how far apart the
+models' outcomes are. The first steps are taken in the one model alone, until its outcome is near:
+that tells where all are.
 
 References
 ----------
 .. [1] D. W. Marquardt: An algorithm for least-squares estimation of nonlinear parameters. Journal
    of the SIAM 11(2), 1963, DOI 10.1137/0111030.
-.. [2] C. G. Broyden: A class of methods for solving nonlinear simultaneous equations. Mathematics
-   of Computation 19, 1965, equation 4.5, DOI 10.1090/S0025-5718-1965-0198670-6.
 """
 
 from __future__ import annotations
@@ -22,10 +22,11 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.search.cma_es import CmaEs, Restarts
-from besman.search.gaussian import Bounds, check_bounds
 from besman.search.damped_step import damped_step
+from besman.search.gaussian import Bounds, check_bounds
 from besman.search.linear_model import learn_slopes
-from besman.search.residual_points import Tried, important_directions, rms
+from besman.search.residual_points import Tried, correct_by_step, important_directions, rms
+from besman.search.rough_steps import RoughSteps
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -52,12 +53,10 @@ _TRUST = 0.2
 _DIRECTIONS, _DIFFERENCE, _TRUST_OF_MEASURED = 6, 1.0, 0.5
 # Where all worlds are off alike, or all within the radius, as soon as steps are this short.
 _ASTRAY = 1.0
-
-# How far beside a start without an outcome it begins: there a movement is brought back within limits.
+# How far beside a start without an outcome it begins: there a movement is brought back into limits.
 BESIDE = 1e-3
-# In one world: so many times the steps; after the first in vain they begin so far aside, where the
-# linear outcome is the same; after so many in vain they begin so far off anew.
-_LONGER, _ASIDE_BY, _IN_VAIN, _JUMP = 3, 0.7, 2, 2.5
+# So many times the steps in one world, where each is one episode.
+_LONGER = 3
 
 
 class GaussNewton:
@@ -84,6 +83,8 @@ class GaussNewton:
     trust : array, shape (D,), optional
         How far each coordinate's slopes can be relied on, 0 to 1: what it is scaled by before
         steps of least norm are sought. 1 if not given.
+    floor : array, shape (D,), optional
+        Nothing changes below: no step goes there.
 
     Attributes
     ----------
@@ -123,7 +124,7 @@ class GaussNewton:
         self._nearest: Tried | None = None
         self._wary, self._most_detours = damping, detours
         self._damping, self._reach, self._detours, self._back = damping, _REACH, 0, 0
-        self._in_vain, self._jumped, self._random = 0, False, np.random.default_rng(seed)
+        self._rough = RoughSteps(seed)
         self._ended = self.handed_over = self._in_worlds = self._aside = False
         self._strategy: CmaEs | None = None
         self._other: Tried | None = None
@@ -233,7 +234,7 @@ class GaussNewton:
         self._at = self._best = None
         steps = self._steps if self._in_worlds else _LONGER * self._steps
         self._left, self._damping, self._reach, self._detours = steps, self._wary, _REACH, 0
-        self._in_vain, self._jumped = 0, False
+        self._rough.begin()
 
     def _begin_at_other(self, other: Tried) -> None:
         """Begin again at the start, whose outcome is known: where the first point leads nowhere."""
@@ -254,11 +255,7 @@ class GaussNewton:
                 return
             self._at = tried
         else:
-            if self._in_worlds:
-                self._correct(self._at, tried)
-                self._judge(self._at, tried)
-            else:
-                self._judge_alone(self._at, tried)
+            self._judge(self._at, tried)
         enough = self._best.cost <= _NEAR and self.n_worlds > 1 and not self._in_worlds
         # All off alike in spite of steps: what tells why is cheap.
         astray = self._in_worlds and not self._best.apart and self._reach <= _ASTRAY
@@ -279,30 +276,20 @@ class GaussNewton:
 
     def _go_on(self, tried: Tried) -> None:
         """Take the next step from a point."""
-        assert self._prior is not None and self._best is not None
+        assert self._prior is not None
+        assert self._best is not None
         self._left -= 1
         if self._in_worlds:
             self._next = self._within(tried.point + self._step(tried))
             return
         others = [one for one in self._seen if one is not tried]
         self.jacobian = learn_slopes(self._prior, tried, others)
-        if self._in_vain == _IN_VAIN:
-            self._jumped = True
-            self._next = self._within(self._best.point + _JUMP * self._free_direction())
-            return
-        if self._in_vain:
-            aside = self._within(tried.point + _ASIDE_BY * self._free_direction())
-            moved = self.jacobian[:1] @ (aside - tried.point)
-            tried = Tried(aside, tried.residuals[:1] + moved)
-        self._next = self._within(tried.point + self._step(tried))
-
-    def _free_direction(self) -> FloatArray:
-        """Draw a direction, shape (D,), along which the outcome stays, as far as is known."""
-        assert self.jacobian is not None
-        rows = self.jacobian[0]
-        drawn = self._random.standard_normal(rows.shape[1]) * rows.any(axis=0)
-        drawn -= np.linalg.pinv(rows) @ (rows @ drawn)
-        return np.asarray(drawn / max(float(np.linalg.norm(drawn)), 1e-12))
+        slopes = self.jacobian[0]
+        anew = self._rough.begins_anew(self._best, slopes)
+        if anew is None:
+            begin = self._rough.beside(tried, slopes, self._within)
+            anew = begin.point + self._step(begin)
+        self._next = self._within(anew)
 
     def _within(self, points: FloatArray) -> FloatArray:
         """Move points (..., D) to where they may be."""
@@ -328,10 +315,11 @@ class GaussNewton:
     def _learn_anew(self, tried: list[Tried]) -> None:
         """Correct the Jacobian by what came of those points, and go on from the best."""
         assert self._best is not None
+        assert self.jacobian is not None
         self._block, before = None, self._best
         for one in tried:
             self._note(one)
-            self._correct(before, one, _TRUST_OF_MEASURED)
+            self.jacobian = correct_by_step(self.jacobian, before, one, _TRUST_OF_MEASURED)
         if self._alone and self._in_worlds:
             # One world tells where to aim, until it is near.
             self._in_worlds, self._returned, self._prior = False, True, self.jacobian
@@ -352,36 +340,15 @@ class GaussNewton:
         self._back += 1
         self._next = 0.5 * (point + self._start)
 
-    def _correct(self, before: Tried, after: Tried, trust: float = _TRUST) -> None:
-        """Update the Jacobian by what a step in all worlds did [2]_."""
-        assert self.jacobian is not None
-        step = after.point - before.point
-        length = float(step @ step)
-        if length > 0:
-            # What the first world does, all do, as far as is known.
-            told = self.jacobian[: len(after.residuals)] @ step
-            off = np.nan_to_num(after.residuals - before.residuals[: len(told)] - told)
-            mean = off.mean(axis=0)
-            apart = trust * (off - mean) if len(off) == self.n_worlds else 0.0
-            self.jacobian = self.jacobian + (mean + apart)[..., None] * step / length
-
-    def _judge_alone(self, before: Tried, after: Tried) -> None:
-        """Go on from where a step in one world has led, or from where it began.
-
-        What is rough there says little: a step in vain is followed by another as long, elsewhere.
-        """
-        if self._jumped:
-            self._jumped, self._in_vain = False, 0
-            self._at = after if after.cost < np.inf else before
-        elif after.cost < before.cost:
-            self._at, self._in_vain = after, 0
-            self._left += after.cost < _PROGRESS * before.cost
-        else:
-            self._at, self._in_vain = before, self._in_vain + 1
-
     def _judge(self, before: Tried, after: Tried) -> None:
-        """Go on from where a step has led, or back and with a shorter one."""
+        """Go on from where a step has led, or back, and in all worlds with a shorter one."""
         assert self._best is not None
+        assert self.jacobian is not None
+        if not self._in_worlds:
+            self._at = self._rough.judge(before, after)
+            self._left += after.cost < _PROGRESS * before.cost
+            return
+        self.jacobian = correct_by_step(self.jacobian, before, after, _TRUST)
         closer = after.spread < before.spread - _CLOSER and np.isfinite(after.residuals).all()
         if after.cost < before.cost:
             self._at, self._detours = after, 0

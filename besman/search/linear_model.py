@@ -23,8 +23,8 @@ from besman.search.residual_points import Tried
 
 FloatArray = npt.NDArray[np.float64]
 
-# In radii of success: how far slopes may be from the given ones (a unit), how rough outcomes may be,
-# the first guess of each, and how much outcomes bend by the squared distance.
+# In radii of success: how far slopes may be from the given ones (a unit), how rough outcomes may
+# be, the first guess of each, and how much outcomes bend by the squared distance.
 _SLOPES, _ROUGHS = (0.2, 0.4, 0.8, 1.6, 3.2), (0.1, 0.2, 0.4, 0.8, 1.6)
 _SLOPE, _ROUGH, _BENT = 0.4, 0.3, 0.1
 # From so many outcomes on they tell how rough they are.

@@ -198,9 +198,7 @@ class _Lesson:
             return jacobian, np.ones(space.dimension)
         step = self.config.difference or _DIFFERENCE_IN_WORLDS
         # Where to aim is told by short differences to both sides, how far models are apart is not.
-        return measure_jacobian(
-            evaluate, point, measured, step, _DIFFERENCE, space.floor, work
-        )
+        return measure_jacobian(evaluate, point, measured, step, _DIFFERENCE, space.floor, work)
 
     def _cost(self, n_measured: int, n_worlds: int) -> int:
         """Return how many episodes a Jacobian takes."""

@@ -141,7 +141,7 @@ class PlanSpace:
 
     @property
     def floor(self) -> FloatArray:
-        """Coordinates, shape (D,), below which nothing changes: no movement is faster than it may."""
+        """Coordinates, shape (D,), below which nothing changes: nothing is faster than it may."""
         least = least_duration(self._plan, self._limits) / self._plan.duration
         return _floor(least, self._parts, self._sizes, self._units)
 
@@ -229,10 +229,8 @@ class CartesianPlanSpace:
 
     @property
     def floor(self) -> FloatArray:
-        """Coordinates, shape (D,), below which nothing changes: no movement is faster than it may."""
-        return _floor(
-            self._least_s / self._plan.duration, self._parts, self._sizes, self._units
-        )
+        """Coordinates, shape (D,), below which nothing changes: nothing is faster than it may."""
+        return _floor(self._least_s / self._plan.duration, self._parts, self._sizes, self._units)
 
     def _plan_at(self, point: FloatArray) -> tuple[CartesianPlan, dict[Part, FloatArray]]:
         """Return the plan at a point, whatever its joint movement, and the point's parts."""
@@ -280,9 +278,7 @@ def _coordinates(parts: Sequence[Part], sizes: Sequence[int], some: Sequence[Par
     return [at for at, owner in enumerate(owners) if owner in some]
 
 
-def _duration(
-    duration: float, least: float, pieces: dict[Part, FloatArray], units: Units
-) -> float:
+def _duration(duration: float, least: float, pieces: dict[Part, FloatArray], units: Units) -> float:
     """Return the duration that a point asks for, seconds.
 
     What is slowed down is slower than what the limits allow, however far they have slowed it down
@@ -294,9 +290,7 @@ def _duration(
     return max(duration * np.exp(min(stretch, 0.0)), least) * float(np.exp(max(stretch, 0.0)))
 
 
-def _floor(
-    least: float, parts: Sequence[Part], sizes: Sequence[int], units: Units
-) -> FloatArray:
+def _floor(least: float, parts: Sequence[Part], sizes: Sequence[int], units: Units) -> FloatArray:
     """Return below which coordinates nothing changes; `least` is relative to the duration."""
     floor = np.full(sum(sizes), -np.inf)
     floor[_coordinates(parts, sizes, ("duration",))] = min(np.log(least), 0.0) / units.log_duration

@@ -275,9 +275,7 @@ class RefinementConfig(Stage):
 
         plan = place_plan(plan, robot, task)
         space = self.space(plan, robot)
-        search = self.make_search(
-            space.dimension, (self.seed, _seed_of(plan)), shared, space.floor
-        )
+        search = self.make_search(space.dimension, (self.seed, _seed_of(plan)), shared, space.floor)
         n_models = len(self.perturbations(robot))
         return MotionSearch(space, search, robot, task, self.episodes, shared, n_models)
 
