@@ -55,6 +55,8 @@ _DIRECTIONS, _DIFFERENCE, _TRUST_OF_MEASURED = 6, 1.0, 0.5
 _ASTRAY = 1.0
 # How far beside a start without an outcome it begins: there a movement is brought back into limits.
 BESIDE = 1e-3
+# Beyond this an outcome is off for no chance of contacts: steps in vain were too long.
+_FAR = 4.0
 # So many times the steps in one world, where each is one episode.
 _LONGER = 3
 
@@ -344,11 +346,12 @@ class GaussNewton:
         """Go on from where a step has led, or back, and in all worlds with a shorter one."""
         assert self._best is not None
         assert self.jacobian is not None
-        if not self._in_worlds:
+        if not self._in_worlds and before.cost <= _FAR:
             self._at = self._rough.judge(before, after)
             self._left += after.cost < _PROGRESS * before.cost
             return
-        self.jacobian = correct_by_step(self.jacobian, before, after, _TRUST)
+        if self._in_worlds:
+            self.jacobian = correct_by_step(self.jacobian, before, after, _TRUST)
         closer = after.spread < before.spread - _CLOSER and np.isfinite(after.residuals).all()
         if after.cost < before.cost:
             self._at, self._detours = after, 0
@@ -405,7 +408,8 @@ class GaussNewton:
 
     def _worth_measuring(self, best: Tried | None) -> TypeGuard[Tried]:
         """Tell whether steps stalled for want of a Jacobian that holds here."""
-        if best is None or not self._may_measure or not self._in_worlds or not best.cost < np.inf:
+        near = not self._in_worlds and best is not None and best.cost <= _FAR
+        if best is None or not self._may_measure or near or not best.cost < np.inf:
             return False
         if best.apart:
             return best.cost > _POOR and (best.cost <= 1.0 or self._other is None)

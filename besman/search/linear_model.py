@@ -51,7 +51,7 @@ def learn_slopes(given: FloatArray, at: Tried, others: Sequence[Tried]) -> Float
         return given
     ways = np.array([one.point - at.point for one in known])
     values = np.array([one.residuals[0] for one in known])
-    return given + (most_likely_slopes(given[0], ways, values) - given[0])
+    return np.asarray(given + (most_likely_slopes(given[0], ways, values) - given[0]))
 
 
 def most_likely_slopes(given: FloatArray, ways: FloatArray, values: FloatArray) -> FloatArray:

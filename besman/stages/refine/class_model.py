@@ -224,7 +224,7 @@ def measure_all_at_once(
 
 
 def _first_of(point: FloatArray, evaluate: Evaluate) -> FloatArray:
-    return evaluate(point, False)[0]
+    return np.asarray(evaluate(point, False)[0])
 
 
 def load_class(folder: Path | None, name: str) -> ClassModel | None:

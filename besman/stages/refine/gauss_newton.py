@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 # What is measured of a motion that is searched in the model as it is alone.
 _FEW: tuple[Part, ...] = ("goal", "duration")
 _DIFFERENCE, _DIFFERENCE_IN_WORLDS = 0.8, 1.5
+# A Jacobian in all models may cost so many episodes for each motion that it serves.
+_MOST_EACH = 50
 # The middle motion is worth more and bolder steps: what it finds is where all others begin.
 _STEPS_OF_MIDDLE, _BOLDER, _DETOURS_OF_MIDDLE = 2, 0.3, 4
 
@@ -83,11 +85,22 @@ class GaussNewtonConfig(RefinementConfig):
 
     def share(
         self, plans: Sequence[AnyPlan], robot: Robot, task: Task, work: Work = Work()
-    ) -> ClassModel:
-        """Learn from the motion in the middle what all motions share, before any is searched.
+    ) -> list[ClassModel | None]:
+        """Learn what the motions of each posture share from the one in their middle.
 
         It depends on the plans alone, neither on their order nor on threads.
         """
+        from besman.stages.refine.postures import group_by_posture
+
+        found: list[ClassModel | None] = [None] * len(plans)
+        for group in group_by_posture(plans):
+            model = self._share([plans[at] for at in group], robot, task, work)
+            for at in group:
+                found[at] = model
+        return found
+
+    def _share(self, plans: Sequence[AnyPlan], robot: Robot, task: Task, work: Work) -> ClassModel:
+        """Learn what the motions of one posture share, or take it from before."""
         from besman.stages.refine.class_model import keep_class, load_class
         from besman.stages.refine.search_loop import index_of_middle
 
@@ -209,9 +222,12 @@ class _Lesson:
     def _measured(self, space: Space) -> list[int]:
         """Return the coordinates that are measured."""
         config = self.config
-        parts = config.measure or (config.search if config.robust is not None else _FEW)
-        inside = space.coordinates(parts)
-        return inside or list(range(space.dimension))
+        n_worlds = len(config.perturbations(self.robot))
+        every = list(range(space.dimension))
+        if config.measure is not None:
+            return space.coordinates(config.measure) or every
+        dear = self._cost(len(every), n_worlds) > _MOST_EACH * self.n_plans
+        return space.coordinates(_FEW) or every if dear or not n_worlds else every
 
     def _search(self, shared: ClassModel | None, jobs: int) -> RunningSearch:
         """Set up a search for the middle motion, without checkpoint."""

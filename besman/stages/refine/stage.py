@@ -35,6 +35,10 @@ if TYPE_CHECKING:
 _EPISODES_FOR_PROCESSES = 400
 
 
+def _name_of_first(pair: tuple[AnyPlan, ClassModel | None]) -> str:
+    return pair[0].name
+
+
 def _ignore(done: float) -> None:
     """Take no notice of progress."""
 
@@ -139,9 +143,9 @@ class RefinementConfig(Stage):
 
     def share(
         self, plans: Sequence[AnyPlan], robot: Robot, task: Task, work: Work = Work()
-    ) -> ClassModel | None:
-        """Learn what all motions share, before any is searched; None for nothing."""
-        return None
+    ) -> list[ClassModel | None]:
+        """Learn what motions share, before any is searched: for each of them; None for nothing."""
+        return [None] * len(plans)
 
     def space(self, plan: AnyPlan, robot: Robot) -> Space:
         """Set up the space of the plans around one."""
@@ -211,21 +215,20 @@ class RefinementConfig(Stage):
         if self.pool:
             return (self._refine_side_by_side(plans, robot, task, work),)
         shared = self.share(plans, robot, task, replace(work, strict=True, progress=_ignore))
-        refine = partial(
-            self._refine, robot=robot, task=task, folder=work.checkpoints, shared=shared
-        )
+        refine = partial(self._refine, robot=robot, task=task, folder=work.checkpoints)
         processes = max(2, _EPISODES_FOR_PROCESSES // self.episodes)
-        return tuple(work.map(refine, plans, processes=processes))
+        pairs = list(zip(plans, shared, strict=True))
+        return tuple(work.map(refine, pairs, name=_name_of_first, processes=processes))
 
     def _refine(
         self,
-        plan: AnyPlan,
+        pair: tuple[AnyPlan, ClassModel | None],
         robot: Robot,
         task: Task,
         folder: Path | None,
-        shared: ClassModel | None,
     ) -> RefinedMotion:
-        """Refine one motion plan."""
+        """Refine one motion plan, with what it shares."""
+        plan, shared = pair
         running = self.running_search(plan, robot, task, folder, shared)
         while not running.search.done:
             running.advance()
@@ -239,7 +242,10 @@ class RefinementConfig(Stage):
 
         placed = share_target([place_plan(plan, robot, task) for plan in plans], task)
         shared = self.share(placed, robot, task, replace(work, strict=True, progress=_ignore))
-        pool = [self.running_search(plan, robot, task, work.checkpoints, shared) for plan in placed]
+        pool = [
+            self.running_search(plan, robot, task, work.checkpoints, one)
+            for plan, one in zip(placed, shared, strict=True)
+        ]
         return search_side_by_side(pool, self.episodes, work).result()
 
     def running_search(
