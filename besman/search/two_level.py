@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import hadamard
 
 FloatArray = npt.NDArray[np.float64]
 
 
-def two_level_design(n: int, folded: bool = False) -> FloatArray:
+def two_level_design(n: int) -> FloatArray:
     """Return the signs of n coordinates in an orthogonal array of two levels [1]_.
 
     A slope is told by all tries, so that it is as little blurred by roughness as if each coordinate
@@ -18,22 +17,21 @@ def two_level_design(n: int, folded: bool = False) -> FloatArray:
     Parameters
     ----------
     n : int
-    folded : bool
-        Every try has its opposite: what is even in the coordinates leaves the slopes alone.
 
     Returns
     -------
     array, shape (T, n)
-        -1 and 1; T is the power of two above n, at least 4; twice that if folded.
+        -1 and 1; T is the power of two above n, at least 4.
 
     References
     ----------
     .. [1] R. L. Plackett, J. P. Burman: The design of optimum multifactorial experiments.
        Biometrika 33(4), 1946, DOI 10.1093/biomet/33.4.305.
     """
+    from scipy.linalg import hadamard
+
     size = max(1 << n.bit_length(), 4)
-    signs = hadamard(size).astype(np.float64)[:, 1 : n + 1]
-    return np.concatenate([signs, -signs]) if folded else signs
+    return np.asarray(hadamard(size)[:, 1 : n + 1], dtype=np.float64)
 
 
 def fit_slopes(ways: FloatArray, values: FloatArray, ridge: float = 1e-3) -> FloatArray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
@@ -25,6 +25,7 @@ from besman.stages.refine.stage import RefinementConfig, place_plan
 
 if TYPE_CHECKING:
     from besman.stages.refine.class_model import ClassModel, FloatArray
+    from besman.stages.refine.motion_search import MotionSearch
     from besman.stages.refine.plan_space import Space
     from besman.stages.refine.search_loop import RunningSearch
 
@@ -33,6 +34,9 @@ _FEW: tuple[Part, ...] = ("goal", "duration")
 _DIFFERENCE, _DIFFERENCE_IN_WORLDS = 0.8, 1.5
 # A Jacobian in all models may cost so many episodes for each motion that it serves.
 _MOST_EACH = 50
+# Outcomes in all models this near (root mean square, in radii) are good enough to begin from; else
+# two more motions are looked at, and the best of the three is what all others begin from.
+_WELL = 0.4
 # The middle motion is worth more and bolder steps: what it finds is where all others begin.
 _STEPS_OF_MIDDLE, _BOLDER, _DETOURS_OF_MIDDLE = 2, 0.3, 4
 
@@ -91,27 +95,31 @@ class GaussNewtonConfig(RefinementConfig):
         It depends on the plans alone, neither on their order nor on threads.
         """
         from besman.stages.refine.postures import group_by_posture
+        from besman.stages.refine.search_loop import order_from_middle
 
+        rows = sorted(range(len(plans)), key=lambda row: digest(plans[row]))
+        placed = [place_plan(plans[row], robot, task) for row in rows]
         found: list[ClassModel | None] = [None] * len(plans)
-        for group in group_by_posture(plans):
-            model = self._share([plans[at] for at in group], robot, task, work)
+        for group in group_by_posture(placed):
+            some = [placed[at] for at in group]
+            order = order_from_middle(some, placed, task)
+            model = self._share([some[at] for at in order], robot, task, work)
             for at in group:
-                found[at] = model
+                found[rows[at]] = model
         return found
 
     def _share(self, plans: Sequence[AnyPlan], robot: Robot, task: Task, work: Work) -> ClassModel:
-        """Learn what the motions of one posture share, or take it from before."""
+        """Learn what the motions of one posture share, the first of them the middle one's.
+
+        What was learnt before is taken from the checkpoints.
+        """
         from besman.stages.refine.class_model import keep_class, load_class
-        from besman.stages.refine.search_loop import index_of_middle
 
         folder = work.checkpoints
-        ordered = dict(sorted({digest(plan): plan for plan in plans}.items()))
-        name = f"class_{digest(tuple(ordered))[:16]}"
+        name = f"class_{digest(tuple(map(digest, plans)))[:16]}"
         model = load_class(folder, name)
         if model is None:
-            placed = [place_plan(plan, robot, task) for plan in ordered.values()]
-            middle = placed[index_of_middle(placed, task)]
-            lesson = _Lesson(self, middle, robot, task, folder, len(plans))
+            lesson = _Lesson(self, plans[0], robot, task, folder, len(plans), tuple(plans[1:3]))
             model = lesson.learn(work)
             keep_class(folder, name, model)
         return model
@@ -132,6 +140,8 @@ class _Lesson:
         For checkpoints.
     n_plans : int
         Of the class.
+    others : tuple of MotionPlan or CartesianPlan
+        Placed; they are looked at too, if the middle one is not served well in all models.
     """
 
     config: GaussNewtonConfig
@@ -140,6 +150,7 @@ class _Lesson:
     task: Task
     folder: Path | None
     n_plans: int
+    others: tuple[AnyPlan, ...] = ()
 
     def learn(self, work: Work) -> ClassModel:
         """Find a point with an outcome, measure the Jacobian there, take its own steps."""
@@ -184,16 +195,24 @@ class _Lesson:
         if not worlds:
             return ClassModel(self.plan.name, point, jacobian, trust, spent)
         shared = ClassModel(self.plan.name, point, jacobian, trust, spent)
-        search = self._search(shared, work.jobs)
-        # Beyond what is enough for itself: all others begin there.
+        best = np.inf
+        for plan in (self.plan, *self.others):
+            search = self._go_on_from(shared, plan, work.jobs)
+            spent += search.n_episodes
+            if search.best_trial.success and search.best_cost < best:
+                best, moved = search.best_cost, search.newton_jacobian
+                point, jacobian = search.best_point, jacobian if moved is None else moved
+            if best <= _WELL:
+                break
+        return ClassModel(self.plan.name, point, jacobian, trust, spent)
+
+    def _go_on_from(self, shared: ClassModel, plan: AnyPlan, jobs: int) -> MotionSearch:
+        """Search for a motion in all models, beyond what is enough: all others begin there."""
+        search = replace(self, plan=plan)._search(shared, jobs)
         while search.search.may_go_on and not search.search.handed_over:
             search.advance()
         search.search.settle()
-        spent += search.search.n_episodes
-        moved = search.search.newton_jacobian
-        best = search.search.best_point if search.search.best_trial.success else point
-        jacobian = jacobian if moved is None else moved
-        return ClassModel(self.plan.name, best, jacobian, trust, spent)
+        return search.search
 
     def _measure(
         self, space: Space, point: FloatArray, measured: Sequence[int], work: Work

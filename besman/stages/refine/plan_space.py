@@ -287,7 +287,8 @@ def _duration(duration: float, least: float, pieces: dict[Part, FloatArray], uni
     asked = pieces["duration"][0] if "duration" in pieces else 0.0
     # Bounded, because nothing is learnt from movements of a minute or a millisecond.
     stretch = float(np.clip(units.log_duration * asked, -2.0, 2.0))
-    return max(duration * np.exp(min(stretch, 0.0)), least) * float(np.exp(max(stretch, 0.0)))
+    shortest = max(duration * float(np.exp(min(stretch, 0.0))), least)
+    return shortest * float(np.exp(max(stretch, 0.0)))
 
 
 def _floor(least: float, parts: Sequence[Part], sizes: Sequence[int], units: Units) -> FloatArray:
