@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
@@ -25,7 +25,6 @@ from besman.stages.refine.stage import RefinementConfig, place_plan
 
 if TYPE_CHECKING:
     from besman.stages.refine.class_model import ClassModel, FloatArray
-    from besman.stages.refine.motion_search import MotionSearch
     from besman.stages.refine.plan_space import Space
     from besman.stages.refine.search_loop import RunningSearch
 
@@ -34,9 +33,6 @@ _FEW: tuple[Part, ...] = ("goal", "duration")
 _DIFFERENCE, _DIFFERENCE_IN_WORLDS = 0.8, 1.5
 # A Jacobian in all models may cost so many episodes for each motion that it serves.
 _MOST_EACH = 50
-# Outcomes in all models this near (root mean square, in radii) are good enough to begin from; else
-# two more motions are looked at, and the best of the three is what all others begin from.
-_WELL = 0.4
 # The middle motion is worth more and bolder steps: what it finds is where all others begin.
 _STEPS_OF_MIDDLE, _BOLDER, _DETOURS_OF_MIDDLE = 2, 0.3, 4
 
@@ -44,7 +40,8 @@ _STEPS_OF_MIDDLE, _BOLDER, _DETOURS_OF_MIDDLE = 2, 0.3, 4
 class GaussNewtonConfig(RefinementConfig):
     """Refine motion plans by Gauss-Newton steps; see `besman.search.gauss_newton`.
 
-    The Jacobian is that of the outcome of the motion in the middle of the class, measured once.
+    The Jacobian is that of the outcome of the motion in the middle of those in one posture of the
+    arm, measured once.
     Where a task has no outcome to take steps on, where nothing comes of a motion, or where steps
     stall without success, CMA-ES goes on.
 
@@ -55,8 +52,9 @@ class GaussNewtonConfig(RefinementConfig):
         Greatest number of steps in a row that gain less than a tenth.
     difference : float or None
         Finite difference, in units of the search; contacts blur what is much smaller. null for 1.5
-        where the search is robust, because how far models are apart changes little, else 0.8. Where
-        a robust search aims is told by differences of 0.8 to both sides, whatever this is.
+        where the search is robust, because how far models are apart changes little, else 0.8, of
+        all coordinates at once. Where a robust search aims is told by differences of 0.8 to both
+        sides, whatever this is.
     damping : float
         Of steps at first, in squared radii of success per squared unit: the less, the farther they
         go along what changes the outcome little.
@@ -64,7 +62,8 @@ class GaussNewtonConfig(RefinementConfig):
         How many steps in a row may make the models agree more though all miss by more.
     measure : list of "start", "goal", "duration", "weights" or None
         What of `search` the Jacobian is measured of, and steps move; null for all of it where the
-        search is robust, else for goal and duration. CMA-ES moves all.
+        search is robust and so many motions share it that it takes 50 episodes of each at most,
+        else for goal and duration. CMA-ES moves all.
     robust : RobustConfig or None
         The perturbed models; null to look at the model as it is alone.
     population, restarts
@@ -119,7 +118,7 @@ class GaussNewtonConfig(RefinementConfig):
         name = f"class_{digest(tuple(map(digest, plans)))[:16]}"
         model = load_class(folder, name)
         if model is None:
-            lesson = _Lesson(self, plans[0], robot, task, folder, len(plans), tuple(plans[1:3]))
+            lesson = _Lesson(self, plans[0], robot, task, folder, len(plans))
             model = lesson.learn(work)
             keep_class(folder, name, model)
         return model
@@ -140,8 +139,6 @@ class _Lesson:
         For checkpoints.
     n_plans : int
         Of the class.
-    others : tuple of MotionPlan or CartesianPlan
-        Placed; they are looked at too, if the middle one is not served well in all models.
     """
 
     config: GaussNewtonConfig
@@ -150,7 +147,6 @@ class _Lesson:
     task: Task
     folder: Path | None
     n_plans: int
-    others: tuple[AnyPlan, ...] = ()
 
     def learn(self, work: Work) -> ClassModel:
         """Find a point with an outcome, measure the Jacobian there, take its own steps."""
@@ -166,7 +162,7 @@ class _Lesson:
         worlds = config.perturbations(self.robot)
         nothing = partial(nothing_shared, self.plan.name, space.dimension)
         measured = self._measured(space)
-        cost, budget = self._cost(len(measured), len(worlds)), config.episodes * self.n_plans
+        cost, budget = self._cost(len(measured)), config.episodes * self.n_plans
         (first,), _, _ = try_in_worlds(self.robot, self.task, [space.plan_at(_zero(space))], ())
         if not len(first.residual):
             return nothing(1, f"{self.task.kind} has no outcome to take steps on")
@@ -192,27 +188,19 @@ class _Lesson:
         spent += cost
         if why := moves_too_little(jacobian):
             return nothing(spent, why)
-        if not worlds:
+        if not worlds or self.n_plans == 1:
             return ClassModel(self.plan.name, point, jacobian, trust, spent)
         shared = ClassModel(self.plan.name, point, jacobian, trust, spent)
-        best = np.inf
-        for plan in (self.plan, *self.others):
-            search = self._go_on_from(shared, plan, work.jobs)
-            spent += search.n_episodes
-            if search.best_trial.success and search.best_cost < best:
-                best, moved = search.best_cost, search.newton_jacobian
-                point, jacobian = search.best_point, jacobian if moved is None else moved
-            if best <= _WELL:
-                break
-        return ClassModel(self.plan.name, point, jacobian, trust, spent)
-
-    def _go_on_from(self, shared: ClassModel, plan: AnyPlan, jobs: int) -> MotionSearch:
-        """Search for a motion in all models, beyond what is enough: all others begin there."""
-        search = replace(self, plan=plan)._search(shared, jobs)
+        search = self._search(shared, work.jobs)
+        # Beyond what is enough for itself: all others begin there.
         while search.search.may_go_on and not search.search.handed_over:
             search.advance()
         search.search.settle()
-        return search.search
+        spent += search.search.n_episodes
+        moved = search.search.newton_jacobian
+        best = search.search.best_point if search.search.best_trial.success else point
+        jacobian = jacobian if moved is None else moved
+        return ClassModel(self.plan.name, best, jacobian, trust, spent)
 
     def _measure(
         self, space: Space, point: FloatArray, measured: Sequence[int], work: Work
@@ -224,29 +212,34 @@ class _Lesson:
         evaluate = partial(
             _residuals_at, space=space, robot=self.robot, task=self.task, worlds=worlds
         )
-        if not worlds:
+        if self._in_one_world:
             step = self.config.difference or _DIFFERENCE
             jacobian = measure_all_at_once(evaluate, point, measured, step, space.floor, work)
-            return jacobian, np.ones(space.dimension)
+            return np.repeat(jacobian, 1 + len(worlds), axis=0), np.ones(space.dimension)
         step = self.config.difference or _DIFFERENCE_IN_WORLDS
         # Where to aim is told by short differences to both sides, how far models are apart is not.
         return measure_jacobian(evaluate, point, measured, step, _DIFFERENCE, space.floor, work)
 
-    def _cost(self, n_measured: int, n_worlds: int) -> int:
+    @property
+    def _in_one_world(self) -> bool:
+        """Whether the model as it is tells of all, as it must to a motion that is alone."""
+        alone = self.n_plans == 1 and self.config.measure is None
+        return alone or not self.config.perturbations(self.robot)
+
+    def _cost(self, n_measured: int) -> int:
         """Return how many episodes a Jacobian takes."""
-        if n_worlds == 0:
+        if self._in_one_world:
             return len(two_level_design(n_measured))
+        n_worlds = len(self.config.perturbations(self.robot))
         return n_measured * (n_worlds + 3) + n_worlds + 1
 
     def _measured(self, space: Space) -> list[int]:
         """Return the coordinates that are measured."""
-        config = self.config
-        n_worlds = len(config.perturbations(self.robot))
         every = list(range(space.dimension))
-        if config.measure is not None:
-            return space.coordinates(config.measure) or every
-        dear = self._cost(len(every), n_worlds) > _MOST_EACH * self.n_plans
-        return space.coordinates(_FEW) or every if dear or not n_worlds else every
+        if self.config.measure is not None:
+            return space.coordinates(self.config.measure) or every
+        dear = self._in_one_world or self._cost(len(every)) > _MOST_EACH * self.n_plans
+        return space.coordinates(_FEW) or every if dear else every
 
     def _search(self, shared: ClassModel | None, jobs: int) -> RunningSearch:
         """Set up a search for the middle motion, without checkpoint."""

@@ -304,11 +304,6 @@ class MotionSearch:
         return self._tried[self._best]
 
     @property
-    def best_cost(self) -> float:
-        """How far off the best trial is in all models it was tried in, in radii of success."""
-        return cost_of((self.best_trial, *self._worlds[self._best]))
-
-    @property
     def newton_jacobian(self) -> FloatArray | None:
         """The Jacobian as the search has corrected it, shape (W, R, D)."""
         return self._search.jacobian if isinstance(self._search, ResidualSearch) else None

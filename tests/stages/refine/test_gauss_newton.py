@@ -172,7 +172,7 @@ def test_a_coordinate_at_its_floor_is_measured_from_above():
         return evaluate(point, in_worlds)
 
     at_once = measure_all_at_once(noted, np.zeros(3), [0, 1, 2], 0.8, floor)
-    np.testing.assert_allclose(at_once[0], slope, rtol=5e-3)
+    np.testing.assert_allclose(at_once[0], slope, rtol=5e-3, atol=1e-9)
     assert len(tried) == 4
     assert (np.array(tried) >= np.maximum(floor, -0.8)).all()
     few = measure_all_at_once(evaluate, np.ones(3), [2], 0.8, floor)
