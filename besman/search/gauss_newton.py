@@ -25,7 +25,7 @@ from besman.search.cma_es import CmaEs, Restarts
 from besman.search.damped_step import damped_step
 from besman.search.gaussian import Bounds, check_bounds
 from besman.search.linear_model import learn_slopes
-from besman.search.residual_points import Tried, correct_by_step, important_directions, rms
+from besman.search.residual_points import Tried, correct_by_step, rms, ways_down
 from besman.search.rough_steps import RoughSteps
 
 FloatArray = npt.NDArray[np.float64]
@@ -45,16 +45,14 @@ _POOR = 0.7
 _STEPS_BACK = 2
 # A step that leaves less than this of the cost is not counted.
 _PROGRESS = 0.9
-# How much of what a step did is believed of the worlds apart from each other: little stands out of
-# what contacts make of any change.
+# How much of what a step did is believed of the worlds apart from each other. Where steps stall, the
+# Jacobian is measured along so many directions by so many units, and more of that is believed.
 _TRUST = 0.2
-# Where steps stall, the Jacobian is measured anew along so many directions, by differences of so
-# many units, and more of that is believed.
 _DIRECTIONS, _DIFFERENCE, _TRUST_OF_MEASURED = 6, 1.0, 0.5
 # Where all worlds are off alike, or all within the radius, as soon as steps are this short.
 _ASTRAY = 1.0
-# How far beside a start without an outcome it begins: there a movement is brought back into limits.
 BESIDE = 1e-3
+"""How far beside a start without an outcome it begins: a movement is brought into limits there."""
 # Beyond this an outcome is off for no chance of contacts: steps in vain were too long.
 _FAR = 4.0
 # So many times the steps in one world, where each is one episode.
@@ -121,8 +119,7 @@ class GaussNewton:
         self._next = self._start if first is None else np.array(first, dtype=np.float64)
         self._at: Tried | None = None
         self._best: Tried | None = None
-        # All that has an outcome in the first world, and what is nearest there.
-        self._seen: list[Tried] = []
+        self._seen: list[Tried] = []  # all that has an outcome in the first world
         self._nearest: Tried | None = None
         self._wary, self._most_detours = damping, detours
         self._damping, self._reach, self._detours, self._back = damping, _REACH, 0, 0
@@ -130,8 +127,7 @@ class GaussNewton:
         self._ended = self.handed_over = self._in_worlds = self._aside = False
         self._strategy: CmaEs | None = None
         self._other: Tried | None = None
-        # Points at which the Jacobian is being measured; whether that is still to be done.
-        self._block: FloatArray | None = None
+        self._block: FloatArray | None = None  # points at which the Jacobian is being measured
         self._may_measure, self._alone, self._returned = True, False, False
         self._given = None if jacobian is None else np.array(jacobian, dtype=np.float64)
         self.jacobian = self._prior = self._given
@@ -146,13 +142,7 @@ class GaussNewton:
     @property
     def in_worlds(self) -> bool:
         """Whether the points asked for next are to be tried in all of them."""
-        alone = self._block is not None and self._alone
-        return self._in_worlds and not alone
-
-    @property
-    def _stepping(self) -> bool:
-        """Whether it takes steps, alone or between two generations of CMA-ES."""
-        return self._strategy is None or self._aside
+        return self._in_worlds and not (self._block is not None and self._alone)
 
     @property
     def exhausted(self) -> bool:
@@ -182,14 +172,10 @@ class GaussNewton:
     def tell(
         self, points: FloatArray, returns: FloatArray, residuals: FloatArray | None = None
     ) -> None:
-        """Take what came of the points (P, D) that were asked for.
+        """Take the returns (P,) of the points (P, D) that were asked for, and their residuals.
 
-        Parameters
-        ----------
-        points : array, shape (P, D)
-        returns : array, shape (P,)
-        residuals : array, shape (P, W, R), optional
-            In every world that the points were tried in; NaN without an outcome.
+        These, shape (P, W, R), are those in every world that the points were tried in; NaN without
+        an outcome.
         """
         if self._strategy is not None and not self._aside:
             self._strategy.tell(points, returns)
@@ -270,11 +256,10 @@ class GaussNewton:
 
     def _note(self, tried: Tried) -> None:
         """Keep what has an outcome in the first world."""
-        if not np.isfinite(tried.residuals[0]).all():
-            return
-        self._seen.append(tried)
-        if self._nearest is None or tried.first < self._nearest.first:
-            self._nearest = tried
+        if np.isfinite(tried.residuals[0]).all():
+            self._seen.append(tried)
+            if self._nearest is None or tried.first < self._nearest.first:
+                self._nearest = tried
 
     def _go_on(self, tried: Tried) -> None:
         """Take the next step from a point."""
@@ -306,12 +291,8 @@ class GaussNewton:
         assert self.jacobian is not None
         self._alone = not tried.apart
         n = 1 if self._alone else len(tried.residuals)
-        known = np.isfinite(tried.residuals[:n])
-        slopes = (self.jacobian[:n][known] * self._trust).T @ tried.residuals[:n][known]
-        rows = self.jacobian.reshape(-1, len(self._start)) * self._trust
-        directions = important_directions(rows, _DIRECTIONS)
-        sides = np.where(directions @ slopes > 0, -_DIFFERENCE, _DIFFERENCE)
-        self._block = self._within(tried.point + sides[:, None] * directions)
+        ways = ways_down(self.jacobian * self._trust, tried.residuals[:n], _DIRECTIONS)
+        self._block = self._within(tried.point + _DIFFERENCE * ways)
         self._may_measure = False
 
     def _learn_anew(self, tried: list[Tried]) -> None:
@@ -366,8 +347,7 @@ class GaussNewton:
     def _step(self, tried: Tried) -> FloatArray:
         """Return the damped step of the linear model [1]_, no longer than the reach."""
         assert self.jacobian is not None
-        known = np.isfinite(tried.residuals)
-        n = len(known)
+        known, n = np.isfinite(tried.residuals), len(tried.residuals)
         rows = self.jacobian[:n][known] / np.sqrt(n)
         wanted = tried.residuals[known] / np.sqrt(n)
         return damped_step(
@@ -408,12 +388,12 @@ class GaussNewton:
 
     def _worth_measuring(self, best: Tried | None) -> TypeGuard[Tried]:
         """Tell whether steps stalled for want of a Jacobian that holds here."""
-        near = not self._in_worlds and best is not None and best.cost <= _FAR
-        if best is None or not self._may_measure or near or not best.cost < np.inf:
+        if best is None or not self._may_measure or not best.cost < np.inf:
             return False
-        if best.apart:
-            return best.cost > _POOR and (best.cost <= 1.0 or self._other is None)
-        return best.cost > _POOR
+        if not self._in_worlds:
+            return best.cost > _FAR
+        unspread = not best.apart or best.cost <= 1.0 or self._other is None
+        return best.cost > _POOR and unspread
 
     def _begin_cma(self, start: FloatArray) -> None:
         """Have CMA-ES go on."""

@@ -90,6 +90,18 @@ def correct_by_step(jacobian: FloatArray, before: Tried, after: Tried, trust: fl
     return np.asarray(jacobian + (mean + apart)[..., None] * step / length)
 
 
+def ways_down(jacobian: FloatArray, residuals: FloatArray, most: int) -> FloatArray:
+    """Return the directions (P, D) that outcomes depend on most, to the side that leads down.
+
+    `jacobian` is that of W worlds, shape (W, R, D), `residuals`, shape (N, R), those of the first
+    N; NaN says nothing. See `important_directions`.
+    """
+    known = np.isfinite(residuals)
+    slopes = jacobian[: len(residuals)][known].T @ residuals[known]
+    directions = important_directions(jacobian.reshape(-1, jacobian.shape[2]), most)
+    return np.where(directions @ slopes > 0, -1.0, 1.0)[:, None] * directions
+
+
 def important_directions(rows: FloatArray, most: int) -> FloatArray:
     """Return directions that outcomes depend on most.
 

@@ -156,7 +156,7 @@ def order_from_middle(plans: Sequence[AnyPlan], others: Sequence[AnyPlan], task:
     """Return the places of plans, those in the middle of what all others want first."""
     wanted, all_wanted = (np.stack([task.wanted(one) for one in some]) for some in (plans, others))
     apart = np.linalg.norm(wanted[:, None] - all_wanted, axis=2).sum(axis=1)
-    return np.argsort(apart, kind="stable").tolist()
+    return [int(at) for at in np.argsort(apart, kind="stable")]
 
 
 def share_target(plans: Sequence[AnyPlan], task: Task) -> list[AnyPlan]:
