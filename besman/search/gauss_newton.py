@@ -55,7 +55,6 @@ BESIDE = 1e-3
 """How far beside a start without an outcome it begins: a movement is brought into limits there."""
 # Beyond this an outcome is off for no chance of contacts: steps in vain were too long.
 _FAR = 4.0
-# So many times the steps in one world, where each is one episode.
 _LONGER = 3
 
 
