@@ -45,8 +45,8 @@ _POOR = 0.7
 _STEPS_BACK = 2
 # A step that leaves less than this of the cost is not counted.
 _PROGRESS = 0.9
-# How much of what a step did is believed of the worlds apart from each other. Where steps stall, the
-# Jacobian is measured along so many directions by so many units, and more of that is believed.
+# How much of what a step did is believed of the worlds apart from each other. Where steps stall,
+# the Jacobian is measured along so many directions by so many units; more of that is believed.
 _TRUST = 0.2
 _DIRECTIONS, _DIFFERENCE, _TRUST_OF_MEASURED = 6, 1.0, 0.5
 # Where all worlds are off alike, or all within the radius, as soon as steps are this short.
