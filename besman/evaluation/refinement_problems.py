@@ -66,21 +66,21 @@ class TaskProblem:
     def attempt(self, method: str, seed: int) -> Attempt:
         """Search as the refine stage does, until success with its margin.
 
-        What all motions share counts in equal parts for each.
+        What motions share counts in equal parts for each of them.
         """
         common = self.config.model_dump(include=set(RefinementConfig.model_fields))
         own = self.config.model_dump() if method == self.config.method else common
         config = CONFIGS[method].model_validate({**own, "method": method, "seed": seed})
-        plan = self.plans[seed % len(self.plans)]
-        started = time.thread_time()
-        shared = _share(self, config)
-        spent = (time.thread_time() - started) / len(self.plans)
+        at = seed % len(self.plans)
+        plan, started = self.plans[at], time.thread_time()
+        models = _share(self, config)
+        shared, spent = models[at], (time.thread_time() - started) / len(self.plans)
         running = config.running_search(plan, self.robot, self.task, shared=shared)
         search, started = running.search, time.thread_time()
         while not search.done:
             running.advance()
         spent += time.thread_time() - started
-        before = 0 if shared is None else round(shared.simulations / len(self.plans))
+        before = 0 if shared is None else round(shared.simulations / models.count(shared))
         rewards = np.concatenate([np.repeat(search.rewards[:1], before), search.rewards])
         return Attempt(
             rewards=rewards[: self.episodes],
@@ -92,7 +92,7 @@ class TaskProblem:
 
 
 @lru_cache(maxsize=8)
-def _share(problem: TaskProblem, config: RefinementConfig) -> ClassModel | None:
+def _share(problem: TaskProblem, config: RefinementConfig) -> list[ClassModel | None]:
     """Learn what the motions of a problem share, once for a seed of the search."""
     return config.share(problem.plans, problem.robot, problem.task)
 

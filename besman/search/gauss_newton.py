@@ -1,17 +1,17 @@
 """Damped Gauss-Newton steps on the residuals of outcomes; where they stall, CMA-ES goes on.
 
 The Jacobian comes from outside, measured once for many searches alike; every search corrects its
-own copy by what its steps do. Steps are those of least norm that the damping allows, so that
-directions that change no outcome stay where they are. Residuals may be those of several models of
-the world at once: what is left of them then is how far apart the models' outcomes are. The first
-steps are taken in the one model alone, until its outcome is near: that tells where all are.
+own copy: in one world by the slopes that make all its outcomes most likely (see
+`besman.search.linear_model`), in all of them by what each step did. Steps are those of least norm
+that the damping allows, so that directions that change no outcome stay where they are. Residuals
+may be those of several models of the world at once: what is left of them then is how far apart the
+models' outcomes are. The first steps are taken in the one model alone, until its outcome is near:
+that tells where all are.
 
 References
 ----------
 .. [1] D. W. Marquardt: An algorithm for least-squares estimation of nonlinear parameters. Journal
    of the SIAM 11(2), 1963, DOI 10.1137/0111030.
-.. [2] C. G. Broyden: A class of methods for solving nonlinear simultaneous equations. Mathematics
-   of Computation 19, 1965, equation 4.5, DOI 10.1090/S0025-5718-1965-0198670-6.
 """
 
 from __future__ import annotations
@@ -22,8 +22,11 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.search.cma_es import CmaEs, Restarts
+from besman.search.damped_step import damped_step
 from besman.search.gaussian import Bounds, check_bounds
-from besman.search.residual_points import Tried, correct_by_all, important_directions, rms
+from besman.search.linear_model import learn_slopes
+from besman.search.residual_points import Tried, correct_by_step, rms, ways_down
+from besman.search.rough_steps import RoughSteps
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -34,23 +37,25 @@ _REACH, _LEAST_REACH = 3.0, 0.1
 _CLOSER = 0.02
 # An outcome that CMA-ES brings this near is worth Newton steps again.
 _NEAR = 0.5
-# Points no farther off than this tell of the Jacobian at the nearest that CMA-ES knows; corrections
-# cost so much, and as many steps are taken there without progress.
-_AROUND, _RIDGE, _ASIDE = 4.0, 0.3, 2
+# So many steps are taken without progress at the nearest point that CMA-ES knows.
+_ASIDE = 2
 # Outcomes of two dimensions that are so far apart (root mean square) are within the radius 87 times
 # in 100, if they are normal: not often enough.
 _POOR = 0.7
 _STEPS_BACK = 2
 # A step that leaves less than this of the cost is not counted.
 _PROGRESS = 0.9
-# How much of what a step did is believed of the worlds apart from each other: little stands out of
-# what contacts make of any change.
+# How much of what a step did is believed of the worlds apart from each other. Where steps stall,
+# the Jacobian is measured along so many directions by so many units; more of that is believed.
 _TRUST = 0.2
-# Where steps stall, the Jacobian is measured anew along so many directions, by differences of so
-# many units, and more of that is believed.
 _DIRECTIONS, _DIFFERENCE, _TRUST_OF_MEASURED = 6, 1.0, 0.5
 # Where all worlds are off alike, or all within the radius, as soon as steps are this short.
 _ASTRAY = 1.0
+BESIDE = 1e-3
+"""How far beside a start without an outcome it begins: a movement is brought into limits there."""
+# Beyond this an outcome is off for no chance of contacts: steps in vain were too long.
+_FAR = 4.0
+_LONGER = 3
 
 
 class GaussNewton:
@@ -77,6 +82,8 @@ class GaussNewton:
     trust : array, shape (D,), optional
         How far each coordinate's slopes can be relied on, 0 to 1: what it is scaled by before
         steps of least norm are sought. 1 if not given.
+    floor : array, shape (D,), optional
+        Nothing changes below: no step goes there.
 
     Attributes
     ----------
@@ -100,28 +107,29 @@ class GaussNewton:
         jacobian: npt.ArrayLike | None = None,
         first: npt.ArrayLike | None = None,
         trust: npt.ArrayLike | None = None,
+        floor: npt.ArrayLike | None = None,
     ) -> None:
         self._start = np.array(start, dtype=np.float64)
         self._trust = np.ones(len(self._start)) if trust is None else np.array(trust)
         self._bounds = check_bounds(self._start, bounds)
+        self._floor = np.full(len(self._start), -np.inf) if floor is None else np.array(floor)
         self._options = (sigma, population, seed, bounds, restarts)
-        self._steps, self._left = steps, steps
+        self._steps, self._left = steps, _LONGER * steps
         self._next = self._start if first is None else np.array(first, dtype=np.float64)
         self._at: Tried | None = None
         self._best: Tried | None = None
-        # All that has an outcome in the first world, and what is nearest there.
-        self._seen: list[Tried] = []
+        self._seen: list[Tried] = []  # all that has an outcome in the first world
         self._nearest: Tried | None = None
         self._wary, self._most_detours = damping, detours
         self._damping, self._reach, self._detours, self._back = damping, _REACH, 0, 0
+        self._rough = RoughSteps(seed)
         self._ended = self.handed_over = self._in_worlds = self._aside = False
         self._strategy: CmaEs | None = None
         self._other: Tried | None = None
-        # Points at which the Jacobian is being measured; whether that is still to be done.
-        self._block: FloatArray | None = None
+        self._block: FloatArray | None = None  # points at which the Jacobian is being measured
         self._may_measure, self._alone, self._returned = True, False, False
         self._given = None if jacobian is None else np.array(jacobian, dtype=np.float64)
-        self.jacobian = None if self._given is None else self._given.copy()
+        self.jacobian = self._prior = self._given
         if self.jacobian is None:
             self._begin_cma(self._start)
 
@@ -159,19 +167,15 @@ class GaussNewton:
         elif known:
             self._learn(tried)
         elif np.array_equal(self._next, point):
-            self._end()
+            self._next = self._within(self._next + BESIDE)
 
     def tell(
         self, points: FloatArray, returns: FloatArray, residuals: FloatArray | None = None
     ) -> None:
-        """Take what came of the points (P, D) that were asked for.
+        """Take the returns (P,) of the points (P, D) that were asked for, and their residuals.
 
-        Parameters
-        ----------
-        points : array, shape (P, D)
-        returns : array, shape (P,)
-        residuals : array, shape (P, W, R), optional
-            In every world that the points were tried in; NaN without an outcome.
+        These, shape (P, W, R), are those in every world that the points were tried in; NaN without
+        an outcome.
         """
         if self._strategy is not None and not self._aside:
             self._strategy.tell(points, returns)
@@ -202,7 +206,6 @@ class GaussNewton:
         if nearest.first <= _NEAR and self.n_worlds > 1:
             self.enter_worlds(nearest.point)
             return
-        self.jacobian = correct_by_all(self.jacobian, nearest, self._seen, _AROUND, _RIDGE)
         self._begin()
         self._aside, self._left = True, _ASIDE
         self._at = self._best = nearest
@@ -217,12 +220,15 @@ class GaussNewton:
     def _begin(self) -> None:
         """Begin a row of steps."""
         self._at = self._best = None
-        self._left, self._damping, self._reach, self._detours = self._steps, self._wary, _REACH, 0
+        steps = self._steps if self._in_worlds else _LONGER * self._steps
+        self._left, self._damping, self._reach, self._detours = steps, self._wary, _REACH, 0
+        self._rough.begin()
 
     def _begin_at_other(self, other: Tried) -> None:
         """Begin again at the start, whose outcome is known: where the first point leads nowhere."""
         assert self._given is not None
-        self.jacobian, self._other, self._in_worlds = self._given.copy(), None, False
+        self.jacobian = self._prior = self._given
+        self._other, self._in_worlds = None, False
         self._begin()
         self._learn(other)
 
@@ -237,7 +243,6 @@ class GaussNewton:
                 return
             self._at = tried
         else:
-            self._correct(self._at, tried)
             self._judge(self._at, tried)
         enough = self._best.cost <= _NEAR and self.n_worlds > 1 and not self._in_worlds
         # All off alike in spite of steps: what tells why is cheap.
@@ -251,19 +256,31 @@ class GaussNewton:
 
     def _note(self, tried: Tried) -> None:
         """Keep what has an outcome in the first world."""
-        if not np.isfinite(tried.residuals[0]).all():
-            return
-        self._seen.append(tried)
-        if self._nearest is None or tried.first < self._nearest.first:
-            self._nearest = tried
+        if np.isfinite(tried.residuals[0]).all():
+            self._seen.append(tried)
+            if self._nearest is None or tried.first < self._nearest.first:
+                self._nearest = tried
 
     def _go_on(self, tried: Tried) -> None:
         """Take the next step from a point."""
+        assert self._prior is not None
+        assert self._best is not None
         self._left -= 1
-        self._next = self._within(tried.point + self._step(tried))
+        if self._in_worlds:
+            self._next = self._within(tried.point + self._step(tried))
+            return
+        others = [one for one in self._seen if one is not tried]
+        self.jacobian = learn_slopes(self._prior, tried, others)
+        slopes = self.jacobian[0]
+        anew = self._rough.begins_anew(self._best, slopes)
+        if anew is None:
+            begin = self._rough.beside(tried, slopes, self._within)
+            anew = begin.point + self._step(begin)
+        self._next = self._within(anew)
 
     def _within(self, points: FloatArray) -> FloatArray:
         """Move points (..., D) to where they may be."""
+        points = np.maximum(points, self._floor)
         return points if self._bounds is None else np.clip(points, *self._bounds)
 
     def _measure_anew(self, tried: Tried) -> None:
@@ -274,24 +291,21 @@ class GaussNewton:
         assert self.jacobian is not None
         self._alone = not tried.apart
         n = 1 if self._alone else len(tried.residuals)
-        known = np.isfinite(tried.residuals[:n])
-        slopes = (self.jacobian[:n][known] * self._trust).T @ tried.residuals[:n][known]
-        rows = self.jacobian.reshape(-1, len(self._start)) * self._trust
-        directions = important_directions(rows, _DIRECTIONS)
-        sides = np.where(directions @ slopes > 0, -_DIFFERENCE, _DIFFERENCE)
-        self._block = self._within(tried.point + sides[:, None] * directions)
+        ways = ways_down(self.jacobian * self._trust, tried.residuals[:n], _DIRECTIONS)
+        self._block = self._within(tried.point + _DIFFERENCE * ways)
         self._may_measure = False
 
     def _learn_anew(self, tried: list[Tried]) -> None:
         """Correct the Jacobian by what came of those points, and go on from the best."""
         assert self._best is not None
+        assert self.jacobian is not None
         self._block, before = None, self._best
         for one in tried:
             self._note(one)
-            self._correct(before, one, _TRUST_OF_MEASURED)
+            self.jacobian = correct_by_step(self.jacobian, before, one, _TRUST_OF_MEASURED)
         if self._alone and self._in_worlds:
             # One world tells where to aim, until it is near.
-            self._in_worlds, self._returned = False, True
+            self._in_worlds, self._returned, self._prior = False, True, self.jacobian
             before = Tried(before.point, before.residuals[:1])
         best = min([before, *tried], key=lambda one: one.cost)
         self._begin()
@@ -309,22 +323,16 @@ class GaussNewton:
         self._back += 1
         self._next = 0.5 * (point + self._start)
 
-    def _correct(self, before: Tried, after: Tried, trust: float = _TRUST) -> None:
-        """Update the Jacobian by what a step did [2]_."""
-        assert self.jacobian is not None
-        step = after.point - before.point
-        length = float(step @ step)
-        if length > 0:
-            # What the first world does, all do, as far as is known.
-            told = self.jacobian[: len(after.residuals)] @ step
-            off = np.nan_to_num(after.residuals - before.residuals[: len(told)] - told)
-            mean = off.mean(axis=0)
-            apart = trust * (off - mean) if len(off) == self.n_worlds else 0.0
-            self.jacobian += (mean + apart)[..., None] * step / length
-
     def _judge(self, before: Tried, after: Tried) -> None:
-        """Go on from where a step has led, or back and with a shorter one."""
+        """Go on from where a step has led, or back, and in all worlds with a shorter one."""
         assert self._best is not None
+        assert self.jacobian is not None
+        if not self._in_worlds and before.cost <= _FAR:
+            self._at = self._rough.judge(before, after)
+            self._left += after.cost < _PROGRESS * before.cost
+            return
+        if self._in_worlds:
+            self.jacobian = correct_by_step(self.jacobian, before, after, _TRUST)
         closer = after.spread < before.spread - _CLOSER and np.isfinite(after.residuals).all()
         if after.cost < before.cost:
             self._at, self._detours = after, 0
@@ -339,13 +347,12 @@ class GaussNewton:
     def _step(self, tried: Tried) -> FloatArray:
         """Return the damped step of the linear model [1]_, no longer than the reach."""
         assert self.jacobian is not None
-        known = np.isfinite(tried.residuals)
-        n = len(known)
-        rows = self.jacobian[:n][known] * self._trust / np.sqrt(n)
+        known, n = np.isfinite(tried.residuals), len(tried.residuals)
+        rows = self.jacobian[:n][known] / np.sqrt(n)
         wanted = tried.residuals[known] / np.sqrt(n)
-        system = rows @ rows.T + self._damping * np.eye(len(rows))
-        step = -self._trust * (rows.T @ np.linalg.solve(system, wanted))
-        return np.asarray(step * min(1.0, self._reach / max(float(np.linalg.norm(step)), 1e-12)))
+        return damped_step(
+            rows, wanted, self._trust, self._damping, self._reach, self._floor - tried.point
+        )
 
     def _end(self) -> None:
         """End, or look at all worlds, if an outcome is within the radius; else begin elsewhere.
@@ -383,9 +390,10 @@ class GaussNewton:
         """Tell whether steps stalled for want of a Jacobian that holds here."""
         if best is None or not self._may_measure or not best.cost < np.inf:
             return False
-        if self._in_worlds and best.apart:
-            return best.cost > _POOR and (best.cost <= 1.0 or self._other is None)
-        return best.cost > (_POOR if self._in_worlds or self.n_worlds == 1 else _NEAR)
+        if not self._in_worlds:
+            return best.cost > _FAR
+        unspread = not best.apart or best.cost <= 1.0 or self._other is None
+        return best.cost > _POOR and unspread
 
     def _begin_cma(self, start: FloatArray) -> None:
         """Have CMA-ES go on."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -69,41 +68,38 @@ def rms(residuals: FloatArray) -> float:
     return float(np.sqrt(np.where(known, squares, lost).mean()))
 
 
-def correct_by_all(
-    jacobian: FloatArray, at: Tried, others: Sequence[Tried], reach: float, damping: float
-) -> FloatArray:
-    """Correct a Jacobian by ridge regression on what came of the points around one.
+def correct_by_step(jacobian: FloatArray, before: Tried, after: Tried, trust: float) -> FloatArray:
+    """Update a Jacobian (W, R, D) by what a step did [1]_.
 
-    Parameters
+    What the first world does, all do, as far as is known; of how the worlds have moved apart from
+    each other a share `trust` is believed.
+
+    References
     ----------
-    jacobian : array, shape (W, R, D)
-        What is known; all worlds are corrected by what happened in the first.
-    at : Tried
-        Where it is to hold.
-    others : sequence of Tried
-    reach : float
-        Points farther off than this are left out.
-    damping : float
-        How much a correction costs, beside errors of slopes along the ways to the points.
-
-    Returns
-    -------
-    array, shape (W, R, D)
+    .. [1] C. G. Broyden: A class of methods for solving nonlinear simultaneous equations.
+       Mathematics of Computation 19, 1965, equation 4.5, DOI 10.1090/S0025-5718-1965-0198670-6.
     """
-    ways, errors = [], []
-    for one in others:
-        way = one.point - at.point
-        length = float(np.linalg.norm(way))
-        error = one.residuals[0] - at.residuals[0] - jacobian[0] @ way
-        if 0 < length <= reach and np.isfinite(error).all():
-            ways.append(way / length)
-            errors.append(error / length)
-    if not ways:
+    step = after.point - before.point
+    length = float(step @ step)
+    if length == 0:
         return jacobian
-    rows = np.array(ways)
-    system = rows @ rows.T + damping * np.eye(len(rows))
-    correction: FloatArray = (rows.T @ np.linalg.solve(system, np.array(errors))).T
-    return jacobian + correction
+    told = jacobian[: len(after.residuals)] @ step
+    off = np.nan_to_num(after.residuals - before.residuals[: len(told)] - told)
+    mean = off.mean(axis=0)
+    apart = trust * (off - mean) if len(off) == len(jacobian) else 0.0
+    return np.asarray(jacobian + (mean + apart)[..., None] * step / length)
+
+
+def ways_down(jacobian: FloatArray, residuals: FloatArray, most: int) -> FloatArray:
+    """Return the directions (P, D) that outcomes depend on most, to the side that leads down.
+
+    `jacobian` is that of W worlds, shape (W, R, D), `residuals`, shape (N, R), those of the first
+    N; NaN says nothing. See `important_directions`.
+    """
+    known = np.isfinite(residuals)
+    slopes = jacobian[: len(residuals)][known].T @ residuals[known]
+    directions = important_directions(jacobian.reshape(-1, jacobian.shape[2]), most)
+    return np.where(directions @ slopes > 0, -1.0, 1.0)[:, None] * directions
 
 
 def important_directions(rows: FloatArray, most: int) -> FloatArray:

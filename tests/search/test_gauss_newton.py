@@ -202,7 +202,9 @@ def test_where_steps_stall_the_jacobian_is_measured_along_what_matters_most():
     residuals = np.stack([residuals_of(point, truth) for point in asked])
     search.tell(asked, np.zeros(len(asked)), residuals)
     mean = search.jacobian.mean(axis=0) @ directions.T
-    np.testing.assert_allclose(mean, SLOPE[::-1] @ directions.T, atol=1e-9)
+    # But for what all that was tried before says, which led away.
+    np.testing.assert_allclose(mean, SLOPE[::-1] @ directions.T, atol=0.1)
+    assert np.abs(rows.reshape(2, 2, 5).mean(axis=0) @ directions.T - mean).max() > 0.5
     assert len(search.ask()) == 1
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from besman.search.residual_points import Tried, correct_by_all, important_directions, rms
+from besman.search.residual_points import Tried, correct_by_step, important_directions, rms
 
 RNG = np.random.default_rng(3)
 SLOPES = RNG.normal(size=(2, 4))
@@ -13,28 +13,20 @@ def tried(point, shift=0.0):
     return Tried(point, (SLOPES @ point + shift)[None])
 
 
-def test_enough_points_tell_the_jacobian_of_a_linear_outcome():
-    at, others = tried(np.ones(4)), [tried(np.ones(4) + RNG.normal(size=4)) for _ in range(8)]
-    wrong = np.stack([SLOPES + 1.0, SLOPES + 3.0])
-    found = correct_by_all(wrong, at, [*others, at], 9.0, 1e-9)
-    np.testing.assert_allclose(found[0], SLOPES, atol=1e-6)
-    # What is known of how far the worlds are apart stays.
-    np.testing.assert_allclose(found[1] - found[0], 2.0, atol=1e-9)
+def test_a_correction_is_along_the_step_alone_and_makes_it_exact():
+    before, after = tried(np.zeros(4)), tried(np.array([0.5, 0.0, 0.0, 0.0]))
+    given = np.zeros((3, 2, 4))
+    found = correct_by_step(given, before, after, 0.2)
+    np.testing.assert_allclose(found[..., 0], np.tile(SLOPES[:, 0], (3, 1)), atol=1e-12)
+    np.testing.assert_array_equal(found[..., 1:], 0.0)
+    assert correct_by_step(given, after, after, 0.2) is given
 
 
-def test_a_correction_is_along_the_ways_to_the_points_alone():
-    at, one = tried(np.zeros(4)), tried(np.array([0.5, 0.0, 0.0, 0.0]))
-    found = correct_by_all(np.zeros((1, 2, 4)), at, [one], 9.0, 1e-9)
-    np.testing.assert_allclose(found[0, :, 0], SLOPES[:, 0], atol=1e-6)
-    np.testing.assert_array_equal(found[0, :, 1:], 0.0)
-    half = correct_by_all(np.zeros((1, 2, 4)), at, [one], 9.0, 1.0)
-    np.testing.assert_allclose(half, 0.5 * found, atol=1e-6)
-
-
-def test_what_is_far_off_or_gave_nothing_tells_nothing():
-    jacobian, at = np.zeros((1, 2, 4)), tried(np.zeros(4))
-    far, lost = tried(np.full(4, 5.0)), Tried(np.ones(4), np.full((1, 2), np.nan))
-    assert correct_by_all(jacobian, at, [far, lost, at], 4.0, 0.3) is jacobian
+def test_of_how_the_worlds_move_apart_a_share_is_believed():
+    before = Tried(np.zeros(4), np.zeros((2, 2)))
+    after = Tried(np.array([1.0, 0, 0, 0]), np.array([[1.0, 0.0], [3.0, 0.0]]))
+    found = correct_by_step(np.zeros((2, 2, 4)), before, after, 0.25)
+    np.testing.assert_allclose(found[:, 0, 0], [2.0 - 0.25, 2.0 + 0.25])
 
 
 def test_important_directions_begin_with_the_rows_and_go_on_with_coordinates():

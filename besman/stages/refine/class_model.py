@@ -14,6 +14,7 @@ from besman.exceptions import RunError
 from besman.io.atomic_files import write_record
 from besman.records import Record, freeze
 from besman.records.files import load_record
+from besman.search.two_level import fit_slopes, two_level_design
 from besman.work.work import Work
 
 FloatArray = npt.NDArray[np.float64]
@@ -107,7 +108,8 @@ def measure_jacobian(
     point: FloatArray,
     measured: Sequence[int],
     step: float,
-    aiming: float | None = None,
+    aiming: float,
+    floor: FloatArray | None = None,
     work: Work = Work(),
 ) -> tuple[FloatArray, FloatArray]:
     """Measure a Jacobian by finite differences, forward where that way leads to an outcome.
@@ -121,9 +123,11 @@ def measure_jacobian(
         Coordinates; the others are left at 0, so that nothing moves along them.
     step : float
         Long enough to stand out of what contacts make of small changes.
-    aiming : float, optional
+    aiming : float
         Where to aim is told by differences of this to both sides in the first world: the mean of
         these takes the place of that world's slopes, and what others differ by is added.
+    floor : array, shape (D,), optional
+        Nothing changes below; a coordinate that is there is looked at from above alone.
     work : Work
         Threads, processes and progress.
 
@@ -132,21 +136,26 @@ def measure_jacobian(
     jacobian : array, shape (W, R, D)
         0 where neither way has an outcome.
     trust : array, shape (D,)
-        See `trust_of`; 1 without `aiming`.
+        See `trust_of`.
     """
     here = evaluate(point, True)
+    least = np.full(len(point), -np.inf) if floor is None else floor
     measure = partial(
-        _measure_column, evaluate=evaluate, point=point, here=here, step=step, aiming=aiming
+        _measure_column,
+        evaluate=evaluate,
+        point=point,
+        here=here,
+        step=step,
+        aiming=aiming,
+        floor=least,
     )
     columns = work.map(
         measure, list(measured), name=lambda at: f"coordinate {at}", processes=_COLUMNS
     )
     jacobian, trust = np.zeros((*here.shape, len(point))), np.ones(len(point))
     for at, (column, ahead, behind) in zip(measured, columns, strict=True):
-        jacobian[..., at] = column
-        if aiming is not None:
-            jacobian[..., at] = column + 0.5 * (ahead + behind) - column[0]
-            trust[at] = trust_of(ahead[:, None], behind[:, None])[0]
+        jacobian[..., at] = column + 0.5 * (ahead + behind) - column[0]
+        trust[at] = trust_of(ahead[:, None], behind[:, None])[0]
     return jacobian, trust
 
 
@@ -156,7 +165,8 @@ def _measure_column(
     point: FloatArray,
     here: FloatArray,
     step: float,
-    aiming: float | None,
+    aiming: float,
+    floor: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Measure the slopes along a coordinate: (W, R), and ahead and behind (R,) in the first."""
 
@@ -173,9 +183,48 @@ def _measure_column(
         return np.nan_to_num(found)
 
     column = one_way(step, True)
-    if aiming is None:
-        return column, column[0], column[0]
-    return column, one_way(aiming, False)[0], one_way(-aiming, False)[0]
+    ahead = one_way(aiming, False)[0]
+    if point[at] - aiming < floor[at]:
+        # Nothing changes on that side.
+        return column, ahead, ahead
+    return column, ahead, one_way(-aiming, False)[0]
+
+
+def measure_all_at_once(
+    evaluate: Evaluate,
+    point: FloatArray,
+    measured: Sequence[int],
+    step: float,
+    floor: FloatArray | None = None,
+    work: Work = Work(),
+) -> FloatArray:
+    """Measure the Jacobian in the model as it is by a two-level design.
+
+    Parameters
+    ----------
+    evaluate, point, measured, floor, work
+        As in `measure_jacobian`.
+    step : float
+        To either side; half of it, one way, of a coordinate that is at its floor.
+
+    Returns
+    -------
+    array, shape (1, R, D)
+    """
+    signs = two_level_design(len(measured))
+    low = np.zeros(len(point), dtype=np.bool_) if floor is None else point - step < floor
+    least = point if floor is None else np.maximum(point, floor)
+    ways = np.zeros((len(signs), len(point)))
+    ways[:, measured] = signs * np.where(low, 0.5 * step, step)[measured]
+    shift = np.zeros(len(point))
+    shift[measured] = np.where(low, least - point + 0.5 * step, 0.0)[measured]
+    measure = partial(_first_of, evaluate=evaluate)
+    found = work.map(measure, list(point + shift + ways), name=lambda at: "a try")
+    return fit_slopes(ways, np.array(found))[None]
+
+
+def _first_of(point: FloatArray, evaluate: Evaluate) -> FloatArray:
+    return np.asarray(evaluate(point, False)[0])
 
 
 def load_class(folder: Path | None, name: str) -> ClassModel | None:

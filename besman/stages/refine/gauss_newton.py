@@ -15,7 +15,9 @@ from besman.config.stage import Work
 from besman.records import AnyPlan
 from besman.records.files import digest
 from besman.robot.model import Robot
+from besman.search.gauss_newton import BESIDE
 from besman.search.protocol import Part
+from besman.search.two_level import two_level_design
 from besman.simulation.perturbation import Perturbation
 from besman.simulation.task import Task
 from besman.stages.refine.robustness import RobustConfig
@@ -29,6 +31,8 @@ if TYPE_CHECKING:
 # What is measured of a motion that is searched in the model as it is alone.
 _FEW: tuple[Part, ...] = ("goal", "duration")
 _DIFFERENCE, _DIFFERENCE_IN_WORLDS = 0.8, 1.5
+# A Jacobian in all models may cost so many episodes for each motion that it serves.
+_MOST_EACH = 50
 # The middle motion is worth more and bolder steps: what it finds is where all others begin.
 _STEPS_OF_MIDDLE, _BOLDER, _DETOURS_OF_MIDDLE = 2, 0.3, 4
 
@@ -36,7 +40,8 @@ _STEPS_OF_MIDDLE, _BOLDER, _DETOURS_OF_MIDDLE = 2, 0.3, 4
 class GaussNewtonConfig(RefinementConfig):
     """Refine motion plans by Gauss-Newton steps; see `besman.search.gauss_newton`.
 
-    The Jacobian is that of the outcome of the motion in the middle of the class, measured once.
+    The Jacobian is that of the outcome of the motion in the middle of those in one posture of the
+    arm, measured once.
     Where a task has no outcome to take steps on, where nothing comes of a motion, or where steps
     stall without success, CMA-ES goes on.
 
@@ -47,8 +52,9 @@ class GaussNewtonConfig(RefinementConfig):
         Greatest number of steps in a row that gain less than a tenth.
     difference : float or None
         Finite difference, in units of the search; contacts blur what is much smaller. null for 1.5
-        where the search is robust, because how far models are apart changes little, else 0.8. Where
-        a robust search aims is told by differences of 0.8 to both sides, whatever this is.
+        where the search is robust, because how far models are apart changes little, else 0.8, of
+        all coordinates at once. Where a robust search aims is told by differences of 0.8 to both
+        sides, whatever this is.
     damping : float
         Of steps at first, in squared radii of success per squared unit: the less, the farther they
         go along what changes the outcome little.
@@ -56,7 +62,8 @@ class GaussNewtonConfig(RefinementConfig):
         How many steps in a row may make the models agree more though all miss by more.
     measure : list of "start", "goal", "duration", "weights" or None
         What of `search` the Jacobian is measured of, and steps move; null for all of it where the
-        search is robust, else for goal and duration. CMA-ES moves all.
+        search is robust and so many motions share it that it takes 50 episodes of each at most,
+        else for goal and duration. CMA-ES moves all.
     robust : RobustConfig or None
         The perturbed models; null to look at the model as it is alone.
     population, restarts
@@ -81,22 +88,37 @@ class GaussNewtonConfig(RefinementConfig):
 
     def share(
         self, plans: Sequence[AnyPlan], robot: Robot, task: Task, work: Work = Work()
-    ) -> ClassModel:
-        """Learn from the motion in the middle what all motions share, before any is searched.
+    ) -> list[ClassModel | None]:
+        """Learn what the motions of each posture share from the one in their middle.
 
         It depends on the plans alone, neither on their order nor on threads.
         """
+        from besman.stages.refine.postures import group_by_posture
+        from besman.stages.refine.search_loop import order_from_middle
+
+        rows = sorted(range(len(plans)), key=lambda row: digest(plans[row]))
+        placed = [place_plan(plans[row], robot, task) for row in rows]
+        found: list[ClassModel | None] = [None] * len(plans)
+        for group in group_by_posture(placed):
+            some = [placed[at] for at in group]
+            order = order_from_middle(some, placed, task)
+            model = self._share([some[at] for at in order], robot, task, work)
+            for at in group:
+                found[rows[at]] = model
+        return found
+
+    def _share(self, plans: Sequence[AnyPlan], robot: Robot, task: Task, work: Work) -> ClassModel:
+        """Learn what the motions of one posture share, the first of them the middle one's.
+
+        What was learnt before is taken from the checkpoints.
+        """
         from besman.stages.refine.class_model import keep_class, load_class
-        from besman.stages.refine.search_loop import index_of_middle
 
         folder = work.checkpoints
-        ordered = dict(sorted({digest(plan): plan for plan in plans}.items()))
-        name = f"class_{digest(tuple(ordered))[:16]}"
+        name = f"class_{digest(tuple(map(digest, plans)))[:16]}"
         model = load_class(folder, name)
         if model is None:
-            placed = [place_plan(plan, robot, task) for plan in ordered.values()]
-            middle = placed[index_of_middle(placed, task)]
-            lesson = _Lesson(self, middle, robot, task, folder, len(plans))
+            lesson = _Lesson(self, plans[0], robot, task, folder, len(plans))
             model = lesson.learn(work)
             keep_class(folder, name, model)
         return model
@@ -140,9 +162,7 @@ class _Lesson:
         worlds = config.perturbations(self.robot)
         nothing = partial(nothing_shared, self.plan.name, space.dimension)
         measured = self._measured(space)
-        in_worlds = 1 + len(worlds)
-        each = in_worlds + 2 if worlds else 1
-        cost, budget = len(measured) * each + in_worlds, config.episodes * self.n_plans
+        cost, budget = self._cost(len(measured)), config.episodes * self.n_plans
         (first,), _, _ = try_in_worlds(self.robot, self.task, [space.plan_at(_zero(space))], ())
         if not len(first.residual):
             return nothing(1, f"{self.task.kind} has no outcome to take steps on")
@@ -150,6 +170,10 @@ class _Lesson:
             why = f"a Jacobian takes {cost} episodes, all motions may take {budget}"
             return nothing(1, why)
         point, spent = _zero(space), 1
+        if first.failure:
+            # Beside it a movement is brought back within its limits.
+            point, spent = point + BESIDE, 2
+            (first,), _, _ = try_in_worlds(self.robot, self.task, [space.plan_at(point)], ())
         if first.failure or not np.isfinite(first.residual).all():
             search = self._search(None, work.jobs)
             while not search.search.done:
@@ -164,7 +188,7 @@ class _Lesson:
         spent += cost
         if why := moves_too_little(jacobian):
             return nothing(spent, why)
-        if not worlds:
+        if not worlds or self.n_plans == 1:
             return ClassModel(self.plan.name, point, jacobian, trust, spent)
         shared = ClassModel(self.plan.name, point, jacobian, trust, spent)
         search = self._search(shared, work.jobs)
@@ -182,25 +206,40 @@ class _Lesson:
         self, space: Space, point: FloatArray, measured: Sequence[int], work: Work
     ) -> tuple[FloatArray, FloatArray]:
         """Measure the Jacobian (W, R, D) at a point, and how far it can be relied on (D,)."""
-        from besman.stages.refine.class_model import measure_jacobian
+        from besman.stages.refine.class_model import measure_all_at_once, measure_jacobian
 
         worlds = self.config.perturbations(self.robot)
-        usual = _DIFFERENCE_IN_WORLDS if worlds else _DIFFERENCE
         evaluate = partial(
             _residuals_at, space=space, robot=self.robot, task=self.task, worlds=worlds
         )
-        step = self.config.difference or usual
+        if self._in_one_world:
+            step = self.config.difference or _DIFFERENCE
+            jacobian = measure_all_at_once(evaluate, point, measured, step, space.floor, work)
+            return np.repeat(jacobian, 1 + len(worlds), axis=0), np.ones(space.dimension)
+        step = self.config.difference or _DIFFERENCE_IN_WORLDS
         # Where to aim is told by short differences to both sides, how far models are apart is not.
-        return measure_jacobian(
-            evaluate, point, measured, step, _DIFFERENCE if worlds else None, work
-        )
+        return measure_jacobian(evaluate, point, measured, step, _DIFFERENCE, space.floor, work)
+
+    @property
+    def _in_one_world(self) -> bool:
+        """Whether the model as it is tells of all, as it must to a motion that is alone."""
+        alone = self.n_plans == 1 and self.config.measure is None
+        return alone or not self.config.perturbations(self.robot)
+
+    def _cost(self, n_measured: int) -> int:
+        """Return how many episodes a Jacobian takes."""
+        if self._in_one_world:
+            return len(two_level_design(n_measured))
+        n_worlds = len(self.config.perturbations(self.robot))
+        return n_measured * (n_worlds + 3) + n_worlds + 1
 
     def _measured(self, space: Space) -> list[int]:
         """Return the coordinates that are measured."""
-        config = self.config
-        parts = config.measure or (config.search if config.robust is not None else _FEW)
-        inside = space.coordinates(parts)
-        return inside or list(range(space.dimension))
+        every = list(range(space.dimension))
+        if self.config.measure is not None:
+            return space.coordinates(self.config.measure) or every
+        dear = self._in_one_world or self._cost(len(every)) > _MOST_EACH * self.n_plans
+        return space.coordinates(_FEW) or every if dear else every
 
     def _search(self, shared: ClassModel | None, jobs: int) -> RunningSearch:
         """Set up a search for the middle motion, without checkpoint."""

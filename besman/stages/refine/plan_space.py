@@ -69,6 +69,11 @@ class Space(Protocol):
         """Return which coordinates belong to some parts."""
         ...
 
+    @property
+    def floor(self) -> FloatArray:
+        """Coordinates, shape (D,), below which nothing changes."""
+        ...
+
 
 class PlanSpace:
     """Motion plans that differ from a first one in start, goal, duration and weights.
@@ -130,9 +135,15 @@ class PlanSpace:
             weights = weights + shape @ self._shapes
         if np.any(point) and start.kind == "joint_dmp":
             weights, first, goal = self._keep_within_limits(weights, first, goal)
-        duration = _duration(start, pieces, self._units)
         plan = replace(start, weights=weights, start=first, goal=goal)
-        return stretch_plan(plan, max(duration, least_duration(plan, self._limits)))
+        least = least_duration(plan, self._limits)
+        return stretch_plan(plan, _duration(start.duration, least, pieces, self._units))
+
+    @property
+    def floor(self) -> FloatArray:
+        """Coordinates, shape (D,), below which nothing changes: nothing is faster than it may."""
+        least = least_duration(self._plan, self._limits) / self._plan.duration
+        return _floor(least, self._parts, self._sizes, self._units)
 
     def coordinates(self, parts: Sequence[Part]) -> list[int]:
         """Return which coordinates belong to some parts."""
@@ -204,10 +215,11 @@ class CartesianPlanSpace:
         """Return the motion plan at a point, shape (D,)."""
         point = np.asarray(point, dtype=np.float64)
         for _ in range(_HALVINGS):
-            plan = self._plan_at(point)
+            plan, pieces = self._plan_at(point)
             least = least_duration(plan, self._robot.limits, self._robot)
             if least <= self._greatest_s:
-                return replace(plan, duration=max(plan.duration, least))
+                duration = _duration(plan.duration, least, pieces, self._units)
+                return replace(plan, duration=duration)
             point = 0.5 * point
         return replace(self._plan, duration=max(self._plan.duration, self._least_s))
 
@@ -215,8 +227,13 @@ class CartesianPlanSpace:
         """Return which coordinates belong to some parts."""
         return _coordinates(self._parts, self._sizes, parts)
 
-    def _plan_at(self, point: FloatArray) -> CartesianPlan:
-        """Return the plan at a point, whatever its joint movement."""
+    @property
+    def floor(self) -> FloatArray:
+        """Coordinates, shape (D,), below which nothing changes: nothing is faster than it may."""
+        return _floor(self._least_s / self._plan.duration, self._parts, self._sizes, self._units)
+
+    def _plan_at(self, point: FloatArray) -> tuple[CartesianPlan, dict[Part, FloatArray]]:
+        """Return the plan at a point, whatever its joint movement, and the point's parts."""
         start, units = self._plan, self._units
         pieces = _split(point, self._parts, self._sizes)
         weights, first, goal = start.weights, start.start, start.goal
@@ -229,8 +246,7 @@ class CartesianPlanSpace:
         if "weights" in pieces:
             scale = np.repeat([units.shape_m, units.shape_rad], 3)[:, None]
             weights = weights + (scale * pieces["weights"].reshape(6, -1)) @ self._shapes
-        duration = _duration(start, pieces, units)
-        return replace(start, weights=weights, start=first, goal=goal, duration=duration)
+        return replace(start, weights=weights, start=first, goal=goal), pieces
 
 
 def plan_space(
@@ -262,10 +278,21 @@ def _coordinates(parts: Sequence[Part], sizes: Sequence[int], some: Sequence[Par
     return [at for at, owner in enumerate(owners) if owner in some]
 
 
-def _duration(plan: AnyPlan, pieces: dict[Part, FloatArray], units: Units) -> float:
-    """Return the duration that a point asks for, seconds."""
-    if "duration" not in pieces:
-        return plan.duration
+def _duration(duration: float, least: float, pieces: dict[Part, FloatArray], units: Units) -> float:
+    """Return the duration that a point asks for, seconds.
+
+    What is slowed down is slower than what the limits allow, however far they have slowed it down
+    already: a search along it finds no place from which on it begins to matter.
+    """
+    asked = pieces["duration"][0] if "duration" in pieces else 0.0
     # Bounded, because nothing is learnt from movements of a minute or a millisecond.
-    stretch = np.clip(units.log_duration * pieces["duration"][0], -2.0, 2.0)
-    return plan.duration * float(np.exp(stretch))
+    stretch = float(np.clip(units.log_duration * asked, -2.0, 2.0))
+    shortest = max(duration * float(np.exp(min(stretch, 0.0))), least)
+    return shortest * float(np.exp(max(stretch, 0.0)))
+
+
+def _floor(least: float, parts: Sequence[Part], sizes: Sequence[int], units: Units) -> FloatArray:
+    """Return below which coordinates nothing changes; `least` is relative to the duration."""
+    floor = np.full(sum(sizes), -np.inf)
+    floor[_coordinates(parts, sizes, ("duration",))] = min(np.log(least), 0.0) / units.log_duration
+    return floor

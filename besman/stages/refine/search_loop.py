@@ -149,9 +149,14 @@ def _go_on_until_one_wins(searches: Sequence[RunningSearch], episodes: int, work
 
 def index_of_middle(plans: Sequence[AnyPlan], task: Task) -> int:
     """Return which plan is in the middle of what all want, the first of equals."""
-    wanted = np.stack([task.wanted(plan) for plan in plans])
-    apart = np.linalg.norm(wanted[:, None] - wanted, axis=2).sum(axis=1)
-    return int(np.argmin(apart))
+    return order_from_middle(plans, plans, task)[0]
+
+
+def order_from_middle(plans: Sequence[AnyPlan], others: Sequence[AnyPlan], task: Task) -> list[int]:
+    """Return the places of plans, those in the middle of what all others want first."""
+    wanted, all_wanted = (np.stack([task.wanted(one) for one in some]) for some in (plans, others))
+    apart = np.linalg.norm(wanted[:, None] - all_wanted, axis=2).sum(axis=1)
+    return [int(at) for at in np.argsort(apart, kind="stable")]
 
 
 def share_target(plans: Sequence[AnyPlan], task: Task) -> list[AnyPlan]:

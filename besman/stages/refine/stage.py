@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
+import numpy.typing as npt
 from pydantic import Field
 
 from besman.config.stage import Config, Items, Stage, Truth, Work
@@ -32,6 +33,10 @@ if TYPE_CHECKING:
 
 # A fifth of the work holds Python's lock; processes begin in the time of so many episodes.
 _EPISODES_FOR_PROCESSES = 400
+
+
+def _name_of_first(pair: tuple[AnyPlan, ClassModel | None]) -> str:
+    return pair[0].name
 
 
 def _ignore(done: float) -> None:
@@ -98,9 +103,16 @@ class RefinementConfig(Stage):
     """Keys of a method that are no arguments of its search."""
 
     def make_search(
-        self, dimension: int, seed: tuple[int, ...], shared: ClassModel | None = None
+        self,
+        dimension: int,
+        seed: tuple[int, ...],
+        shared: ClassModel | None = None,
+        floor: npt.ArrayLike | None = None,
     ) -> Search:
-        """Set up the search over a space of so many coordinates, around zero."""
+        """Set up the search over a space of so many coordinates, around zero.
+
+        `floor` (D,) tells below which coordinates nothing changes, to a search that knows slopes.
+        """
         own = type(self).model_fields.keys() - RefinementConfig.model_fields.keys()
         learnt = {}
         if shared is not None and not shared.useless:
@@ -108,6 +120,7 @@ class RefinementConfig(Stage):
                 "jacobian": shared.jacobian,
                 "trust": shared.trust,
                 "first": shared.point,
+                "floor": floor,
             }
         search: Search = search_kind(self.method).load()(
             np.zeros(dimension),
@@ -130,9 +143,9 @@ class RefinementConfig(Stage):
 
     def share(
         self, plans: Sequence[AnyPlan], robot: Robot, task: Task, work: Work = Work()
-    ) -> ClassModel | None:
-        """Learn what all motions share, before any is searched; None for nothing."""
-        return None
+    ) -> list[ClassModel | None]:
+        """Learn what motions share, before any is searched: for each of them; None for nothing."""
+        return [None] * len(plans)
 
     def space(self, plan: AnyPlan, robot: Robot) -> Space:
         """Set up the space of the plans around one."""
@@ -202,21 +215,20 @@ class RefinementConfig(Stage):
         if self.pool:
             return (self._refine_side_by_side(plans, robot, task, work),)
         shared = self.share(plans, robot, task, replace(work, strict=True, progress=_ignore))
-        refine = partial(
-            self._refine, robot=robot, task=task, folder=work.checkpoints, shared=shared
-        )
+        refine = partial(self._refine, robot=robot, task=task, folder=work.checkpoints)
         processes = max(2, _EPISODES_FOR_PROCESSES // self.episodes)
-        return tuple(work.map(refine, plans, processes=processes))
+        pairs = list(zip(plans, shared, strict=True))
+        return tuple(work.map(refine, pairs, name=_name_of_first, processes=processes))
 
     def _refine(
         self,
-        plan: AnyPlan,
+        pair: tuple[AnyPlan, ClassModel | None],
         robot: Robot,
         task: Task,
         folder: Path | None,
-        shared: ClassModel | None,
     ) -> RefinedMotion:
-        """Refine one motion plan."""
+        """Refine one motion plan, with what it shares."""
+        plan, shared = pair
         running = self.running_search(plan, robot, task, folder, shared)
         while not running.search.done:
             running.advance()
@@ -230,7 +242,10 @@ class RefinementConfig(Stage):
 
         placed = share_target([place_plan(plan, robot, task) for plan in plans], task)
         shared = self.share(placed, robot, task, replace(work, strict=True, progress=_ignore))
-        pool = [self.running_search(plan, robot, task, work.checkpoints, shared) for plan in placed]
+        pool = [
+            self.running_search(plan, robot, task, work.checkpoints, one)
+            for plan, one in zip(placed, shared, strict=True)
+        ]
         return search_side_by_side(pool, self.episodes, work).result()
 
     def running_search(
@@ -266,7 +281,7 @@ class RefinementConfig(Stage):
 
         plan = place_plan(plan, robot, task)
         space = self.space(plan, robot)
-        search = self.make_search(space.dimension, (self.seed, _seed_of(plan)), shared)
+        search = self.make_search(space.dimension, (self.seed, _seed_of(plan)), shared, space.floor)
         n_models = len(self.perturbations(robot))
         return MotionSearch(space, search, robot, task, self.episodes, shared, n_models)
 

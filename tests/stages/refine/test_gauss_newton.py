@@ -11,6 +11,7 @@ from besman.simulation.trial import try_plans
 from besman.stages.refine.class_model import (
     ClassModel,
     load_class,
+    measure_all_at_once,
     measure_jacobian,
     moves_too_little,
 )
@@ -146,12 +147,37 @@ def test_a_jacobian_is_measured_from_the_side_that_has_an_outcome():
         gone = np.nan if point[0] > 0.1 or abs(point[2]) > 0.1 else 0.0
         return (slope @ point + gone)[None]
 
-    found, trust = measure_jacobian(evaluate, np.zeros(3), [0, 1, 2], 0.5)
+    found, trust = measure_jacobian(evaluate, np.zeros(3), [0, 1, 2], 0.5, 0.5)
     np.testing.assert_array_equal(trust, 1.0)
     np.testing.assert_allclose(found[0, :, :2], slope[:, :2])
     np.testing.assert_array_equal(found[0, :, 2], 0.0)
-    few, _ = measure_jacobian(evaluate, np.zeros(3), [1], 0.5, work=Work(jobs=2))
+    few, _ = measure_jacobian(evaluate, np.zeros(3), [1], 0.5, 0.5, work=Work(jobs=2))
     np.testing.assert_array_equal(few[0, :, [0, 2]], 0.0)
+
+
+def test_a_coordinate_at_its_floor_is_measured_from_above():
+    slope = np.arange(6.0).reshape(2, 3)
+    floor = np.array([-np.inf, 0.0, -0.1])
+
+    def evaluate(point, in_worlds):
+        return (slope @ np.maximum(point, floor))[None]
+
+    found, trust = measure_jacobian(evaluate, np.zeros(3), [0, 1, 2], 1.5, 0.8, floor)
+    np.testing.assert_array_equal(trust, 1.0)
+    np.testing.assert_allclose(found[0], slope)
+    tried = []
+
+    def noted(point, in_worlds):
+        tried.append(point)
+        return evaluate(point, in_worlds)
+
+    at_once = measure_all_at_once(noted, np.zeros(3), [0, 1, 2], 0.8, floor)
+    np.testing.assert_allclose(at_once[0], slope, rtol=5e-3, atol=1e-9)
+    assert len(tried) == 4
+    assert (np.array(tried) >= np.maximum(floor, -0.8)).all()
+    few = measure_all_at_once(evaluate, np.ones(3), [2], 0.8, floor)
+    np.testing.assert_array_equal(few[0, :, :2], 0.0)
+    np.testing.assert_allclose(few[0, :, 2], slope[:, 2], rtol=5e-3)
 
 
 def test_a_coordinate_with_a_kink_is_trusted_less():

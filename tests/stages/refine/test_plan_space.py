@@ -30,6 +30,9 @@ def test_the_origin_is_the_imitation(robot, make_plan):
 def test_every_plan_keeps_velocity_and_acceleration(robot, make_plan, seed, spread):
     space = PlanSpace(make_plan(0.1), robot.limits, ALL, 6)
     point = spread * np.random.default_rng(seed).normal(size=space.dimension)
+    # Slower than need be is what a point above asks for.
+    slower = space.coordinates(("duration",))
+    point[slower] = -np.abs(point[slower])
     plan = space.plan_at(point)
     time = np.arange(0, plan.duration + 1e-3, 1e-3)
     movement = roll_out(plan.weights, plan.start, plan.goal, plan.duration, time)
@@ -131,3 +134,24 @@ def test_least_duration_of_a_minimum_jerk_movement(robot, make_plan):
     )
     plan = replace(make_plan(), weights=weights, start=start, goal=goal)
     assert least_duration(plan, robot.limits) == pytest.approx(exact, rel=5e-3)
+
+
+def test_what_its_limits_slow_down_is_slowed_down_further_at_once(robot, make_plan):
+    """No stretch of the coordinate in which nothing happens; below its floor nothing does."""
+    hasty = make_plan(0.2)
+    least = least_duration(hasty, robot.limits)
+    assert least > 1.2 * hasty.duration
+    space = PlanSpace(hasty, robot.limits, ("duration",), 1, Units(log_duration=0.1))
+    for asked in (0.0, 0.5, 1.0):
+        assert space.plan_at([asked]).duration == pytest.approx(least * np.exp(0.1 * asked))
+    np.testing.assert_array_equal(space.floor, [0.0])
+    slow = make_plan(2.0 * least)
+    unhurried = PlanSpace(slow, robot.limits, ("goal", "duration"), 1, Units(log_duration=0.1))
+    floor = unhurried.floor
+    assert np.isneginf(floor[:-1]).all()
+    np.testing.assert_allclose(floor[-1], 10.0 * np.log(0.5), rtol=1e-6)
+    at_floor = np.append(np.zeros(len(floor) - 1), floor[-1])
+    beyond = at_floor - np.append(np.zeros(len(floor) - 1), 2.0)
+    shortest = unhurried.plan_at(at_floor).duration
+    assert shortest == pytest.approx(least)
+    assert unhurried.plan_at(beyond).duration == pytest.approx(shortest)
