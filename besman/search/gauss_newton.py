@@ -141,8 +141,7 @@ class GaussNewton:
     @property
     def in_worlds(self) -> bool:
         """Whether the points asked for next are to be tried in all of them."""
-        alone = self._block is not None and self._alone
-        return self._in_worlds and not alone
+        return self._in_worlds and not (self._block is not None and self._alone)
 
     @property
     def exhausted(self) -> bool:
