@@ -192,6 +192,7 @@ def mirror(
     twin = Mirror(source, plan, 10.0 if learn is None else learn, by_frames)
     if page:
         from besman.view.mirror_live import open_mirror_page
+        from besman.web.push import Broadcast
 
         teller.news = Broadcast()
         _show_page(open_mirror_page(twin, teller.news, port), twin, teller, record)

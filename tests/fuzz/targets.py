@@ -4,6 +4,7 @@ The functions are those behind the commands. What is read is judged by `sense`, 
 of the readers.
 """
 
+import importlib.util
 from pathlib import Path
 
 import numpy as np
@@ -279,6 +280,8 @@ TARGETS = {
             share,
         )
         for method, share in (("nearest_neighbour", 6), ("dtw", 2), ("hmm", 4))
+        # Of an extra, which has no wheel for every Python.
+        if method != "hmm" or importlib.util.find_spec("hmmlearn")
     },
     **{
         f"record {path.stem}": Target(

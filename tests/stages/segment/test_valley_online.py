@@ -89,7 +89,7 @@ def test_a_rest_is_final_within_a_second():
     assert len(delays) == len(borders)
 
 
-@pytest.mark.skipif(REAL_DATA is None, reason="no real recordings here")
+@pytest.mark.skipif(not REAL_DATA.is_dir(), reason="no real recordings here")
 def test_real_recordings_with_the_pace_of_another_person():
     marker_set = load_marker_set("right_arm")
     label = LabelConfig(longest_gap_s=1.0)
