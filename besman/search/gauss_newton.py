@@ -78,7 +78,7 @@ class GaussNewton:
     jacobian : array, shape (W, R, D), optional
         Of the residuals in each of W worlds; without it there is CMA-ES alone.
     first : array, shape (D,), optional
-        First point; the start if not given.
+        First point, where worlds agree as far as is known; the start if not given.
     trust : array, shape (D,), optional
         How far each coordinate's slopes can be relied on, 0 to 1: what it is scaled by before
         steps of least norm are sought. 1 if not given.
