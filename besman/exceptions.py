@@ -117,6 +117,17 @@ def one_of(allowed: Iterable[str]) -> str:
     return f"{', '.join(others)} or {last}" if others else last
 
 
+def pasted(file: str) -> str:
+    """Return a file as it can be pasted into a command line: quoted, and no option.
+
+    Parameters
+    ----------
+    file : str
+        A path; one that begins with a dash gets ``./`` before it.
+    """
+    return shlex.quote(f"./{file}" if file.startswith("-") else file)
+
+
 def see_look(file: str) -> str:
     """Return the end of a message about a recording: the command that says what is in it.
 
@@ -125,7 +136,7 @@ def see_look(file: str) -> str:
     file : str
         The recording, as a user would type it.
     """
-    return f"; see: besman look {shlex.quote(file)}"
+    return f"; see: besman look {pasted(file)}"
 
 
 def one_line(text: str) -> str:

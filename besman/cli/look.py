@@ -16,6 +16,9 @@ def look(
         Path | None,
         typer.Option(help="Draw one recording, .png or .svg.", callback=target_file),
     ] = None,
+    markers: Annotated[
+        str | None, typer.Option(help="Marker set to hold against it; default all there are.")
+    ] = None,
     json_file: Json = None,
 ) -> None:
     """Say what is in a recording, which marker set fits and how to go on; of several a table."""
@@ -33,7 +36,7 @@ def look(
 
     options = reading_options()
     if len(recordings) == 1 and not recordings[0].is_dir():
-        one = look_at(recordings[0])
+        one = look_at(recordings[0], markers)
         commands = find_next(one, options)
         for line in describe_look(one, commands):
             say(line)
@@ -48,7 +51,7 @@ def look(
         return
     if plot is not None:
         raise RecordingError("--plot: several recordings; expected one")
-    found = look_at_all(find_recordings(recordings))
+    found = look_at_all(find_recordings(recordings), markers)
     from besman.cli.terminal import open_terminal
 
     open_terminal().print(look_table(found))

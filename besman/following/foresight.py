@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -221,8 +222,8 @@ class Foresight:
 
 def _own_rests(before: Sequence[str]) -> tuple[int, int]:
     """Return how often somebody rested after a movement so far, and how often that could be."""
-    chances = sum(label != IDLE for label in before[:-1])
-    return sum(label == IDLE for label in before[1:]), chances
+    after = [label for last, label in pairwise(before) if last != IDLE]
+    return after.count(IDLE), len(after)
 
 
 def _count_rests(blocks: Sequence[LabelledSegments]) -> dict[str, tuple[int, int]]:

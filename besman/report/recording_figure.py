@@ -165,7 +165,14 @@ def _write_names(
             color=INK,
             va="center",
             parse_math=False,
-            arrowprops={"arrowstyle": "-", "color": "#c4c8ce", "linewidth": 0.5},
+            # From the left edge of the name, not from its middle and through the others.
+            arrowprops={
+                "arrowstyle": "-",
+                "color": "#c4c8ce",
+                "linewidth": 0.5,
+                "relpos": (0.0, 0.5),
+                "shrinkA": 1,
+            },
         )
 
 

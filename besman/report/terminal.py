@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 # Failures of a stage that are listed in the terminal.
 _SHOWN = 3
+_WIDE = 1000  # characters; more than any table needs
 
 
 def print_report(folder: Path, console: Console) -> None:
@@ -45,6 +46,7 @@ def _print(run: StoredRun, console: Console) -> None:
     table = Table(
         title=f"{run.state['name']}: {run.status}", caption=_caption(n), box=SIMPLE, pad_edge=False
     )
+
     table.add_column("stage", no_wrap=True)
     for name in ("wall", "CPU", "items", "each", "thesis"):
         table.add_column(name, justify="right", no_wrap=True)
@@ -61,6 +63,9 @@ def _print(run: StoredRun, console: Console) -> None:
         )
     table.add_section()
     table.add_row("total", seconds(timing["total_wall_s"]))
+    unbound = console.options.update(max_width=_WIDE)
+    if console.measure(table, options=unbound).maximum > console.width:
+        table.padding = 0  # no cell is cut
     console.print(table)
     for line in [*outcome_lines(results), *failure_lines(results), _memory_line(timing)]:
         console.print(line, highlight=False, markup=False, soft_wrap=True)

@@ -6,7 +6,7 @@ own copy: in one world by the slopes that make all its outcomes most likely (see
 that the damping allows, so that directions that change no outcome stay where they are. Residuals
 may be those of several models of the world at once: what is left of them then is how far apart the
 models' outcomes are. The first steps are taken in the one model alone, until its outcome is near:
-that tells where all are.
+that tells where all are. They keep the models as near each other as at the first point, foreseen.
 
 References
 ----------
@@ -25,7 +25,7 @@ from besman.search.cma_es import CmaEs, Restarts
 from besman.search.damped_step import damped_step
 from besman.search.gaussian import Bounds, check_bounds
 from besman.search.linear_model import learn_slopes
-from besman.search.residual_points import Tried, correct_by_step, rms, ways_down
+from besman.search.residual_points import Tried, correct_by_step, foresee, rms, ways_down
 from besman.search.rough_steps import RoughSteps
 
 FloatArray = npt.NDArray[np.float64]
@@ -78,7 +78,7 @@ class GaussNewton:
     jacobian : array, shape (W, R, D), optional
         Of the residuals in each of W worlds; without it there is CMA-ES alone.
     first : array, shape (D,), optional
-        First point; the start if not given.
+        First point, where worlds agree as far as is known; the start if not given.
     trust : array, shape (D,), optional
         How far each coordinate's slopes can be relied on, 0 to 1: what it is scaled by before
         steps of least norm are sought. 1 if not given.
@@ -115,7 +115,7 @@ class GaussNewton:
         self._floor = np.full(len(self._start), -np.inf) if floor is None else np.array(floor)
         self._options = (sigma, population, seed, bounds, restarts)
         self._steps, self._left = steps, _LONGER * steps
-        self._next = self._start if first is None else np.array(first, dtype=np.float64)
+        self._next = self._agreed = np.array(start if first is None else first, dtype=np.float64)
         self._at: Tried | None = None
         self._best: Tried | None = None
         self._seen: list[Tried] = []  # all that has an outcome in the first world
@@ -227,7 +227,7 @@ class GaussNewton:
         """Begin again at the start, whose outcome is known: where the first point leads nowhere."""
         assert self._given is not None
         self.jacobian = self._prior = self._given
-        self._other, self._in_worlds = None, False
+        self._other, self._in_worlds, self._agreed = None, False, other.point
         self._begin()
         self._learn(other)
 
@@ -268,8 +268,7 @@ class GaussNewton:
         if self._in_worlds:
             self._next = self._within(tried.point + self._step(tried))
             return
-        others = [one for one in self._seen if one is not tried]
-        self.jacobian = learn_slopes(self._prior, tried, others)
+        self.jacobian = learn_slopes(self._prior, tried, [o for o in self._seen if o is not tried])
         slopes = self.jacobian[0]
         anew = self._rough.begins_anew(self._best, slopes)
         if anew is None:
@@ -340,12 +339,13 @@ class GaussNewton:
             self._at, self._detours = after, self._detours + 1
         else:
             self._at, self._detours = self._best, 0
-            self._damping *= 2.0
-            self._reach *= 0.5
+            self._damping, self._reach = 2.0 * self._damping, 0.5 * self._reach
 
     def _step(self, tried: Tried) -> FloatArray:
         """Return the damped step of the linear model [1]_, no longer than the reach."""
         assert self.jacobian is not None
+        if not self._in_worlds:
+            tried = foresee(tried, self.jacobian, self._agreed)
         known, n = np.isfinite(tried.residuals), len(tried.residuals)
         rows = self.jacobian[:n][known] / np.sqrt(n)
         wanted = tried.residuals[known] / np.sqrt(n)

@@ -90,6 +90,29 @@ def correct_by_step(jacobian: FloatArray, before: Tried, after: Tried, trust: fl
     return np.asarray(jacobian + (mean + apart)[..., None] * step / length)
 
 
+def foresee(tried: Tried, jacobian: FloatArray, agreed: FloatArray) -> Tried:
+    """Return a point that was tried in the first world with what is to be expected in all.
+
+    Where worlds agree most their distances are least squares: what is left of them there is
+    perpendicular to all that a step changes, so that it may be left out.
+
+    Parameters
+    ----------
+    tried : Tried
+        In the first world.
+    jacobian : array, shape (W, R, D)
+        Of the residuals in all worlds.
+    agreed : array, shape (D,)
+        Where they agree most.
+
+    Returns
+    -------
+    Tried
+    """
+    apart = (jacobian - jacobian[0]) @ (tried.point - agreed)
+    return Tried(tried.point, tried.residuals[0] + apart)
+
+
 def ways_down(jacobian: FloatArray, residuals: FloatArray, most: int) -> FloatArray:
     """Return the directions (P, D) that outcomes depend on most, to the side that leads down.
 

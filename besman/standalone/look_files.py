@@ -9,13 +9,20 @@ from typing import Any
 
 import numpy as np
 
-from besman.exceptions import BesmanError, LabellingError, RecordingError, RecordingWarning
+from besman.exceptions import (
+    BesmanError,
+    LabellingError,
+    RecognitionError,
+    RecordingError,
+    RecordingWarning,
+)
 from besman.geometry.gaps import find_runs, find_seen
 from besman.geometry.row_blocks import by_rows
 from besman.io.recordings.formats import FORMATS, KNOWN_FORMATS, read_recording, recognise
 from besman.io.recordings.subjects import find_subjects
-from besman.person.marker_set import MarkerSet
-from besman.person.marker_set_fit import SetFit, fit_marker_sets
+from besman.person.body import find_body
+from besman.person.marker_set import MarkerSet, load_marker_set
+from besman.person.marker_set_fit import SetFit, fit_marker_set, fit_marker_sets
 from besman.records import FloatArray, LabelledRecording, Origin, Recording
 from besman.stages.label.stage import LabelConfig
 from besman.standalone.unknown_file import describe_unknown
@@ -46,6 +53,8 @@ class Look:
         Longest gap of a required marker that has to be filled beyond what usually is; 0 if none.
     warnings : tuple of str
         What reading warned of.
+    asked : str
+        The one marker set that was held against it, as it was asked for; empty for all.
     """
 
     path: Path
@@ -55,6 +64,7 @@ class Look:
     fault: str
     needed_gap_s: float
     warnings: tuple[str, ...]
+    asked: str = ""
 
     @property
     def best(self) -> SetFit | None:
@@ -82,13 +92,15 @@ class Look:
         return find_subjects(self.recording.names)
 
 
-def look_at(path: Path) -> Look:
+def look_at(path: Path, markers: str | None = None) -> Look:
     """Read a recording and find out what is in it.
 
     Parameters
     ----------
     path : Path
         A file of any format.
+    markers : str, optional
+        The one marker set to hold against it, by name or by file; all there are if not given.
 
     Returns
     -------
@@ -98,11 +110,18 @@ def look_at(path: Path) -> Look:
     ------
     RecordingError
         If it cannot be read; of a file of no known format it says what that looks like.
+    ConfigError
+        If there is no such marker set.
     """
     with warnings.catch_warnings(record=True) as caught:
         recording = _read(path)
         is_turned = recording.orientations is not None and not _is_turned_from_pose(recording)
-        fits = fit_marker_sets(recording.names, recording.source, is_turned)
+        how = recording.names, recording.source, is_turned
+        if markers is None:
+            fits = fit_marker_sets(*how)
+        else:
+            asked = fit_marker_set(load_marker_set(markers), *how)
+            fits = (asked,) if asked.found or any(recording.names) else ()
         fault, needed = _try_set(recording, fits[0]) if fits else ("", 0.0)
     said = [str(one.message) for one in caught if issubclass(one.category, RecordingWarning)]
     return Look(
@@ -113,15 +132,18 @@ def look_at(path: Path) -> Look:
         fault,
         needed,
         tuple(said),
+        markers or "",
     )
 
 
-def look_at_all(paths: list[Path]) -> list[Look | tuple[Path, str]]:
+def look_at_all(paths: list[Path], markers: str | None = None) -> list[Look | tuple[Path, str]]:
     """Look at several recordings; one that cannot be read is its path and the reason."""
+    if markers is not None:
+        load_marker_set(markers)  # a set that is not there is no fault of the recordings
     found: list[Look | tuple[Path, str]] = []
     for path in paths:
         try:
-            found.append(look_at(path))
+            found.append(look_at(path, markers))
         except BesmanError as error:
             reason = str(error).removeprefix(f"{path}: ").removeprefix(f"{path.name}: ")
             found.append((path, reason))
@@ -227,6 +249,11 @@ def _try_set(recording: Recording, fit: SetFit) -> tuple[str, float]:
     if not fit.is_complete:
         return fit.fault, 0.0
     marker_set = fit.marker_set
+    try:
+        find_body((*fit.found, *marker_set.derived), recording.source)
+    except RecognitionError as error:
+        said = str(error).partition("; see:")[0]
+        return said.removeprefix(f"{recording.source}: "), 0.0
     try:
         labelled = LabelConfig().take_given(recording, marker_set)
     except LabellingError as error:

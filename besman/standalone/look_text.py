@@ -8,9 +8,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from besman.exceptions import RecordingWarning
+from besman.exceptions import RecordingWarning, pasted
 from besman.io.segments_json import SEGMENTS_SUFFIX, find_segments, read_segments
 from besman.person.marker_set_fit import SetFit
+from besman.standalone import LONGEST_GAP_S
 from besman.standalone.look_files import STILL_M, Look, measure_extent
 
 if TYPE_CHECKING:
@@ -56,7 +57,8 @@ def describe_look(look: Look, commands: list[str]) -> list[str]:
     lines += [
         f"  warning     {said.removeprefix(f'{recording.source}: ')}" for said in look.warnings
     ]
-    lines += ["", "how to go on:", *(f"  {command}" for command in commands)]
+    if commands:
+        lines += ["", "how to go on:", *(f"  {command}" for command in commands)]
     return lines
 
 
@@ -69,7 +71,7 @@ def find_next(look: Look, options: list[str]) -> list[str]:
     options : list of str
         How the recording had to be read, such as ``--up y``.
     """
-    file = shlex.quote(str(look.path))
+    file = pasted(str(look.path))
     how = "".join(f" {shlex.quote(one)}" for one in options)
     stem = look.path.stem
     fit = look.best
@@ -79,20 +81,21 @@ def find_next(look: Look, options: list[str]) -> list[str]:
         # It would stop a run: first look what is wrong.
         if "upright" in look.fault and "--up" not in options:
             return [f"besman look {file} --up {'y' if look.origin.up == 'z' else 'z'}{how}"]
-        return [f"besman look {file} --plot {shlex.quote(f'{stem}.png')}{how}"]
+        return [f"besman look {file} --plot {pasted(f'{stem}.png')}{how}"]
     unnamed = len(look.recording.names) - look.n_named
     commands = []
     if unnamed:
-        commands.append(f"besman annotate {file}{how}")
-    if look.n_named or not unnamed:
-        target = shlex.quote(f"{stem}_markers.yaml")
+        asked = f" --markers {pasted(look.asked)}" if look.asked else ""
+        commands.append(f"besman annotate {file}{asked}{how}")
+    if (look.n_named or not unnamed) and not look.asked:
+        target = pasted(f"{stem}_markers.yaml")
         commands.append(f"besman markers new {file} --out {target}{how}")
     return commands
 
 
 def _use_set(look: Look, fit: SetFit, file: str, how: str) -> list[str]:
     """Return commands that take the markers of a set that is complete."""
-    name = fit.marker_set.name
+    name = pasted(look.asked) if look.asked else fit.marker_set.name
     label = _choose_label(look)
     recipe, usual = "ur5_reach", "right_arm"
     if label == _THROW_LABEL and "stick" in fit.found:
@@ -110,8 +113,10 @@ def _use_set(look: Look, fit: SetFit, file: str, how: str) -> list[str]:
     # A run learns to name blocks from some that a person has named; a throw is told without.
     told = recipe == "ur5_free_throw" or _has_segments(look.path)
     annotate = [] if told else [f"besman annotate {file}{markers}{how}"]
+    # The command has no setting for longer gaps.
+    segments = look.needed_gap_s <= LONGEST_GAP_S
     return [
-        f"besman segment {file}{markers}{how}",
+        *([f"besman segment {file}{markers}{how}"] if segments else []),
         *annotate,
         f"besman check {run}",
         f"besman run {run}",
@@ -273,7 +278,8 @@ def _sets(look: Look) -> list[str]:
     if fit.is_complete:
         lines[0] += ", all that it requires"
     else:
-        lines[0] = lines[0].replace("set  ", "set  none fits; nearest ")
+        why = "does not fit; " if look.asked else "none fits; nearest "
+        lines[0] = lines[0].replace("set  ", f"set  {why}")
         lines.append(f"              {_why_not(fit)}")
     shown = list(fit.aliases.items())
     if shown:
@@ -295,7 +301,9 @@ def _why_not(fit: SetFit) -> str:
     """Say what keeps a set from fitting."""
     if fit.fault:
         return fit.fault
-    return f"not there: {', '.join(fit.missing)}"
+    more = len(fit.missing) - _MOST_NAMES
+    shown = ", ".join(fit.missing[:_MOST_NAMES])
+    return f"not there: {shown}" + (f" and {more} more" if more > 0 else "")
 
 
 def _short_fit(look: Look) -> str:

@@ -11,11 +11,10 @@ from besman.io.recordings.formats import find_recordings, read_recording
 from besman.person.marker_set import load_marker_set
 from besman.stages.label.methods import DefaultLabelConfig
 from besman.stages.segment.methods import CONFIGS
+from besman.standalone import LONGEST_GAP_S
 
 if TYPE_CHECKING:
     from rich.table import Table
-
-_LONGEST_GAP_S = 0.5
 
 
 def segment_files(
@@ -61,7 +60,7 @@ def segment_files(
     if method not in CONFIGS:
         raise ConfigError(f"besman segment: --method: got {method!r}; {nearest(method, CONFIGS)}")
     config = parse_config(content, CONFIGS[method], "besman segment")
-    label = DefaultLabelConfig(markers=markers, longest_gap_s=_LONGEST_GAP_S)
+    label = DefaultLabelConfig(markers=markers, longest_gap_s=LONGEST_GAP_S)
     teacher = None if learn_from is None else read_recording(learn_from)
     found = []
     for path in find_recordings(paths):

@@ -15,8 +15,7 @@ from besman.stages.label.methods import DefaultLabelConfig
 from besman.stages.read.read_inputs import read_inputs
 from besman.stages.recognize.model_files import check_model_place, save_model
 from besman.stages.recognize.stage import TrainedStage
-
-_LONGEST_GAP_S = 0.5
+from besman.standalone import LONGEST_GAP_S
 
 
 class _Training(Config):
@@ -66,7 +65,7 @@ def train_files(
             f"{paths[0]}: nothing is labelled; expected STEM_manually_segmented.json beside "
             "STEM.tsv"
         )
-    label = DefaultLabelConfig(markers=markers, longest_gap_s=_LONGEST_GAP_S)
+    label = DefaultLabelConfig(markers=markers, longest_gap_s=LONGEST_GAP_S)
     recordings = label.run(inputs.recordings, load_marker_set(markers), inputs.teacher)
     return save_model(stage.train(recordings, truth), out)
 

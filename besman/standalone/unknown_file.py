@@ -20,6 +20,15 @@ _OTHERS = (
     (rb"Kaydara FBX", "FBX: export BVH"),
     (rb"\x89PNG|\xff\xd8\xff|.{4}ftyp|RIFF", "a picture or a video"),
     (rb"SQLite format 3", "a database of SQLite, without the tables of a bag of ROS 2"),
+    (
+        rb'\s*(\[\s*\{\s*"start index"|\{\s*"segments")',
+        "segments of a recording: look at the recording; besman annotate shows both",
+    ),
+    (
+        rb"\s*(<\?xml.*?)?(<!--.*?-->\s*)*<(robot|mujoco)\b",
+        "a robot (URDF, xacro, MJCF): besman robots try FILE",
+    ),
+    (rb"(#[^\n]*\n|\s)*name:[^\n]*\nrecordings:", "a pipeline: besman check FILE"),
 )
 
 

@@ -155,6 +155,18 @@ def test_who_has_not_rested_yet_is_expected_to_go_on():
     assert foresight.expect([first, IDLE, second])[0][-1] == pytest.approx(2.0 / 2.5)
 
 
+def test_rests_one_after_the_other_are_one_habit(foresight):
+    first = BLOCKS[0].labels[0]
+    usual, _ = foresight.expect([first, IDLE])
+    for before in ([first, *[IDLE] * 4], [first, *[IDLE] * 4, first]):
+        now, following = foresight.expect(before)
+        assert (now > 0.0).all()
+        assert now.sum() == pytest.approx(1.0)
+        np.testing.assert_allclose(following.sum(axis=1), 1.0)
+        if before[-1] == IDLE:
+            np.testing.assert_array_equal(now, usual)
+
+
 def test_the_next_start_is_the_median_of_times_that_are_long_enough():
     rng = np.random.default_rng(3)
     gaps = np.exp(rng.normal(np.log(1.2), 0.3, 400))

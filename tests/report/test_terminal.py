@@ -1,8 +1,12 @@
 """What the report says in the terminal."""
 
-import pytest
+import io
+from types import SimpleNamespace
 
-from besman.report.terminal import outcome_lines
+import pytest
+from rich.console import Console
+
+from besman.report.terminal import _print, outcome_lines
 
 
 @pytest.mark.parametrize(
@@ -18,6 +22,23 @@ def test_where_marker_names_come_from(counts, said):
     names = [{"recording": "a", "taken": taken, "found": found} for taken, found in counts]
     (line,) = outcome_lines({"label": {"names": names}})
     assert line.startswith(said)
+
+
+@pytest.mark.parametrize("name", ["sim", "a_stage_of_a_long_name"])
+def test_no_cell_of_the_stage_table_is_cut(tmp_path, name):
+    row = {"name": name, "wall_s": 29.5, "cpu_s": 0.13, "items": 3, "unit": "recordings"}
+    row |= {
+        "per_item_s": 0.27,
+        "cached": False,
+        "human": False,
+        "peak_rss_mb": 1.0,
+        "computed_wall_s": 29.5,
+    }
+    files = {"timing.json": {"stages": [row], "total_wall_s": 29.5}, "results.json": {}}
+    run = SimpleNamespace(state={"name": "a"}, status="done", read=files.get)
+    text = io.StringIO()
+    _print(run, Console(file=text, width=80))
+    assert "machine" in text.getvalue()
 
 
 def test_of_a_run_from_before_nothing_is_said_of_names():

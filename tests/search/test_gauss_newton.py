@@ -95,6 +95,23 @@ def test_worlds_come_closer_along_the_free_directions():
     assert rms(evaluate(np.linalg.pinv(SLOPE) @ (TARGET - apart[0]))) > 0.3
 
 
+def test_steps_in_the_model_alone_keep_the_worlds_as_near_as_they_were():
+    """Least squares of what is foreseen in all of them, by another solver."""
+    slopes = SLOPE + np.concatenate([np.zeros((1, 2, 5)), RNG.normal(size=(3, 2, 5))])
+    search = search_of(slopes, damping=1e-9)
+    begin, first = search.ask()[0], np.array([0.9, -0.6])
+    search.tell(begin[None], np.zeros(1), first[None, None])
+    (point,) = search.ask()
+    step = np.linalg.lstsq(slopes.reshape(8, 5), -np.tile(first, 4), rcond=None)[0]
+    np.testing.assert_allclose(point - begin, step, atol=1e-6)
+    search.tell(point[None], np.zeros(1), 0.9 * first[None, None])
+    (after,) = search.ask()
+    foreseen = 0.9 * first + (slopes - slopes[0]) @ (point - begin)
+    step = np.linalg.lstsq(search.jacobian.reshape(8, 5), -foreseen.ravel(), rcond=None)[0]
+    np.testing.assert_allclose(after - point, step, atol=1e-6)
+    assert not search.in_worlds
+
+
 def test_the_model_alone_comes_first_and_then_all_worlds():
     search = search_of(np.stack([SLOPE] * 3))
     assert search.n_worlds == 3

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from besman.search.residual_points import Tried, correct_by_step, important_directions, rms
+from besman.search.residual_points import Tried, correct_by_step, foresee, important_directions, rms
 
 RNG = np.random.default_rng(3)
 SLOPES = RNG.normal(size=(2, 4))
@@ -20,6 +20,15 @@ def test_a_correction_is_along_the_step_alone_and_makes_it_exact():
     np.testing.assert_allclose(found[..., 0], np.tile(SLOPES[:, 0], (3, 1)), atol=1e-12)
     np.testing.assert_array_equal(found[..., 1:], 0.0)
     assert correct_by_step(given, after, after, 0.2) is given
+
+
+def test_what_is_foreseen_of_linear_worlds_is_what_they_do():
+    slopes, agreed, point = RNG.normal(size=(3, 2, 4)), RNG.normal(size=4), RNG.normal(size=4)
+    found = slopes @ (point - agreed) + np.array([0.3, -0.4])
+    seen = foresee(Tried(point, found[:1]), slopes, agreed)
+    np.testing.assert_allclose(seen.residuals, found, atol=1e-12)
+    alone = Tried(point, found[:1])
+    np.testing.assert_array_equal(foresee(alone, slopes[:1], agreed).residuals, alone.residuals)
 
 
 def test_of_how_the_worlds_move_apart_a_share_is_believed():

@@ -1,6 +1,7 @@
 import json
 import shlex
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -95,13 +96,14 @@ def test_gaps_that_are_too_long_are_said_and_filled_by_the_next_command(
     assert "marker 'elbow' is not seen in frames" in look.fault
     assert look.needed_gap_s == pytest.approx(100 / recording.rate_hz)
     assert f"but {look.fault}" in "\n".join(describe_look(look, []))
-    segment, annotate, check, run = find_next(look, [])
+    # Not besman segment, which has no setting for so long a gap.
+    annotate, check, run = find_next(look, [])
     assert annotate == f"besman annotate {path}"
     segments_path(path).write_bytes(segments_path(NAMED).read_bytes())
     labelled = find_next(look, [])
     # Its labels are those of throws of a stick.
-    assert labelled == [segment, *(one.replace("reach", "stick_throw") for one in (check, run))]
-    run = shlex.split(labelled[1])
+    assert labelled == [one.replace("reach", "stick_throw") for one in (check, run)]
+    run = shlex.split(labelled[0])
     assert besman(monkeypatch, *run[1:]) == 0
     settings = [one for one in run if one.startswith("label.longest_gap_s=")]
     assert float(settings[0].partition("=")[2]) > look.needed_gap_s
@@ -239,6 +241,58 @@ def test_a_folder_of_one_set_says_how_to_go_on(tmp_path):
     assert last == f"besman run ur5_stick_throw --set recordings={SAMPLE}"
     assert find_next_of_all([SAMPLE], [*found, (NAMED, "broken")], []) == []
     assert find_next_of_all([NAMED, SAMPLE], found, []) == []
+
+
+def test_one_marker_set_is_held_against_a_recording(monkeypatch, tmp_path, capsys):
+    own = tmp_path / "own.yaml"
+    assert besman(monkeypatch, "markers", "new", NAMED, "--out", own) == 0
+    assert besman(monkeypatch, "look", NAMED, "--markers", own) == 0
+    text = capsys.readouterr().out
+    assert "marker set  own: 9 of its 9 markers, all that it requires" in text
+    assert f"besman segment {NAMED} --markers {own}" in text
+    assert f"--set label.markers={own}" in text
+    assert besman(monkeypatch, "look", NAMED, "--markers", "plug_in_gait") == 0
+    text = capsys.readouterr().out
+    assert "marker set  does not fit; plug_in_gait: 3 of its" in text
+    assert "markers new" not in text
+    assert besman(monkeypatch, "look", SAMPLE, "--markers", "rihgt_arm") == 2
+    assert "did you mean 'right_arm'" in capsys.readouterr().err
+    unnamed = write(tmp_path / "a.tsv", (None, None), walk(50, 2))
+    assert besman(monkeypatch, "look", unnamed, "--markers", own) == 0
+    text = capsys.readouterr().out
+    assert "names have to be found first" in text
+    assert f"besman annotate {unnamed} --markers {own}" in text
+
+
+def test_a_set_without_a_person_is_told(tmp_path):
+    set_file = tmp_path / "three.yaml"
+    set_file.write_text(
+        "name: three\nmarkers: {a: [], b: []}\nrequired: [a, b]\nclusters: {c: [a, b]}\n"
+    )
+    look = look_at(write(tmp_path / "a.tsv", ("a", "b"), walk(50, 2)), str(set_file))
+    assert look.best.is_complete
+    assert look.fault.startswith("no marker 'back_top': the person's frame needs")
+    assert not any("run" in command.split() for command in find_next(look, []))
+
+
+def test_many_markers_that_are_not_there_are_counted(tmp_path):
+    set_file = tmp_path / "many.yaml"
+    names = [f"m{k}" for k in range(30)]
+    listed = ", ".join(f"{name}: []" for name in names)
+    set_file.write_text(
+        f"{{name: many, markers: {{{listed}}}, required: {names}, clusters: {{c: {names}}}}}"
+    )
+    look = look_at(write(tmp_path / "a.tsv", ("m0", "x"), walk(50, 2)), str(set_file))
+    assert "m12 and 17 more" in "\n".join(describe_look(look, []))
+
+
+def test_a_file_that_begins_with_a_dash_can_be_pasted(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path / "-a b.tsv", ("x", "y"), walk(50, 2))
+    (command,) = find_next(look_at(Path("-a b.tsv")), [])
+    assert shlex.split(command) == [
+        *("besman", "markers", "new", "./-a b.tsv", "--out", "./-a b_markers.yaml")
+    ]  # fmt: skip
 
 
 def test_a_page_as_json(monkeypatch, tmp_path, capsys):

@@ -345,7 +345,9 @@ def find_recordings(paths: Iterable[Path]) -> list[Path]:
             if not inside:
                 deeper = [one for one in path.iterdir() if one.is_dir()]
                 deeper = [one for one in deeper if any(map(_is_recording, one.iterdir()))]
-                more = f"; there are some in {min(deeper)}" if deeper else ""
+                more = (
+                    f"; there are some in {', '.join(map(str, sorted(deeper)))}" if deeper else ""
+                )
                 raise RecordingError(
                     f"{path}: no recording in this folder; expected files that are "
                     f"{KNOWN_FORMATS}, or end in {', '.join(_own_suffixes())}{more}"

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from besman.config.resources import resource_folder
 from besman.exceptions import RecordingError, RecordingWarning
 from besman.io.landings import read_landings
 from besman.io.recordings.formats import find_companions, find_recordings, read_recording
@@ -82,6 +83,7 @@ def read_inputs(
     ConfigError
         If the landing file cannot be read.
     """
+    _refuse_absent(paths)
     files = find_recordings([Path(path) for path in paths])
     landings: tuple[Landing, ...] = ()
     if landing is not None:
@@ -108,6 +110,17 @@ def read_inputs(
         _note_checksums(checksums, Path(landing))
     _warn_of_copies(recordings)
     return Inputs(tuple(recordings), tuple(truth), tuple(names), learnt, checksums, landings)
+
+
+def _refuse_absent(paths: Sequence[str]) -> None:
+    """Refuse recordings that a recipe names and that do not come with besman."""
+    data = resource_folder("data").resolve()
+    for path in (Path(path) for path in paths):
+        if path.resolve().is_relative_to(data) and not path.exists():
+            raise RecordingError(
+                f"{path}: no such file or folder; these recordings do not come with besman: "
+                "--set recordings=FOLDER names your own"
+            )
 
 
 def _refuse_twins(files: Sequence[Path]) -> None:

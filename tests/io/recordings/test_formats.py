@@ -38,7 +38,9 @@ def test_nothing_found(tmp_path):
         (tmp_path / name).mkdir()
         if name != "empty":
             make(tmp_path / name, "a.tsv")
-    with pytest.raises(RecordingError, match=r"no recording .*; there are some in .*person1$"):
+    with pytest.raises(
+        RecordingError, match=r"no recording .*; there are some in .*person1, .*person2$"
+    ):
         find_recordings([tmp_path])
     with pytest.raises(RecordingError, match="absent: no such file or folder"):
         find_recordings([tmp_path / "absent"])

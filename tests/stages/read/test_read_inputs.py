@@ -17,6 +17,13 @@ def raw():
     return read_recording(SAMPLE / "subject1.tsv")
 
 
+def test_recordings_of_a_recipe_that_do_not_come_along(monkeypatch, capsys):
+    assert besman(monkeypatch, "check", "rh5_two_arms") == 2
+    said = capsys.readouterr().err
+    assert "object_rotation: no such file or folder; these recordings do not come with" in said
+    assert "--set recordings=FOLDER" in said
+
+
 @pytest.mark.parametrize("twin", ["a.c3d", "a.TSV"])
 def test_two_files_of_one_name_are_refused(tmp_path, raw, twin, monkeypatch, capsys):
     write_recording(raw, tmp_path / "a.tsv")
