@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import heapq
 import itertools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -218,14 +219,16 @@ def _ways(goal: LegGoal, standing: FloatArray, bench: Bench) -> Iterator[_Way]:
         for pose in goal.poses
     ]
     found = [
-        (away + source + change + pose, (grasp, source, change, pose))
+        (away + sum(sources) + change + pose, (grasp, sources, change, pose))
         for pose, orders in enumerate(ranked)
-        for change, sources in enumerate(orders)
-        for source in range(min(len(sources), _MOST_SOURCES))
+        for change, uses in enumerate(orders)
+        for sources in itertools.product(*(range(min(len(own), _MOST_SOURCES)) for own in uses))
         for grasp, (away, _) in enumerate(grasps)
     ]
-    for _, (grasp, source, change, pose) in sorted(found)[:_MOST_WAYS]:
-        yield _Way(goal.poses[pose], ranked[pose][change][source], grasps[grasp][1])
+    for _, (grasp, sources, change, pose) in heapq.nsmallest(_MOST_WAYS, found):
+        own = zip(ranked[pose][change], sources, strict=True)
+        uses = tuple(shown[source] for shown, source in own)
+        yield _Way(goal.poses[pose], uses, grasps[grasp][1])
 
 
 def _rank_grasps(task: RearrangeConfig, over: bool) -> list[tuple[int, GraspConfig]]:
@@ -252,8 +255,8 @@ def _rank_grasps(task: RearrangeConfig, over: bool) -> list[tuple[int, GraspConf
 
 def rank_sources(
     blocks: Sequence[LearntBlock], thing: int, standing: FloatArray, pose: FloatArray, bench: Bench
-) -> list[tuple[BlockUse, ...]]:
-    """Choose a demonstration of each block, then others: those that succeed, the nearest first."""
+) -> list[list[BlockUse]]:
+    """Order the demonstrations of each block: those that succeed, the nearest first."""
     kind = next(block.thing for block in blocks if block.thing)
 
     def distance(use: BlockUse) -> tuple[bool, float, int]:
@@ -266,9 +269,7 @@ def rank_sources(
         away = float(np.linalg.norm(at[:3] - wanted[:3]))
         return (use.task not in bench.good, away, use.task)
 
-    orders = [sorted(block.uses, key=distance) for block in blocks]
-    most = max(len(order) for order in orders)
-    return [tuple(order[min(k, len(order) - 1)] for order in orders) for k in range(most)]
+    return [sorted(block.uses, key=distance) for block in blocks]
 
 
 def _note(faults: list[tuple[int, PlanError]], way: _Way, error: PlanError) -> None:
