@@ -1,9 +1,9 @@
 """New goals for blocks that were learnt: places and orders that nobody has shown.
 
-Run with ``python benchmarks/plans.py [FOLDER [ROBOT [GOALS]]]``, the folder with the public
+Run with ``python benchmarks/plans.py [FOLDER [ROBOT [GOALS [SEED]]]]``, the folder with the public
 pick-and-place recordings, or a finished run of whole tasks; without one on the embedded recordings
-(synthetic). Both actions are learnt, and 20 goals (or as many) planned: as they are, and with other
-ways where that fails.
+(synthetic). Both actions are learnt, and 20 goals (or as many, drawn by a seed) planned: as they
+are, and with other ways where that fails.
 
 Five kinds of goals take turns, each with its own draw of places: to another place, there and back,
 there and on to a second place of the same kind, to another place where it stands (an order of
@@ -101,9 +101,9 @@ def draw_goal(number, learnt, rng):
     return start, f"box1 on {at(there, two)}; box2 on {at(here, three)}"
 
 
-def try_goals(learnt, n_goals):
+def try_goals(learnt, n_goals, seed):
     """Plan all goals, without and with other ways; print what comes of each."""
-    rng = np.random.default_rng(SEED)
+    rng = np.random.default_rng(seed)
     drawn = [draw_goal(number, learnt, rng) for number in range(n_goals)]
     counts, seconds, misses = [0, 0], [], []
     for number, (start, goal) in enumerate(drawn, 1):
@@ -156,7 +156,7 @@ def time_one(run, recording, into):
     )
 
 
-def main(folder=None, robot="iiwa7", n_goals=N_GOALS):
+def main(folder=None, robot="iiwa7", n_goals=N_GOALS, seed=SEED):
     with tempfile.TemporaryDirectory() as made:
         if folder is not None and (Path(folder) / "run.json").exists():
             run = Path(folder)
@@ -166,7 +166,7 @@ def main(folder=None, robot="iiwa7", n_goals=N_GOALS):
         _, learnt = read_learnt(run)
         for block in learnt.blocks:
             print(f"learnt: {block.label}, {block.frame}, from {len(block.uses)} demonstrations")
-        try_goals(learnt, int(n_goals))
+        try_goals(learnt, int(n_goals), int(seed))
         recording = Path(load_pipeline(run / "pipeline.yaml", ()).recordings[0])
         if recording.is_dir():
             recording = sorted(recording.glob("*.tsv"))[0]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import heapq
 import itertools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -12,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.exceptions import OutOfReachError, PlanError
-from besman.geometry.frames import rotation_to_quaternion
+from besman.geometry.frames import quaternion_to_rotation, rotation_to_quaternion
 from besman.motion.adapt_task import frame_matrix
 from besman.planning.block_effects import BlockUse, LearntBlock
 from besman.planning.chaining import Leg, chain_leg, join_legs
@@ -30,8 +31,10 @@ FloatArray = npt.NDArray[np.float64]
 # So many demonstrations of a block are tried, the nearest first.
 _MOST_SOURCES = 3
 # And so many ways of a leg are looked at, of which so many are simulated.
-_MOST_WAYS, _MOST_TRIES = 120, 30
+_MOST_WAYS, _MOST_TRIES = 240, 30
 _OVER_M = 0.05
+# What is off by less stands where it stood.
+_NUDGED_M = 0.002
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +89,8 @@ class TriedLeg:
     sources : tuple of pair of str
         Label and demonstration of each of its blocks.
     before, after : array, shape (O, 7)
-        Where the middles of objects stand before, and are to stand after it, in the world.
+        Where the middles of objects stand before, as simulated, and are to stand after it, in the
+        world.
     trial : TaskTrial
         Of all legs to its end.
     tries : int
@@ -140,13 +144,14 @@ def try_legs(
         If a leg is out of the arm's reach or limits in every way: it names the block.
     """
     _check_reach(name, goals, objects, standing, bench)
-    places = tuple(goal.poses[0] for goal in goals)
     tried: list[TriedLeg] = []
+    wanted = standing
     for number, goal in enumerate(goals):
         best: TriedLeg | None = None
         faults: list[tuple[int, PlanError]] = []
         tries, lost = 0, any(not one.trial.success for one in tried)
-        leg = _Leg(name, goal, objects, standing, tuple(tried), places, bench)
+        places = _other_places(tried, goals[number:])
+        leg = _Leg(name, goal, objects, standing, wanted, tuple(tried), places, bench)
         ways = list_aimed(
             _ways(goal, standing, bench),
             leg.lead,
@@ -165,9 +170,33 @@ def try_legs(
             raise max(faults, key=lambda fault: fault[0])[1]
         best = replace(best, tries=tries)
         tried.append(best)
-        standing = best.after
+        standing, wanted = _stood(best), best.after
         done((number + 1) / len(goals))
     return join_legs(name, [one.plan for one in tried]), tuple(tried)
+
+
+def _stood(leg: TriedLeg) -> FloatArray:
+    """Return where objects stand after a leg, upright, shape (O, 7): the next takes them there.
+
+    As simulated: what slips a little in the hand would be gripped beside its middle, and fall.
+    """
+    stood = np.array(leg.after)
+    if not leg.trial.success:
+        return stood
+    found = leg.trial.outcomes
+    off = np.linalg.norm(found[:, :2] - stood[:, :2], axis=1) >= _NUDGED_M
+    heading = quaternion_to_rotation(found[:, 3:])
+    half = 0.5 * np.arctan2(heading[:, 1, 0], heading[:, 0, 0])
+    stood[off, :2] = found[off, :2]
+    stood[off, 3:] = np.stack([np.cos(half), 0 * half, 0 * half, np.sin(half)], axis=1)[off]
+    return stood
+
+
+def _other_places(tried: Sequence[TriedLeg], to_come: Sequence[LegGoal]) -> tuple[FloatArray, ...]:
+    """Return where objects stood before legs that were tried, and stand after any: boards stay."""
+    stood = [pose for leg in tried for pose in (*leg.before, *leg.after)]
+    known = {pose.tobytes(): pose for pose in (*stood, *(goal.poses[0] for goal in to_come))}
+    return tuple(known.values())
 
 
 class _Way(NamedTuple):
@@ -180,15 +209,7 @@ class _Way(NamedTuple):
 
 def _ways(goal: LegGoal, standing: FloatArray, bench: Bench) -> Iterator[_Way]:
     """Return ways to do a leg, those first that are least far from what is wanted most."""
-    task = bench.task
-    # The hand comes from elsewhere than it was shown to: it is straight ahead early.
-    early = task.grasp.model_copy(update={"before_m": max(task.ways.before_m)})
-    grasps = list(dict.fromkeys([early, task.grasp, *task.ways.list(task.grasp)]))
-    if len(standing) > 1:
-        # Over the others, which may stand beside it.
-        up_m = task.box.size_m[2] + _OVER_M
-        over = [one.model_copy(update={"up_m": up_m}) for one in grasps]
-        grasps = [one for pair in zip(over, grasps, strict=True) for one in pair]
+    grasps = _rank_grasps(bench.task, len(standing) > 1)
     blocks = [
         tuple(others[min(change, len(others) - 1)] for others in goal.blocks)
         for change in range(max(map(len, goal.blocks)))
@@ -198,20 +219,44 @@ def _ways(goal: LegGoal, standing: FloatArray, bench: Bench) -> Iterator[_Way]:
         for pose in goal.poses
     ]
     found = [
-        (sum(way), way)
+        (away + sum(sources) + change + pose, (grasp, sources, change, pose))
         for pose, orders in enumerate(ranked)
-        for change, sources in enumerate(orders)
-        for source in range(min(len(sources), _MOST_SOURCES))
-        for way in ((grasp, source, change, pose) for grasp in range(len(grasps)))
+        for change, uses in enumerate(orders)
+        for sources in itertools.product(*(range(min(len(own), _MOST_SOURCES)) for own in uses))
+        for grasp, (away, _) in enumerate(grasps)
     ]
-    for _, (grasp, source, change, pose) in sorted(found)[:_MOST_WAYS]:
-        yield _Way(goal.poses[pose], ranked[pose][change][source], grasps[grasp])
+    for _, (grasp, sources, change, pose) in heapq.nsmallest(_MOST_WAYS, found):
+        own = zip(ranked[pose][change], sources, strict=True)
+        uses = tuple(shown[source] for shown, source in own)
+        yield _Way(goal.poses[pose], uses, grasps[grasp][1])
+
+
+def _rank_grasps(task: RearrangeConfig, over: bool) -> list[tuple[int, GraspConfig]]:
+    """Return ways of the gripper, and how far each is from the first in all of its values.
+
+    What changes one value a little is near, so that the first ones differ in each of them.
+    """
+    shown, ways = task.grasp, task.ways
+    # The hand comes from elsewhere than it was shown to: it is straight ahead early.
+    early = sorted({*ways.before_m, shown.before_m}, reverse=True)
+    values: dict[str, Sequence[float]] = {"before_m": early}
+    for key in type(ways).model_fields:
+        values.setdefault(key, list(dict.fromkeys((getattr(shown, key), *getattr(ways, key)))))
+    if over:
+        # Over the others, which may stand beside it.
+        values["up_m"] = (task.box.size_m[2] + _OVER_M, shown.up_m)
+    ranked = []
+    for number, places in enumerate(itertools.product(*(range(len(v)) for v in values.values()))):
+        chosen = {key: v[at] for at, (key, v) in zip(places, values.items(), strict=True)}
+        ranked.append((sum(places), number, chosen))
+    ranked.sort(key=lambda one: one[:2])
+    return [(away, shown.model_copy(update=chosen)) for away, _, chosen in ranked]
 
 
 def rank_sources(
     blocks: Sequence[LearntBlock], thing: int, standing: FloatArray, pose: FloatArray, bench: Bench
-) -> list[tuple[BlockUse, ...]]:
-    """Choose a demonstration of each block, then others: those that succeed, the nearest first."""
+) -> list[list[BlockUse]]:
+    """Order the demonstrations of each block: those that succeed, the nearest first."""
     kind = next(block.thing for block in blocks if block.thing)
 
     def distance(use: BlockUse) -> tuple[bool, float, int]:
@@ -224,9 +269,7 @@ def rank_sources(
         away = float(np.linalg.norm(at[:3] - wanted[:3]))
         return (use.task not in bench.good, away, use.task)
 
-    orders = [sorted(block.uses, key=distance) for block in blocks]
-    most = max(len(order) for order in orders)
-    return [tuple(order[min(k, len(order) - 1)] for order in orders) for k in range(most)]
+    return [sorted(block.uses, key=distance) for block in blocks]
 
 
 def _note(faults: list[tuple[int, PlanError]], way: _Way, error: PlanError) -> None:
@@ -273,13 +316,14 @@ class _Leg(NamedTuple):
     goal: LegGoal
     objects: tuple[str, ...]
     standing: FloatArray
+    wanted: FloatArray
     tried: tuple[TriedLeg, ...]
     places: tuple[FloatArray, ...]
     bench: Bench
 
     def after(self, way: _Way) -> FloatArray:
         """Return where objects are to stand afterwards, shape (O, 7)."""
-        after = np.array(self.standing)
+        after = np.array(self.wanted)
         after[self.goal.thing] = way.pose
         return after
 

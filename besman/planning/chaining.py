@@ -96,7 +96,8 @@ def join_legs(name: str, legs: Sequence[TaskPlan]) -> TaskPlan:
     ----------
     name : str
     legs : sequence of TaskPlan
-        Each begins where the one before ends, at rest, and with objects where that leaves them.
+        Each begins where the one before ends, at rest, and with objects where that leaves them:
+        how far that is from where they were to be put is no goal of the whole.
     """
     first, last = legs[0], legs[-1]
     blocks: list[BlockPlan] = []
@@ -104,7 +105,7 @@ def join_legs(name: str, legs: Sequence[TaskPlan]) -> TaskPlan:
     between: list[FloatArray] = []
     passed = 0.0
     for leg in legs:
-        moved = np.any(leg.object_poses != leg.target_poses, axis=1)
+        put = {block.thing for block in leg.blocks if block.frame == "target"}
         kept = {
             ("object", thing): np.array_equal(leg.object_poses[k], first.object_poses[k])
             for k, thing in enumerate(leg.objects)
@@ -117,7 +118,9 @@ def join_legs(name: str, legs: Sequence[TaskPlan]) -> TaskPlan:
             for block in leg.blocks
         ]
         between += [
-            leg.target_poses[k] for k in np.flatnonzero(moved) if not kept["target", leg.objects[k]]
+            leg.target_poses[k]
+            for k, thing in enumerate(leg.objects)
+            if thing in put and not kept["target", thing]
         ]
         events += [
             (passed + float(at), event) for at, event in zip(leg.events_s, leg.events, strict=True)

@@ -67,7 +67,7 @@ def test_demonstrations_that_succeed_and_are_near_come_first():
 
     def first(good):
         ranked = rank_sources((block,), 0, standing, pose, replace(bench, good=frozenset(good)))
-        return [uses[0].task for uses in ranked]
+        return [[use.task for use in uses] for uses in ranked]
 
-    assert first(()) == [use.task, 2]
-    assert first((2,)) == [2, use.task]
+    assert first(()) == [[use.task, 2]]
+    assert first((2,)) == [[2, use.task]]

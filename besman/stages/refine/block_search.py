@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from itertools import count
 from typing import NamedTuple
 
 import numpy as np
@@ -25,6 +27,9 @@ FloatArray = npt.NDArray[np.float64]
 
 # Where nothing at all can be done, a search ends at once, and begins anew with more points.
 _MOST_RESTARTS = 6
+
+
+Tried = tuple[TaskPlan | None, BlockOutcome]
 
 
 @dataclass(frozen=True)
@@ -57,7 +62,9 @@ def search_blocks(
     """Refine one part after the other, each from the state in which the one before has ended.
 
     An episode that has fulfilled its part goes on into the next, as that was shown; only where it
-    fails there are others begun, in the state in which that part began.
+    fails there are others begun, in the state in which that part began. In the end all is simulated
+    at once: where that fails the search goes on with the first part that does, in the state in
+    which it has begun there.
 
     Parameters
     ----------
@@ -70,41 +77,97 @@ def search_blocks(
     sigma : float
         First standard deviation, in units of the search.
     """
+    search = _BlockSearch(parts, way, trials, budget, seed, sigma)
     state = trials.first(parts[0].plan.blocks[0].start)
-    done: list[TaskPlan] = []
-    episodes: dict[str, int] = {}
-    rewards: list[float] = []
-    seconds, success, before = 0.0, True, 0.0
-    for number, part in enumerate(parts):
-
-        def attempt(
-            x: FloatArray, part: Part = part, state: BlockState = state
-        ) -> tuple[TaskPlan | None, BlockOutcome]:
-            try:
-                plan = shape_part(part, way, trials.robot, x, done[-1] if done else None)
-            except PlanError:
-                return None, IMPOSSIBLE
-            return plan, trials.attempt(plan, state, part.goal)
-
-        told = _search(attempt, n_parameters(part.goal), budget, (seed, number), sigma, number > 0)
-        plan, outcome = told.best
-        episodes[part.goal], seconds = told.n, seconds + told.simulated_s
-        to_come = (len(parts) - 1 - number) * IMPOSSIBLE.reward
-        gained = [before + reward + to_come for reward in told.rewards]
-        if number > 0:
-            # The episode that has come from the part before goes on.
-            rewards[-1] = gained.pop(0)
-        rewards += gained
-        before += outcome.reward
-        success &= outcome.success
-        if plan is None or outcome.end is None:
+    first, failed, whole = 0, None, None
+    for attempt in count():
+        if not search.go_on(first, state, failed, attempt):
             break
-        done.append(plan)
-        state = outcome.end
-        if not outcome.success:
+        whole = _join([plan for plan, _ in search.done])
+        outcomes = search.confirm(whole)
+        if all(outcome.success for outcome in outcomes):
+            return search.found(whole, True)
+        first = next(k for k, outcome in enumerate(outcomes) if not outcome.success)
+        before = outcomes[first - 1].end if first else state
+        if before is None or search.episodes[parts[first].goal] >= budget:
             break
-    whole = _join(done) if len(done) == len(parts) else None
-    return Found(whole, success, episodes, seconds, np.array(rewards))
+        state, failed = before, outcomes[first]
+    return search.found(whole, False)
+
+
+class _BlockSearch:
+    """What a search of blocks has come to so far: of each part its numbers, plan and outcome."""
+
+    def __init__(
+        self,
+        parts: Sequence[Part],
+        way: GraspWay,
+        trials: BlockTrials,
+        budget: int,
+        seed: int,
+        sigma: float,
+    ) -> None:
+        self.parts, self.way, self.trials = parts, way, trials
+        self.budget, self.seed, self.sigma = budget, seed, sigma
+        self.at = [np.zeros(n_parameters(part.goal)) for part in parts]
+        self.done: list[tuple[TaskPlan, BlockOutcome]] = []
+        self.episodes: dict[str, int] = {}
+        self.rewards: list[float] = []
+        self.seconds = 0.0
+
+    def found(self, whole: TaskPlan | None, success: bool) -> Found:
+        """Return it as the result."""
+        return Found(whole, success, self.episodes, self.seconds, np.array(self.rewards))
+
+    def go_on(
+        self, first: int, state: BlockState, failed: BlockOutcome | None, attempt: int
+    ) -> bool:
+        """Search from a part on, which begins in a state; tell whether all succeed."""
+        known = None if failed is None else (self.done[first][0], failed)
+        del self.done[first:]
+        for number in range(first, len(self.parts)):
+            goal = self.parts[number].goal
+            before = sum(outcome.reward for _, outcome in self.done)
+            told = _search(
+                partial(self._attempt, number, state), self.at[number],
+                self.budget - self.episodes.get(goal, 0), (self.seed, number, attempt), self.sigma,
+                begun=number > first, known=known,
+            )  # fmt: skip
+            known = None
+            self.episodes[goal] = self.episodes.get(goal, 0) + told.n
+            self.seconds += told.simulated_s
+            to_come = (len(self.parts) - 1 - number) * IMPOSSIBLE.reward
+            gained = [before + reward + to_come for reward in told.rewards]
+            if number > first:
+                # The episode that has come from the part before goes on.
+                self.rewards[-1] = gained.pop(0)
+            self.rewards += gained
+            plan, outcome = told.best
+            self.at[number] = told.at
+            if plan is None or outcome.end is None:
+                return False
+            self.done.append((plan, outcome))
+            state = outcome.end
+            if not outcome.success:
+                return False
+        return True
+
+    def confirm(self, whole: TaskPlan) -> tuple[BlockOutcome, ...]:
+        """Simulate all at once: an episode of its own."""
+        plans, goals = [plan for plan, _ in self.done], [part.goal for part in self.parts]
+        outcomes = self.trials.attempt_whole(whole, plans, goals)
+        self.episodes["whole"] = self.episodes.get("whole", 0) + 1
+        self.seconds += sum(outcome.seconds for outcome in outcomes)
+        self.rewards.append(sum(outcome.reward for outcome in outcomes))
+        return outcomes
+
+    def _attempt(self, number: int, state: BlockState, x: FloatArray) -> Tried:
+        part, last = self.parts[number], self.done[-1][0] if self.done else None
+        try:
+            plan = shape_part(part, self.way, self.trials.robot, x, last)
+        except PlanError:
+            return None, IMPOSSIBLE
+        return plan, self.trials.attempt(plan, state, part.goal)
 
 
 def search_whole(
@@ -141,19 +204,17 @@ def search_whole(
         joined = _join(done) if len(done) == len(parts) else None
         return joined, BlockOutcome(reward, success, state, seconds)
 
-    told = _search(attempt, int(ends[-1]), budget, (seed,), sigma)
+    told = _search(attempt, np.zeros(int(ends[-1])), budget, (seed,), sigma)
     plan, outcome = told.best
     rewards = np.array(told.rewards)
     return Found(plan, outcome.success, {"whole": told.n}, told.simulated_s, rewards)
 
 
-Tried = tuple[TaskPlan | None, BlockOutcome]
-
-
 class _Told(NamedTuple):
-    """What one search was told: the best, episodes begun, seconds simulated, all rewards."""
+    """What one search was told: the best and its numbers, episodes begun, seconds, all rewards."""
 
     best: Tried
+    at: FloatArray
     n: int
     simulated_s: float
     rewards: list[float]
@@ -161,21 +222,24 @@ class _Told(NamedTuple):
 
 def _search(
     attempt: Callable[[FloatArray], Tried],
-    dimension: int,
+    start: FloatArray,
     budget: int,
     seed: tuple[int, ...],
     sigma: float,
     begun: bool = False,
+    known: Tried | None = None,
 ) -> _Told:
-    """Try what was shown, then search until something succeeds.
+    """Try numbers, zeros for what was shown, then search around them until something succeeds.
 
-    Where an episode has begun already what was shown is how it goes on.
+    Where an episode has begun already these are how it goes on; where it is known what comes of
+    them they are not tried.
     """
-    best = attempt(np.zeros(dimension))
-    n, seconds, told = int(not begun), best[1].seconds, [best[1].reward]
-    search = CmaEs(
-        np.zeros(dimension), sigma, None, seed, restarts="ipop", n_restarts=_MOST_RESTARTS
-    )
+    n, seconds, told, at = 0, 0.0, list[float](), start
+    if known is None:
+        known = attempt(start)
+        n, seconds, told = int(not begun), known[1].seconds, [known[1].reward]
+    best = known
+    search = CmaEs(start, sigma, None, seed, restarts="ipop", n_restarts=_MOST_RESTARTS)
     while not best[1].success and n < budget and not search.exhausted:
         points = search.ask()
         rewards = np.empty(len(points))
@@ -184,11 +248,11 @@ def _search(
             n, seconds, rewards[k] = n + 1, seconds + found[1].seconds, found[1].reward
             told.append(found[1].reward)
             if (found[1].success, found[1].reward) > (best[1].success, best[1].reward):
-                best = found
+                best, at = found, point
             if best[1].success:
-                return _Told(best, n, seconds, told)
+                return _Told(best, at, n, seconds, told)
         search.tell(points, rewards)
-    return _Told(best, n, seconds, told)
+    return _Told(best, at, n, seconds, told)
 
 
 def _join(parts: Sequence[TaskPlan]) -> TaskPlan:

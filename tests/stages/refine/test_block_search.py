@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -29,7 +30,10 @@ def test_parts_one_after_the_other_are_the_whole():
     """The box ends where it does when all is simulated at once."""
     parts, way, trials, frame = bench()
     found = search_blocks(parts, way, trials, budget=1, seed=0, sigma=1.0)
-    assert (found.success, found.episodes) == (True, {"take": 1, "put": 0, "leave": 0})
+    assert (found.success, found.episodes) == (
+        True,
+        {"take": 1, "put": 0, "leave": 0, "whole": 1},
+    )
     (trial,) = TASK.try_tasks([found.plan], trials.robot, frame)
     assert trial.success
     state, last = trials.first(parts[0].plan.blocks[0].start), None
@@ -40,7 +44,59 @@ def test_parts_one_after_the_other_are_the_whole():
     np.testing.assert_allclose(state.qpos[-7:-4], trial.outcomes[0, :3], atol=5e-4)
     as_one = search_whole(parts, way, trials, budget=1, seed=0, sigma=1.0)
     assert (as_one.success, as_one.episodes) == (True, {"whole": 1})
-    assert as_one.simulated_s == pytest.approx(found.simulated_s)
+    assert as_one.simulated_s == pytest.approx(found.simulated_s - trial.duration, abs=0.02)
+
+
+def test_each_part_begins_in_the_state_in_which_it_does_in_the_whole():
+    """Without the rest after the one before."""
+    parts, way, trials, _ = bench()
+    state, plans = trials.first(parts[0].plan.blocks[0].start), []
+    ends = []
+    for part in parts:
+        last = plans[-1] if plans else None
+        plans.append(shape_part(part, way, trials.robot, np.zeros(n_parameters(part.goal)), last))
+        state = trials.attempt(plans[-1], state, part.goal).end
+        ends.append(state)
+    whole = search_blocks(parts, way, trials, budget=1, seed=0, sigma=1.0).plan
+    outcomes = trials.attempt_whole(whole, plans, [part.goal for part in parts])
+    assert all(outcome.success for outcome in outcomes)
+    for one, outcome in zip(ends, outcomes, strict=True):
+        np.testing.assert_allclose(one.qpos, outcome.end.qpos, atol=1e-3)
+        assert one.closed_m == pytest.approx(outcome.end.closed_m, abs=1e-3)
+
+
+def test_a_part_that_fails_in_the_whole_alone_is_searched_on_from_there():
+    """As if the box fell when all is simulated at once for the first time."""
+    parts, way, trials, _ = bench()
+
+    class Unlucky(BlockTrials):
+        seen: ClassVar[list] = []
+
+        def attempt_whole(self, whole, parts, goals):
+            take, put, leave = super().attempt_whole(whole, parts, goals)
+            self.seen.append(whole)
+            if len(self.seen) == 1:
+                put = put._replace(reward=-0.9, success=False)
+                leave = leave._replace(reward=-0.9, success=False)
+            return take, put, leave
+
+    fields = {one.name: getattr(trials, one.name) for one in dataclasses.fields(trials)}
+    unlucky = Unlucky(**fields)
+    found = search_blocks(parts, way, unlucky, budget=20, seed=0, sigma=0.3)
+    assert found.success
+    assert found.episodes["take"] == 1
+    assert 1 <= found.episodes["put"] <= 20
+    assert found.episodes["leave"] == 0
+    assert found.episodes["whole"] == 2
+    assert len(found.rewards) == sum(found.episodes.values())
+    first, second = unlucky.seen
+    assert first.blocks[0] is second.blocks[0]
+    assert not np.array_equal(first.blocks[-2].goal, second.blocks[-2].goal)
+    assert found.plan is second
+    # Without any episode left there is nothing to go on with.
+    Unlucky.seen.clear()
+    (last,) = (search_blocks(parts, way, unlucky, budget=0, seed=0, sigma=0.3),)
+    assert (last.success, last.plan is not None) == (False, True)
 
 
 def test_a_part_that_fails_is_searched_alone():

@@ -37,7 +37,7 @@ def test_block_by_block_begins_with_the_way_in_which_the_task_was_brought():
     robot, _, frame, grasp, first = bench()
     found = search_task_blocks(first.plan, grasp, robot, TASK, frame)
     # One episode goes through all parts.
-    assert (found.success, sum(found.episodes.values())) == (True, 1)
+    assert (found.success, sum(found.episodes.values())) == (True, 2)
     assert len(found.rewards) == 1
     time, positions, *_ = sample_task(first.plan)
     again = sample_task(found.plan)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Literal, NamedTuple
 
 import mujoco
@@ -12,13 +14,14 @@ import numpy.typing as npt
 from besman.records import TaskPlan
 from besman.robot.model import Robot
 from besman.simulation.episodes import tracking_errors
-from besman.simulation.physics import run_physics
+from besman.simulation.physics import SimulatedStates, run_physics
 from besman.simulation.setpoints import expected_movements, servo_setpoints
 from besman.simulation.tasks.grasp_box.gripper import FINGERS
+from besman.simulation.tasks.rearrange.arm_way import ArmWay
 from besman.simulation.tasks.rearrange.boxes import BoxFrame, box_poses
 from besman.simulation.tasks.rearrange.rearrange import RearrangeConfig
 from besman.simulation.tasks.rearrange.rearrange_scene import rearrange_model
-from besman.simulation.tasks.rearrange.rearranging import pose_angles, read_touches
+from besman.simulation.tasks.rearrange.rearranging import judge, pose_angles, read_touches
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -59,6 +62,7 @@ class BlockOutcome(NamedTuple):
         did not follow or touched a board. -2 if it cannot be done.
     success : bool
     end : BlockState
+        As the movement ends, before it has settled: in a whole task the next part begins at once.
     seconds : float
         That were simulated.
     """
@@ -119,11 +123,49 @@ class BlockTrials:
         state : BlockState
         goal : "take", "put" or "leave"
         """
-        task, step, n = self.task, self.task.simulation.time_step_s, self.robot.n
-        way = task.way(part)
+        way = self.task.way(part)
+        run, closed_m = self._simulate(way, state)
+        rows = np.array([self._last_row(way)])
+        (outcome,) = self._outcomes(run, way, closed_m, rows, (goal,))
+        return outcome
+
+    def attempt_whole(
+        self, whole: TaskPlan, parts: Sequence[TaskPlan], goals: Sequence[BlockGoal]
+    ) -> tuple[BlockOutcome, ...]:
+        """Simulate all parts at once, from before the first; judge each where it ends.
+
+        Where the task as a whole fails one of them does: if none at its end, the worst.
+
+        Parameters
+        ----------
+        whole : TaskPlan
+        parts : sequence of TaskPlan
+            Of which it is made.
+        goals : sequence of str
+            What each of them is for.
+        """
+        way = self.task.way(whole)
+        run, closed_m = self._simulate(way, self.first(whole.blocks[0].start))
+        rows = np.cumsum([self._last_row(self.task.way(part)) for part in parts])
+        outcomes = self._outcomes(run, way, closed_m, rows, goals)
+        trial = judge(run, self.task, whole, way, self.after, self.robot)
+        if all(outcome.success for outcome in outcomes) and not trial.success:
+            worst = min(outcomes, key=lambda outcome: outcome.reward)
+            return tuple(one._replace(success=one is not worst) for one in outcomes)
+        return outcomes
+
+    def _last_row(self, way: ArmWay) -> int:
+        """Return the step at which a movement ends; it settles afterwards."""
+        assert way.movements.ends is not None
+        moving_s = float(way.movements.ends[0]) - self.task.wait.settle_s
+        return int(moving_s / self.task.simulation.time_step_s)
+
+    def _simulate(self, way: ArmWay, state: BlockState) -> tuple[SimulatedStates, FloatArray]:
+        """Return what comes of a movement from a state, and where fingers are sent, (T,)."""
+        step = self.task.simulation.time_step_s
         arm = servo_setpoints(self.robot, way.movements, step)
         time = step * np.arange(arm.shape[1], dtype=np.float64)
-        fingers = way.finger_controls(task.gripper, time, state.closed_m)
+        fingers = way.finger_controls(self.task.gripper, time, state.closed_m)
         run = run_physics(
             self.model,
             state.qpos[None],
@@ -131,16 +173,38 @@ class BlockTrials:
             lambda run, span: np.array([False]),
             initial_qvel=state.qvel[None],
         )
+        return run, fingers[:, 0]
+
+    def _outcomes(
+        self,
+        run: SimulatedStates,
+        way: ArmWay,
+        closed_m: FloatArray,
+        rows: npt.NDArray[np.int64],
+        goals: Sequence[BlockGoal],
+    ) -> tuple[BlockOutcome, ...]:
+        """Judge parts that end at rows; the last when all has settled."""
         if not np.isfinite(run.qpos).all():
-            return IMPOSSIBLE
+            return (IMPOSSIBLE,) * len(goals)
+        task, step, n = self.task, self.task.simulation.time_step_s, self.robot.n
+        n_steps = run.qpos.shape[1]
         expected = expected_movements(self.robot, way.movements, step)
-        lag = tracking_errors(run.qpos[:, :, :n], expected, np.array([run.qpos.shape[1] - 1]))
         touches, boards = read_touches(run, len(self.before))
-        fouls = int(lag[0] > task.failure.greatest_tracking_error_rad) + int(boards.any())
-        boxes = run.qpos[0, :, n + len(FINGERS) :].reshape(len(time), -1, 7)[:, self.thing]
-        off_m, fine = self._judge(boxes, touches[:, self.thing], way.commands_s, goal)
-        end = BlockState(run.qpos[0, -1], run.qvel[0, -1], float(fingers[-1, 0]))
-        return BlockOutcome(-off_m + _FOULED * fouls, fine and not fouls, end, float(time[-1]))
+        boxes = run.qpos[0, :, n + len(FINGERS) :].reshape(n_steps, -1, 7)[:, self.thing]
+        found = []
+        stops = [0, *(rows[:-1] + 1), n_steps]
+        for goal, row, (first, stop) in zip(goals, rows, pairwise(stops), strict=True):
+            asked = replace(expected, positions=expected.positions[:, first:stop])
+            last = np.array([stop - first - 1])
+            lag = tracking_errors(run.qpos[:, first:stop, :n], asked, last)
+            followed = lag[0] <= task.failure.greatest_tracking_error_rad
+            fouls = int(not followed) + int(boards[first:stop].any())
+            held = touches[:stop, self.thing]
+            off_m, fine = self._judge(boxes[:stop], held, way.commands_s, goal)
+            end = BlockState(run.qpos[0, row], run.qvel[0, row], float(closed_m[row]))
+            seconds = step * float(stop - first)
+            found.append(BlockOutcome(-off_m + _FOULED * fouls, fine and not fouls, end, seconds))
+        return tuple(found)
 
     def _judge(
         self,
