@@ -93,6 +93,10 @@ def run_pipeline(
         raise RunError(f"--fresh: no stage {fresh!r}; {nearest(fresh, STAGES)}")
     own = nullcontext(workers) if workers is not None else Workers(jobs, cluster, PRELOAD)
     with own as workers:
+        # What leads nowhere is said before anything is written: a slip costs no finished run.
+        _check_arms(config)
+        if config.recognize.model is not None:
+            load_model(Path(config.recognize.model))
         clock = Clock()
         inputs = read_inputs(
             config.recordings, learn_from(config), config.read, config.select.landing
@@ -101,10 +105,6 @@ def run_pipeline(
         with _ends_in_order(run):
             run.start(pipeline_yaml(config), inputs.checksums)
             run.record_time(clock.row("read", Items(len(inputs.recordings), "recordings")))
-            # What leads nowhere is said before the first stage.
-            _check_arms(config)
-            if config.recognize.model is not None:
-                load_model(Path(config.recognize.model))
             # Many small matrices: threads inside BLAS cost more than they bring.
             with threadpool_limits(limits=1, user_api="blas"):
                 _run_stages(config, run, inputs, trained_in)

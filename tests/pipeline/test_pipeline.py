@@ -219,7 +219,7 @@ def test_retarget_goes_on_if_one_of_several_robots_fails(
     for name in ("ur10", "iiwa7"):
         assert json.loads((out / name / "run.json").read_text())["status"] == "done"
         assert (out / name / "report.html").is_file()
-    assert json.loads((out / "ur11" / "run.json").read_text())["status"] == "failed"
+    assert not (out / "ur11").exists()
 
 
 def test_retarget_refuses_a_robot_twice(finished, capture, monkeypatch, capsys):
@@ -406,6 +406,18 @@ BAD = [
     unknown_robot, missing_model, unknown_stage, bad_setting, setting_below_a_value,
     setting_not_yaml,
 ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "settings", ["robot=ur6", "tool=scoop", "recognize.model=none"], ids=lambda one: one
+)
+def test_a_slip_costs_no_finished_run(finished, tmp_path, monkeypatch, capsys, settings):
+    run = tmp_path / "run"
+    shutil.copytree(finished, run)
+    before = tree(run)
+    assert besman(monkeypatch, "run", STICK_THROW, "--out", run, "--set", settings) == 2
+    assert tree(run) == before
+    assert capsys.readouterr().err.count("besman: error: ") == 1
 
 
 @pytest.mark.parametrize("make", BAD)
