@@ -6,7 +6,7 @@ own copy: in one world by the slopes that make all its outcomes most likely (see
 that the damping allows, so that directions that change no outcome stay where they are. Residuals
 may be those of several models of the world at once: what is left of them then is how far apart the
 models' outcomes are. The first steps are taken in the one model alone, until its outcome is near:
-that tells where all are. They keep the models as near each other as at the first point, foreseen.
+that tells where all are. They keep the models as near each other as at a first point found so.
 
 References
 ----------
@@ -116,6 +116,7 @@ class GaussNewton:
         self._options = (sigma, population, seed, bounds, restarts)
         self._steps, self._left = steps, _LONGER * steps
         self._next = self._agreed = np.array(start if first is None else first, dtype=np.float64)
+        self._foresees = bool((np.abs(self._next - self._start) > BESIDE).any())
         self._at: Tried | None = None
         self._best: Tried | None = None
         self._seen: list[Tried] = []  # all that has an outcome in the first world
@@ -182,8 +183,7 @@ class GaussNewton:
         elif residuals is None:
             self._begin_cma(self._start)
         else:
-            pairs = zip(np.array(points), np.array(residuals), strict=True)
-            tried = [Tried(*pair) for pair in pairs]
+            tried = [Tried(*one) for one in zip(np.array(points), np.array(residuals), strict=True)]
             if self._block is None:
                 self._learn(tried[0])
             else:
@@ -344,7 +344,7 @@ class GaussNewton:
     def _step(self, tried: Tried) -> FloatArray:
         """Return the damped step of the linear model [1]_, no longer than the reach."""
         assert self.jacobian is not None
-        if not self._in_worlds:
+        if not self._in_worlds and self._foresees:
             tried = foresee(tried, self.jacobian, self._agreed)
         known, n = np.isfinite(tried.residuals), len(tried.residuals)
         rows = self.jacobian[:n][known] / np.sqrt(n)

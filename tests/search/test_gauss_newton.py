@@ -98,7 +98,7 @@ def test_worlds_come_closer_along_the_free_directions():
 def test_steps_in_the_model_alone_keep_the_worlds_as_near_as_they_were():
     """Least squares of what is foreseen in all of them, by another solver."""
     slopes = SLOPE + np.concatenate([np.zeros((1, 2, 5)), RNG.normal(size=(3, 2, 5))])
-    search = search_of(slopes, damping=1e-9)
+    search = search_of(slopes, damping=1e-9, first=np.ones(5))
     begin, first = search.ask()[0], np.array([0.9, -0.6])
     search.tell(begin[None], np.zeros(1), first[None, None])
     (point,) = search.ask()
