@@ -343,11 +343,9 @@ def find_recordings(paths: Iterable[Path]) -> list[Path]:
         if path.is_dir():
             inside = [file for file in path.iterdir() if _is_recording(file)]
             if not inside:
-                deeper = [one for one in path.iterdir() if one.is_dir()]
-                deeper = [one for one in deeper if any(map(_is_recording, one.iterdir()))]
-                more = (
-                    f"; there are some in {', '.join(map(str, sorted(deeper)))}" if deeper else ""
-                )
+                deeper = sorted(one for one in path.iterdir() if one.is_dir())
+                places = [str(d) for d in deeper if any(map(_is_recording, d.iterdir()))]
+                more = f"; there are some in {', '.join(places)}" if places else ""
                 raise RecordingError(
                     f"{path}: no recording in this folder; expected files that are "
                     f"{KNOWN_FORMATS}, or end in {', '.join(_own_suffixes())}{more}"
