@@ -3,7 +3,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from besman.exceptions import PlanError
@@ -48,6 +48,7 @@ def near(plan, which, random, spread):
     duration=st.none() | st.floats(0.02, 5),
     ends=st.sampled_from(["goal", "start", "both", "neither"]),
 )
+@example(robot="compi", seed=3437, spread=0.021484375, duration=1.0, ends="start")
 @settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 def test_what_comes_out_violates_nothing(
     robots, plan_of, kind, robot, seed, spread, duration, ends
@@ -72,7 +73,9 @@ def test_what_comes_out_violates_nothing(
     assert new.kind == kind
     # No slower than asked for and needed.
     if new.duration > 1.0001 * (duration or plan.duration):
-        assert ratio > 0.99
+        # A short peak lies between the samples of 1 kHz.
+        _, *dense = sample_plan(new, arm, rate_hz=10_000)
+        assert max(ratio, check_limits(arm, *dense).acceleration_ratio) > 0.99
     for which, value in wanted.items():
         same = getattr(new, which)
         np.testing.assert_allclose(same[:3], value[:3], atol=1e-12)
