@@ -88,9 +88,12 @@ def inverse_dynamics(
     """
     shape = np.shape(positions)
     flat = [
-        np.ascontiguousarray(np.reshape(values, (-1, robot.n)), dtype=np.float64)
+        np.ascontiguousarray(np.reshape(values, (-1, robot.n)), dtype=np.float64).view()
         for values in (positions, velocities, accelerations)
     ]
+    for values in flat:
+        # Or the kernel would be compiled once more for records, which nobody may write to.
+        values.flags.writeable = False
     bodies = body_inertias(robot)
     chain = robot.chain
     parts = _rodrigues_parts(chain.placements, chain.axes)
