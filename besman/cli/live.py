@@ -135,10 +135,8 @@ def follow_live(
     teller = _Teller(keeps=json_file is not None, events=events)
     if page:
         from besman.view.follow_live import open_follow_page
-        from besman.web.push import Broadcast
 
-        teller.news = Broadcast()
-        _show_page(open_follow_page(follower, teller.news, port), follower, teller, record)
+        _show_page(open_follow_page(follower, teller.publish(), port), follower, teller, record)
     else:
         _tell_all(follower, teller, record)
     if json_file is not None:
@@ -192,10 +190,8 @@ def mirror(
     twin = Mirror(source, plan, 10.0 if learn is None else learn, by_frames)
     if page:
         from besman.view.mirror_live import open_mirror_page
-        from besman.web.push import Broadcast
 
-        teller.news = Broadcast()
-        _show_page(open_mirror_page(twin, teller.news, port), twin, teller, record)
+        _show_page(open_mirror_page(twin, teller.publish(), port), twin, teller, record)
     else:
         _tell_all(twin, teller, record)
     teller.close()
@@ -286,6 +282,13 @@ class _Teller:
         self.told: list[dict[str, Any]] = []
         self.news: Broadcast | None = None
         self._failed: FileError | None = None
+
+    def publish(self) -> "Broadcast":
+        """Return what is told from now on, for the page."""
+        from besman.web.push import Broadcast
+
+        self.news = Broadcast()
+        return self.news
 
     def tell(self, one: dict[str, Any]) -> None:
         """Print what has become known as a line, send it on and keep it, as was asked for."""

@@ -75,10 +75,11 @@ def test_a_run_is_followed_to_what_it_found_itself(monkeypatch, tmp_path, capsys
     starts = {round(piece["start_s"], 6): k for k, piece in enumerate(found["blocks"]["right"])}
     labels = [piece["label"] for piece in found["blocks"]["right"]]
     last = {round(told["start_s"], 6): told["label"] for told in found["forecasts"]}
-    told = [label == labels[starts[start]] for start, label in last.items() if start in starts]
+    told = [(label, labels[starts[at]]) for at, label in last.items() if at in starts]
     assert len(told) > 5
+    assert np.mean([label == truth for label, truth in told if truth != "idle"]) > 0.7
     # Whether this person rests is told by this recording alone: others count as half a sighting.
-    assert np.mean(told) > 0.6
+    assert np.mean([label == truth for label, truth in told]) > 0.6
     assert any(" final    block right" in line and "throw (" in line for line in lines)
     assert any(" final    action 1" in line and "toss (" in line for line in lines)
 

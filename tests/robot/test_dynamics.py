@@ -1,7 +1,7 @@
 import numpy as np
 import pinocchio
 
-from besman.robot.dynamics import inverse_dynamics
+from besman.robot.dynamics import _newton_euler, inverse_dynamics
 from besman.robot.model import load_robot
 
 ROBOT = load_robot("ur5", "stick_holder")
@@ -21,3 +21,12 @@ def test_keeps_the_shape_of_a_batch():
     np.testing.assert_array_equal(
         torques[1, 3], inverse_dynamics(ROBOT, q[1, 3], dq[1, 3], ddq[1, 3])
     )
+
+
+def test_records_need_no_kernel_of_their_own():
+    moved = np.zeros((4, 6))
+    kept = moved.copy()
+    kept.flags.writeable = False
+    for values in (moved, kept, [[0.0] * 6], moved[::2], np.asfortranarray(moved)):
+        inverse_dynamics(ROBOT, values, values, values)
+    assert len(_newton_euler.signatures) == 1

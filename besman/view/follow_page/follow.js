@@ -1,6 +1,7 @@
 // Draws a live stream as it is pushed: markers with names, the hand's speed, borders as they fall.
 
 import { OrbitCamera } from "./web/camera.js";
+import { takeNews } from "./web/news.js";
 import { color, themeToggle } from "./web/theme.js";
 
 const SHOWN_S = 15;
@@ -140,15 +141,7 @@ const take = {
   end: (one) => { $("state").textContent = `ended after ${one.frames} frames`; },
 };
 
-const news = new WebSocket(new URL("news", location.href.replace(/^http/, "ws")));
-news.addEventListener("message", (event) => {
-  const one = JSON.parse(event.data);
-  take[one.kind]?.(one);
-});
-news.addEventListener("close", () => {
-  if (!$("state").textContent.startsWith("ended")) $("state").textContent = "besman follow has ended";
-});
-
+takeNews(take, $("state"), "besman follow");
 themeToggle($("theme"), draw);
 camera.attach(canvas, drawSoon);
 window.addEventListener("resize", drawSoon);

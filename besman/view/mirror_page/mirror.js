@@ -1,6 +1,7 @@
 // Draws a live stream as it is pushed: markers of the person, and the robot's twin.
 
 import { OrbitCamera } from "./web/camera.js";
+import { takeNews } from "./web/news.js";
 import { color, themeToggle } from "./web/theme.js";
 
 const $ = (id) => document.getElementById(id);
@@ -69,15 +70,7 @@ const take = {
   end: (one) => { $("state").textContent = `ended after ${one.frames} frames`; },
 };
 
-const news = new WebSocket(new URL("news", location.href.replace(/^http/, "ws")));
-news.addEventListener("message", (event) => {
-  const one = JSON.parse(event.data);
-  take[one.kind]?.(one);
-});
-news.addEventListener("close", () => {
-  if (!$("state").textContent.startsWith("ended")) $("state").textContent = "besman mirror has ended";
-});
-
+takeNews(take, $("state"), "besman mirror");
 themeToggle($("theme"), draw);
 camera.attach(canvas, drawSoon);
 window.addEventListener("resize", drawSoon);

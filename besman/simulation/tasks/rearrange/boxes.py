@@ -92,7 +92,8 @@ def frame_of_tools(insides: Sequence[FloatArray]) -> BoxFrame | None:
     BoxFrame
         See `frame_of_grasps`; None if there is no pose.
     """
-    centres, turns = list[FloatArray](), list[float]()
+    centres: list[FloatArray] = []
+    turns: list[float] = []
     sides: list[float] = []
     for inside in insides:
         centres.append(inside[:3, 3])
