@@ -83,7 +83,7 @@ def compare(checkouts, rounds):
 def measure_checks(files):
     """Return the least seconds that the checks of what was read take, of every file."""
     from besman.io.recordings.formats import read_recording
-    from besman.io.recordings.sense import check_recording
+    from besman.io.recordings.plausibility import check_recording
 
     found = []
     for path in files:

@@ -73,3 +73,21 @@ def open_page(chromium):
 def open_shared(chromium):
     """Open pages that the tests of one file look at in turn."""
     yield from open_pages(chromium)
+
+
+def wait_for_colors(page, canvas, colors, timeout=None):
+    """Wait until a canvas has pixels of all these colors ("red,green,blue"), each fully opaque."""
+    page.wait_for_function(
+        """([name, colors]) => {
+          const canvas = document.getElementById(name);
+          const { width, height } = canvas;
+          const pixels = canvas.getContext("2d").getImageData(0, 0, width, height).data;
+          const missed = new Set(colors);
+          for (let at = 0; at < pixels.length && missed.size; at += 4) {
+            if (pixels[at + 3] === 255) missed.delete(pixels.slice(at, at + 3).join());
+          }
+          return !missed.size;
+        }""",
+        arg=[canvas, colors],
+        timeout=timeout,
+    )

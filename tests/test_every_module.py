@@ -15,7 +15,7 @@ COMMANDS = "besman.cli."
 OTHERWISE = {
     "besman.__main__": ("python -m besman", "annotate/test_commands.py"),
     "besman.annotate.proposals": ("through a session", "annotate/test_proposals.py"),
-    "besman.following.news": ("in what is printed", "following/test_live.py"),
+    "besman.following.json_events": ("in what is printed", "following/test_live.py"),
     "besman.io.recordings.keypoint_frames": (
         "through its reader",
         "io/recordings/test_keypoint_layouts.py",

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from besman.exceptions import AnnotationError
 from besman.io.recordings.formats import WRITTEN_SUFFIXES, write_recording
-from besman.stages.label.woven import WovenRecording
+from besman.stages.label.joined_trajectories import WovenRecording
 
 
 class NamedFile:

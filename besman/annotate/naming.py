@@ -17,9 +17,7 @@ from besman.geometry.gaps import find_runs
 from besman.person.marker_set import MarkerSet, normalise_name
 from besman.records import Recording
 from besman.stages.label.gather import found_markers
-from besman.stages.label.stage import LabelTrajectoriesConfig
-from besman.stages.label.trajectories import decide_names
-from besman.stages.label.woven import (
+from besman.stages.label.joined_trajectories import (
     PiecedPath,
     WovenRecording,
     is_seen,
@@ -27,6 +25,8 @@ from besman.stages.label.woven import (
     split_path,
     weave_names,
 )
+from besman.stages.label.stage import LabelTrajectoriesConfig
+from besman.stages.label.trajectories import decide_names
 
 GHOST = ""
 """Name of a fragment that is no marker."""

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.exceptions import WebError, nearest
-from besman.stages.label.woven import WovenRecording
+from besman.stages.label.joined_trajectories import WovenRecording
 
 IntArray = npt.NDArray[np.int64]
 Float32 = npt.NDArray[np.float32]

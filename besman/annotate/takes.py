@@ -21,9 +21,9 @@ from besman.io.segments_json import segments_path
 from besman.person.marker_set import MarkerSet, load_marker_set
 from besman.records import LabelledRecording, Recording
 from besman.records.layers import ACTIONS, Side
+from besman.stages.label.joined_trajectories import WovenRecording
 from besman.stages.label.results import trajectory_name
 from besman.stages.label.stage import LabelConfig
-from besman.stages.label.woven import WovenRecording
 
 MARKER_SETS = ("two_arms", "right_arm", "xsens", "exoskeleton")
 """Marker sets that are tried in this order where none is named."""

@@ -153,7 +153,7 @@ def _check_robot(name: Annotated[str, typer.Argument(help="A robot, or a robot.y
 def _print_doubts(name: str) -> bool:
     """Print what is missing or doubtful; tell whether something is missing."""
     from besman.cli.terminal import open_terminal
-    from besman.robot.doubts import check_robot
+    from besman.robot.description_faults import check_robot
 
     console = open_terminal()
     doubts = check_robot(name)

@@ -12,7 +12,7 @@ import numpy as np
 from besman.exceptions import ConfigError
 from besman.following.follower import Follower
 from besman.following.foreseeing import BlockForecast
-from besman.following.news import content_of_forecast, content_of_piece
+from besman.following.json_events import content_of_forecast, content_of_piece
 from besman.following.pieces import Change, Piece
 from besman.following.plans import FollowPlan, label_stream, make_follower
 from besman.io.recordings.formats import read_recording

@@ -14,7 +14,7 @@ from besman.exceptions import FileError, RecordingError
 from besman.following.impossible_samples import SampleGate
 from besman.following.stream_labels import StreamChecks, StreamLabels
 from besman.following.stream_names import LearnNames, StreamNames, needs_names
-from besman.io.recordings.sense import check_names, check_rate
+from besman.io.recordings.plausibility import check_names, check_rate
 from besman.live.alignment import Aligner, Frame
 from besman.live.capture import CaptureFile
 from besman.live.stream import Source, StreamFormat

@@ -11,7 +11,7 @@ import numpy as np
 from besman.exceptions import BesmanError
 from besman.following.follower import Follower
 from besman.following.frame_stream import FrameStream, MakeCapture, NamedFrame, Told
-from besman.following.news import content_of_forecast, content_of_piece
+from besman.following.json_events import content_of_forecast, content_of_piece
 from besman.following.pieces import Change
 from besman.following.plans import FollowPlan, learn_names_of, make_follower
 from besman.live.stream import Source, StreamFormat

@@ -20,7 +20,7 @@ from pydantic import Field
 from besman.config.stage import Config
 from besman.exceptions import TransferError
 from besman.transfer.archive import Archive, Simulator, add_simulated
-from besman.transfer.front import nsga2
+from besman.transfer.nsga2 import nsga2
 from besman.transfer.surrogate import GaussianShift, InverseDistance, Surrogate
 
 FloatArray = npt.NDArray[np.float64]

@@ -18,7 +18,7 @@ from besman.records import RefinedMotion
 from besman.report.html_tables import html_table
 from besman.report.page_style import STYLE
 from besman.robot.config import RobotConfig
-from besman.robot.doubts import Doubt
+from besman.robot.description_faults import Doubt
 from besman.robot.model import Robot, find_robot
 from besman.robot.workspace import Workspace
 from besman.stages.map.mapping import Mapping as MappedThrows
@@ -40,7 +40,7 @@ class TriedArm:
         With its tool.
     space : Workspace
     doubts : sequence of Doubt
-        What `besman.robot.doubts.check_robot` found.
+        What `besman.robot.description_faults.check_robot` found.
     trial : ArmTrial
     replay : Path, optional
         The replay of the run, one HTML file.

@@ -10,7 +10,7 @@ from pathlib import Path
 from besman.exceptions import BesmanError, RobotError
 from besman.io.atomic_files import check_folder, make_folder
 from besman.pipeline.arm_trial import SHORT_M, ArmTrial, try_arm
-from besman.robot.doubts import check_robot
+from besman.robot.description_faults import check_robot
 from besman.robot.model import Robot, find_robot, load_robot
 from besman.robot.new_robot import DESCRIPTIONS, Wishes, add_robot
 from besman.robot.workspace import Workspace, sample_workspace

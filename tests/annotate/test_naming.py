@@ -10,7 +10,7 @@ from besman.exceptions import AnnotationError, ChangedError
 from besman.io.recordings.formats import read_recording, write_recording
 from besman.person.marker_set import load_marker_set
 from besman.records import Recording
-from besman.stages.label.woven import WovenRecording
+from besman.stages.label.joined_trajectories import WovenRecording
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,7 @@ import pytest
 from besman.annotate.signals import CHUNK, FACTOR, Pyramid, SignalPyramids
 from besman.exceptions import WebError
 from besman.records import Recording
-from besman.stages.label.woven import WovenRecording
+from besman.stages.label.joined_trajectories import WovenRecording
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from scipy.spatial import ConvexHull
 from besman.cli import main as cli
 from besman.exceptions import RobotError
 from besman.robot.collision import distances
-from besman.robot.doubts import check_robot
+from besman.robot.description_faults import check_robot
 from besman.robot.dynamics import inverse_dynamics
 from besman.robot.kinematics import forward_kinematics, manipulability
 from besman.robot.model import find_robot, find_urdf, load_robot

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import yaml
 
-from besman.robot.doubts import check_robot
+from besman.robot.description_faults import check_robot
 from besman.robot.model import find_robot, load_robot
 from besman.robot.new_robot import add_robot
 from besman.robot.shape_doubts import distance_outside

@@ -2,6 +2,7 @@ import json
 
 import numpy as np
 import pytest
+from browser import wait_for_colors
 from command_line import besman
 
 from besman.config.resources import resource_folder
@@ -12,6 +13,7 @@ from besman.standalone.train_files import train_files
 from besman.view.follow_live import describe_present, open_follow_page
 from besman.web.push import Broadcast
 
+BLOCK = {"label": "x", "start_s": 7.0, "end_s": 8.0, "status": "new", "final": False}
 SAMPLE = resource_folder("data") / "stick_throw" / "subject1.tsv"
 
 
@@ -61,22 +63,12 @@ def test_a_browser_draws_borders_and_speed(followed, open_page, tmp_path):
         page = open_page(server.url)
         page.locator("#time", has_text=f"{lines[-1]['time_s']:.2f} s").wait_for()
         assert page.text_content("#title") == "besman follow: subject1.tsv"
+        # Markers and floor; borders that are final, though they came after the frame.
+        wait_for_colors(page, "canvas", ["224,120,42", "195,201,210"])
+        wait_for_colors(page, "strip", ["224,120,42"])
+        news.send(json.dumps({"kind": "block", "of": "left", **BLOCK}))
+        wait_for_colors(page, "strip", ["224,120,42", "11,97,164"])
         page.screenshot(path=tmp_path / "follow.png")
-        drawn = page.evaluate(
-            """() => ["canvas", "strip"].map((name) => {
-              const canvas = document.getElementById(name);
-              const { width, height } = canvas;
-              const pixels = canvas.getContext("2d").getImageData(0, 0, width, height).data;
-              const colors = new Set();
-              for (let at = 0; at < pixels.length; at += 4) {
-                if (pixels[at + 3] === 255) colors.add(pixels.slice(at, at + 3).join());
-              }
-              return [...colors];
-            })"""
-        )
-        # Markers and floor; borders, final or not.
-        assert {"224,120,42", "195,201,210"} <= set(drawn[0])
-        assert {"224,120,42", "11,97,164"} & set(drawn[1])
         news.end()
         page.locator("#state", has_text="besman follow has ended").wait_for()
     finally:

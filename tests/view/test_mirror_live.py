@@ -5,6 +5,7 @@ import time
 
 import numpy as np
 import pytest
+from browser import wait_for_colors
 from command_line import besman
 from web_session import session
 from websockets.sync.client import connect
@@ -105,21 +106,9 @@ def test_a_browser_draws_it(mirrored, open_page, tmp_path):
         page = open_page(server.url)
         page.locator("#time", has_text="6.00 s").wait_for()
         assert page.text_content("#title") == "besman mirror: ur5, stick_holder"
-        page.screenshot(path=tmp_path / "mirror.png")
-        drawn = page.evaluate(
-            """() => {
-              const canvas = document.getElementById("canvas");
-              const { width, height } = canvas;
-              const pixels = canvas.getContext("2d").getImageData(0, 0, width, height);
-              const colors = new Set();
-              for (let at = 0; at < pixels.data.length; at += 4) {
-                if (pixels.data[at + 3] === 255) colors.add(pixels.data.slice(at, at + 3).join());
-              }
-              return [...colors];
-            }"""
-        )
         # Person, robot and floor as the theme has them.
-        assert {"224,120,42", "11,97,164", "195,201,210"} <= set(drawn)
+        wait_for_colors(page, "canvas", ["224,120,42", "11,97,164", "195,201,210"])
+        page.screenshot(path=tmp_path / "mirror.png")
         news.send('{"kind": "notice", "text": "the source began anew"}')
         page.locator("#notice", has_text="the source began anew").wait_for()
         news.end()

@@ -206,11 +206,11 @@ def read_recording(
     -----
     RecordingWarning
         If samples that no body makes became gaps, and for what else was concluded: see
-        `besman.io.recordings.sense.check_recording`, `besman.io.recordings.conventions` and the
-        format's reader.
+        `besman.io.recordings.plausibility.check_recording`, `besman.io.recordings.conventions` and
+        the format's reader.
     """
     from besman.io.recordings.conventions import at_rate, leave_out_zeros, turn_up
-    from besman.io.recordings.sense import check_recording
+    from besman.io.recordings.plausibility import check_recording
     from besman.io.recordings.subjects import take_subject
 
     head = _read_head(path)

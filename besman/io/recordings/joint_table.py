@@ -10,7 +10,7 @@ import numpy as np
 
 from besman.exceptions import RecordingError
 from besman.foreign.numbers import has_odd_digits
-from besman.io.recordings.sense import check_rate
+from besman.io.recordings.plausibility import check_rate
 from besman.records import FloatArray
 from besman.records.recordings import GREATEST_FRAME
 

@@ -17,6 +17,7 @@ from besman.person.mirror import MIRROR, MIRROR_TURN, mirror_recording
 from besman.records import FloatArray, LabelledRecording, Recording
 from besman.records.frozen import hand_over
 from besman.stages.label.derive_markers import derive_markers
+from besman.stages.label.joined_trajectories import WovenRecording
 from besman.stages.label.model import MarkerModel
 from besman.stages.label.model_from_pose import model_from_pose
 from besman.stages.label.named_recording import NamedRecording
@@ -28,7 +29,6 @@ from besman.stages.label.trajectories import (
     learn_from_recording,
     name_trajectories,
 )
-from besman.stages.label.woven import WovenRecording
 
 
 class LabelBase(Stage):

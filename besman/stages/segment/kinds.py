@@ -10,7 +10,7 @@ from pkgutil import resolve_name
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from besman.stages.segment.of_hands import SegmentingStage
+    from besman.stages.segment.hand_segmentation import SegmentingStage
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Union
 
 from pydantic import BeforeValidator, Field
 
+from besman.stages.segment.hand_segmentation import SegmentingStage
 from besman.stages.segment.kinds import SEGMENTATIONS
-from besman.stages.segment.of_hands import SegmentingStage
 from besman.stages.segment.stage import ValleyVmciConfig
 
 DefaultSegmentConfig = ValleyVmciConfig

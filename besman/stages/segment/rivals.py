@@ -13,7 +13,7 @@ from pydantic import Field
 from besman.config.stage import Work
 from besman.exceptions import SegmentationError
 from besman.records import LabelledRecording, LabelledSegments, Segments
-from besman.stages.segment.of_hands import SegmentingStage
+from besman.stages.segment.hand_segmentation import SegmentingStage
 from besman.stages.segment.sampling import sample_paths, to_rows, to_segments
 from besman.stages.segment.signals import Signals, prepare_signals
 from besman.stages.segment.vmci import merge_single_samples

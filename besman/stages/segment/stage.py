@@ -11,7 +11,7 @@ from pydantic import Field
 from besman.config.stage import Work
 from besman.person.body import find_back
 from besman.records import LabelledRecording, Segments
-from besman.stages.segment.of_hands import SegmentingStage
+from besman.stages.segment.hand_segmentation import SegmentingStage
 from besman.stages.segment.sampling import (
     gather_gapless_paths,
     sample_paths,

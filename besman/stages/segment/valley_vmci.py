@@ -39,9 +39,9 @@ movement leads past a sure valley (4.), which leaves few. Those of up to 256 sam
 evaluated; of the longer ones, where somebody moves on without slowing down, a bound says which
 cannot win (`besman.stages.segment.span_bounds`), and the others are bounded from both sides at a
 cost that does not grow with their length (`besman.stages.segment.long_spans`) and evaluated where
-these bounds leave open which way is best (`besman.stages.segment.ways`). The borders are those of
-all pairs, the probabilities theirs to within 1e-4. Time and memory grow with the length of the
-recording, but for movement without a sure valley that is alike all through, as of a machine that
+these bounds leave open which way is best (`besman.stages.segment.border_probabilities`). The
+borders are those of all pairs, the probabilities theirs to within 1e-4. Time and memory grow with
+the length of the recording, but for movement without a sure valley that is alike all through, as of a machine that
 stirs: any stretch of that may be one movement, and time grows with the square of its length.
 
 The length of a segment is geometric, g(n) = p (1 - p)^{n - 1}, with one border per second expected:
@@ -69,6 +69,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from besman.stages.segment.border_probabilities import Ways
 from besman.stages.segment.signals import prepare_signals, resample
 from besman.stages.segment.span_evidence import SpanEvidence
 from besman.stages.segment.spans import Spans
@@ -84,7 +85,6 @@ from besman.stages.segment.valleys import (
     smooth_path,
 )
 from besman.stages.segment.vmci import VmciModel, length_factor, tabulate_lengths
-from besman.stages.segment.ways import Ways
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -111,7 +111,6 @@ function takeFrame(one) {
   $("speed").textContent = one.speed_m_s === null ? "-" : `${one.speed_m_s.toFixed(2)} m/s`;
   $("delay").textContent = one.delay_ms === null ? "-" : `${one.delay_ms.toFixed(1)} ms`;
   $("time").textContent = `${one.time_s.toFixed(2)} s`;
-  drawSoon();
 }
 
 function takeBlock(one) {
@@ -141,7 +140,7 @@ const take = {
   end: (one) => { $("state").textContent = `ended after ${one.frames} frames`; },
 };
 
-takeNews(take, $("state"), "besman follow");
+takeNews(take, drawSoon, $("state"), "besman follow");
 themeToggle($("theme"), draw);
 camera.attach(canvas, drawSoon);
 window.addEventListener("resize", drawSoon);

@@ -64,13 +64,12 @@ const take = {
     $("away").textContent = one.away_m === null ? "-" : `${(1000 * one.away_m).toFixed(0)} mm`;
     $("delay").textContent = one.delay_ms === null ? "-" : `${one.delay_ms.toFixed(1)} ms`;
     $("time").textContent = `${one.time_s.toFixed(2)} s`;
-    drawSoon();
   },
   notice: (one) => { $("notice").textContent = one.text; },
   end: (one) => { $("state").textContent = `ended after ${one.frames} frames`; },
 };
 
-takeNews(take, $("state"), "besman mirror");
+takeNews(take, drawSoon, $("state"), "besman mirror");
 themeToggle($("theme"), draw);
 camera.attach(canvas, drawSoon);
 window.addEventListener("resize", drawSoon);

@@ -9,8 +9,8 @@ from besman.person.marker_set import load_marker_set
 from besman.records import Recording
 from besman.stages.label.fragments import split_fragments
 from besman.stages.label.gather import LeftOver, NamedPaths, found_markers, gather_markers
+from besman.stages.label.joined_trajectories import weave_names
 from besman.stages.label.named_recording import NameDecision
-from besman.stages.label.woven import weave_names
 
 MARKERS = ("hand_top", "elbow", "shoulder")
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from besman.report.run_records import load_records
-from besman.robot.doubts import check_robot
+from besman.robot.description_faults import check_robot
 from besman.robot.limits import check_limits
 from besman.robot.model import load_robot
 from besman.stages.map.stage import MapConfig

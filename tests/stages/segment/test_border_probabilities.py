@@ -7,11 +7,11 @@ from hypothesis import strategies as st
 from plain_valleys import evaluate_all, search, weigh
 from scipy.special import logsumexp
 
-from besman.stages.segment import long_spans, span_bounds, spans, ways
+from besman.stages.segment import border_probabilities, long_spans, span_bounds, spans
+from besman.stages.segment.border_probabilities import Ways
 from besman.stages.segment.span_evidence import SpanEvidence
 from besman.stages.segment.spans import Spans
 from besman.stages.segment.vmci import VmciModel, tabulate_lengths
-from besman.stages.segment.ways import Ways
 
 
 class Table:
@@ -100,7 +100,7 @@ def short_limits(monkeypatch, kept=2**21):
         monkeypatch.setattr(module, "REACH", 32)
     for module in (span_bounds, spans):
         monkeypatch.setattr(module, "LEAF", 8)
-    monkeypatch.setattr(ways, "_MOST_KEPT", kept)
+    monkeypatch.setattr(border_probabilities, "_MOST_KEPT", kept)
 
 
 def random_valleys(seed, n_samples, n_sensors, steady, longest=None, depth=None):

@@ -3,7 +3,7 @@ import numpy as np
 from besman.config.stage import Truth
 from besman.records import LabelledSegments, Segments
 from besman.stages.segment.figures import segment_results
-from besman.stages.segment.of_hands import SegmentingStage
+from besman.stages.segment.hand_segmentation import SegmentingStage
 
 BOUNDS = np.array([[0, 20], [20, 50]])
 

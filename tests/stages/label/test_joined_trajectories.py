@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from besman.records import Recording
-from besman.stages.label.woven import (
+from besman.stages.label.joined_trajectories import (
     TrajectoryPiece,
     WovenRecording,
     is_seen,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from besman.exceptions import RecordingError, RecordingWarning
-from besman.io.recordings.sense import check_rate, check_recording
+from besman.io.recordings.plausibility import check_rate, check_recording
 from besman.records import Recording
 
 PATH = Path("a.tsv")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from besman.exceptions import TransferError
-from besman.transfer.front import nsga2
+from besman.transfer.nsga2 import nsga2
 
 SECOND = np.array([2.0, 1.0, -1.0])
 
