@@ -41,8 +41,9 @@ cannot win (`besman.stages.segment.span_bounds`), and the others are bounded fro
 cost that does not grow with their length (`besman.stages.segment.long_spans`) and evaluated where
 these bounds leave open which way is best (`besman.stages.segment.border_probabilities`). The
 borders are those of all pairs, the probabilities theirs to within 1e-4. Time and memory grow with
-the length of the recording, but for movement without a sure valley that is alike all through, as of a machine that
-stirs: any stretch of that may be one movement, and time grows with the square of its length.
+the length of the recording, but for movement without a sure valley that is alike all through, as of
+a machine that stirs: any stretch of that may be one movement, and time grows with the square of its
+length.
 
 The length of a segment is geometric, g(n) = p (1 - p)^{n - 1}, with one border per second expected:
 neither the recording's length nor its rate enters. All constants are shares of the recording's own
