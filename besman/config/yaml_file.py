@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, TypeVar, get_args
 
@@ -13,6 +14,8 @@ from besman.foreign.yaml_text import YamlTextError, parse_yaml
 
 ConfigType = TypeVar("ConfigType", bound=BaseModel)
 KeyPath = tuple[str | int, ...]
+
+_TAG_ERRORS = {"union_tag_invalid", "union_tag_not_found"}
 
 
 def read_yaml(path: Path) -> tuple[dict[str, Any], dict[KeyPath, int]]:
@@ -77,6 +80,7 @@ def parse_config(
     model: type[ConfigType],
     path: Path | str,
     lines: dict[KeyPath, int] | None = None,
+    settings: Iterable[str] = (),
 ) -> ConfigType:
     """Check a mapping against a config model.
 
@@ -90,6 +94,8 @@ def parse_config(
         Named in errors.
     lines : dict, optional
         Line of every key, from `read_yaml`.
+    settings : iterable of str
+        Dotted keys that were set over what the file says; errors in them name these.
 
     Returns
     -------
@@ -106,7 +112,8 @@ def parse_config(
     except ValidationError as error:
         # An unknown key is usually a misspelt one, so it explains the "missing" beside it.
         details = sorted(error.errors(), key=lambda detail: detail["type"] != "extra_forbidden")
-        raise ConfigError(_explain(details[0], model, path, lines or {})) from None
+        above = [tuple(key.split(".")) for key in settings]
+        raise ConfigError(_explain(details[0], model, path, lines or {}, above)) from None
 
 
 def load_config(path: Path, model: type[ConfigType]) -> ConfigType:
@@ -116,52 +123,75 @@ def load_config(path: Path, model: type[ConfigType]) -> ConfigType:
 
 
 def _explain(
-    detail: Any, model: type[BaseModel], path: Path | str, lines: dict[KeyPath, int]
+    detail: Any,
+    model: type[BaseModel],
+    path: Path | str,
+    lines: dict[KeyPath, int],
+    settings: list[tuple[str, ...]],
 ) -> str:
     """Put one pydantic error into one line of plain words."""
     location: KeyPath = tuple(detail["loc"])
-    # Discriminated unions put the tag into the location; a key path has only keys of the file.
-    at = tuple(part for index, part in enumerate(location) if not _is_tag(location, index, lines))
+    at = _key_path(location, model, lines, settings)
+    if detail["type"] in _TAG_ERRORS:
+        at = (*at, "method")
     line = next((lines[at[:end]] for end in range(len(at), 0, -1) if at[:end] in lines), None)
     where = f"{path}:{line}" if line else f"{path}"
     key = ".".join(str(part) for part in at) or "the file"
-    got = detail.get("input")
+    for setting in settings:
+        if at[: len(setting)] == setting:
+            where = f"--set {'.'.join(setting)}"
+    place = where if where == f"--set {key}" else f"{where}: {key}"
     if detail["type"] == "extra_forbidden":
-        return (
-            f"{where}: unknown key {key!r}; {nearest(str(at[-1]), _fields(model, location[:-1]))}"
-        )
+        allowed = _fields(_follow(model, location[:-1]))
+        return f"{where}: unknown key {key!r}; {nearest(str(at[-1]), allowed)}"
     if detail["type"] == "missing":
         return f"{where}: key {key!r} is missing"
-    if detail["type"] in {"union_tag_invalid", "union_tag_not_found"}:
+    if detail["type"] in _TAG_ERRORS:
         tags = [tag.strip(" '") for tag in str(detail["ctx"].get("expected_tags", "")).split(",")]
         tag = detail["ctx"].get("tag", "nothing")
-        return f"{where}: {key}.method: got {tag!r}; {nearest(str(tag), filter(None, tags))}"
+        return f"{place}: got {tag!r}; {nearest(str(tag), filter(None, tags))}"
     message = detail["msg"].removeprefix("Value error, ")
-    return f"{where}: {key}: got {got!r:.80}; {message[:1].lower()}{message[1:]}"
+    return f"{place}: got {detail.get('input')!r:.80}; {message[:1].lower()}{message[1:]}"
 
 
-def _is_tag(location: KeyPath, index: int, lines: dict[KeyPath, int]) -> bool:
-    """Tell whether a part of an error's location is a union's tag rather than a key."""
-    if not lines or index == 0 or index == len(location) - 1:
-        return False
-    return not any(key[-1] == location[index] for key in lines)
+def _key_path(
+    location: KeyPath,
+    model: type[BaseModel],
+    lines: dict[KeyPath, int],
+    settings: list[tuple[str, ...]],
+) -> KeyPath:
+    """Leave out of an error's location what pydantic adds: tags of unions, names of types."""
+    written = {part for path in (*lines, *settings) for part in path}
+    at = []
+    for index, part in enumerate(location):
+        options = _follow(model, location[:index])
+        is_field = str(part) in _fields(options)
+        is_tag = any(part in _tags_of(option) for option in options)
+        is_type = bool(lines) and 0 < index < len(location) - 1 and part not in written
+        if is_field or not (is_tag or is_type):
+            at.append(part)
+    return tuple(at)
 
 
-def _fields(model: type[BaseModel], at: KeyPath) -> list[str]:
-    """List the keys that are allowed at a place of a config."""
+def _follow(model: type[BaseModel], location: KeyPath) -> list[type[BaseModel]]:
+    """List the configs that may stand at a place."""
     options: list[type[BaseModel]] = [model]
-    for part in at:
+    for part in location:
         found: list[type[BaseModel]] = []
         for option in options:
-            field = option.model_fields.get(str(part))
-            if field is not None:
-                found.extend(_models(field.annotation))
-            elif _tag_of(option) == part or isinstance(part, int):
+            for name, field in option.model_fields.items():
+                if part in (name, field.alias):
+                    found.extend(_models(field.annotation))
+            if part in _tags_of(option) or isinstance(part, int):
                 found.append(option)
         options = found or options
-    return [
-        field.alias or name for option in options for name, field in option.model_fields.items()
-    ]
+    return options
+
+
+def _fields(options: list[type[BaseModel]]) -> list[str]:
+    """List the keys that these configs allow."""
+    named = (field.alias or name for one in options for name, field in one.model_fields.items())
+    return list(dict.fromkeys(named))
 
 
 def _models(annotation: Any) -> list[type[BaseModel]]:
@@ -171,7 +201,7 @@ def _models(annotation: Any) -> list[type[BaseModel]]:
     return [model for inner in get_args(annotation) for model in _models(inner)]
 
 
-def _tag_of(model: type[BaseModel]) -> str | None:
-    """Return the default of a model's ``method``, which is its tag in a union."""
+def _tags_of(model: type[BaseModel]) -> tuple[Any, ...]:
+    """Return what a model's ``method`` may be: its tags in a union."""
     field = model.model_fields.get("method")
-    return None if field is None else field.default
+    return () if field is None else get_args(field.annotation)

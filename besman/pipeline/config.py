@@ -178,7 +178,8 @@ def load_pipeline(path: Path, settings: tuple[str, ...] = ()) -> PipelineConfig:
     resolve_paths(content, path.resolve().parent, PATHS)
     apply_settings(content, settings, PipelineConfig, PATHS)
     content = {k: v for k, v in content.items() if v is not None}
-    return _look_at_arms(parse_config(content, PipelineConfig, path, lines))
+    keys = [setting.partition("=")[0] for setting in settings]
+    return _look_at_arms(parse_config(content, PipelineConfig, path, lines, keys))
 
 
 def _look_at_arms(config: PipelineConfig) -> PipelineConfig:

@@ -93,3 +93,31 @@ def test_what_is_no_section_has_no_paths(tmp_path):
     content = {"label": "x", "recordings": 3}
     resolve_paths(content, tmp_path, PATHS)
     assert content == {"label": "x", "recordings": 3}
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        (
+            "select.lable=x",
+            r"--set select\.lable: unknown key 'select\.lable'; did you mean 'label'",
+        ),
+        (
+            "refine.robust.nix=2",
+            r"--set refine\.robust\.nix: unknown key .* allowed: models, seed, spreads$",
+        ),
+        ("refine.robust.models=x", r"--set refine\.robust\.models: got 'x'; input should be a"),
+        (
+            "refine={method: reps, nix: 1}",
+            r"--set refine: unknown key 'refine\.nix'; .*epsilon",
+        ),
+        ("recordings=[1]", r"--set recordings: recordings\.0: got 1; input"),
+        ("refine.method=nix", r"--set refine\.method: got 'nix'; allowed: cem, cma_es, gauss_n"),
+        ("robot=3", r"--set robot: got 3; input should be a valid string"),
+    ],
+)
+def test_errors_in_settings_name_the_setting(setting, message):
+    with pytest.raises(ConfigError, match=message) as caught:
+        load_pipeline(STICK_THROW, (setting,))
+    allowed = str(caught.value).partition("allowed: ")[2].split(", ")
+    assert len(set(allowed)) == len(allowed)
