@@ -47,7 +47,7 @@ def train(
 ) -> None:
     """Learn to name segments; a pipeline uses the model with recognize: {model: PATH}."""
     from besman.cli.terminal import open_terminal
-    from besman.pipeline.check import list_counts
+    from besman.pipeline.known_classes import list_counts
     from besman.stages.recognize.model_files import load_model
     from besman.standalone.train_files import train_files
 

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
 import numpy as np
 
 from besman.config.resources import find_resource
-from besman.exceptions import ConfigError, RecognitionError, nearest
+from besman.exceptions import ConfigError, nearest
 from besman.person.marker_set import MarkerSet, load_marker_set
 from besman.pipeline.config import (
     PipelineConfig,
@@ -18,17 +16,15 @@ from besman.pipeline.config import (
     load_pipeline,
     needs_no_examples,
 )
+from besman.pipeline.known_classes import count_examples, count_model, list_counts
 from besman.pipeline.usable_inputs import keep_usable
 from besman.records import MotionPlan
-from besman.records.layers import complete_truth, side_of
 from besman.robot.model import Robot, load_robot
 from besman.simulation.task import Task
 from besman.simulation.tasks.kinds import is_whole_task, load_task
-from besman.stages.compose.stage import leave_out_actions
 from besman.stages.label.methods import LabelMethod
 from besman.stages.label.stage import NamingBase
 from besman.stages.read.read_inputs import Inputs, read_inputs
-from besman.stages.recognize.model_files import load_model
 from besman.stages.recognize.one_throw import OneThrowConfig
 from besman.stages.refine.stage import check_tool, place_plan
 from besman.stages.select.flight import check_thrown
@@ -99,15 +95,14 @@ def _check_recordings(config: PipelineConfig) -> list[str]:
         label = config.recognize.label
         return [*lines, f"recognition: one {label} in each recording"]
     if needs_no_examples(config):
-        lines.append(_check_model(config))
-        return lines
+        counts = list_counts(count_model(config))
+        return [*lines, f"model: {config.recognize.model}, trained with {counts}"]
     examples = inputs
     if config.training:
         examples = read_inputs(config.training, learn_from(config), config.read)
         state, _ = _check_markers(config.label, examples, markers)
         lines.append(f"training: {len(examples.recordings)} recordings, {state}")
-    lines.append(_check_examples(config, examples))
-    return lines
+    return [*lines, f"labelled examples: {list_counts(count_examples(config, examples))}"]
 
 
 def _check_markers(
@@ -186,56 +181,3 @@ def _check_task(robot: Robot, task: Task, thrown: bool) -> None:
         start_pose=poses[0],
     )
     place_plan(plan, robot, task)
-
-
-def _check_model(config: PipelineConfig) -> str:
-    """Load a trained model, and look for the class selected."""
-    model = str(config.recognize.model)
-    counts = Counter(load_model(Path(model)).labels)
-    _check_wanted(config, counts, f"is no class of {model}")
-    return f"model: {model}, trained with {list_counts(counts)}"
-
-
-def _check_examples(config: PipelineConfig, inputs: Inputs) -> str:
-    """Count the labelled examples."""
-    assert not isinstance(config.recognize, OneThrowConfig)
-    counts: dict[str, int] = {}
-    truth, idle_s = inputs.truth, config.recognize.idle_s
-    if config.select.label is not None:
-        truth = leave_out_actions(truth, config.compose, side_of(config.segment.markers))
-    for recording, manual in zip(inputs.recordings, truth, strict=True):
-        if manual is None:
-            continue
-        for label in complete_truth(manual, len(recording.time), idle_s).labels:
-            counts[label] = counts.get(label, 0) + 1
-    if not counts:
-        raise RecognitionError(
-            "recognize: no labelled examples: no recording has a segments file beside it "
-            "(STEM_manually_segmented.json): besman annotate RECORDING makes one, of one take at "
-            "least; or name recordings that have with training:"
-        )
-    _check_wanted(config, counts, "has no labelled example")
-    return f"labelled examples: {list_counts(counts)}"
-
-
-def _check_wanted(config: PipelineConfig, counts: Mapping[str, int], problem: str) -> None:
-    """Refuse a class to select of which nothing is known, or an action with such a block."""
-    for action, blocks in config.select.actions.items():
-        for label in blocks:
-            if label not in counts:
-                raise ConfigError(
-                    f"select.actions.{action}: got {label!r}, which {problem}; "
-                    f"{nearest(label, counts)}"
-                )
-    for wanted in config.select.wanted:
-        if wanted in config.select.actions or wanted in counts:
-            continue
-        key = "label" if config.select.label else "action"
-        raise ConfigError(
-            f"select.{key}: got {wanted!r}, which {problem}; {nearest(wanted, counts)}"
-        )
-
-
-def list_counts(counts: Mapping[str, int]) -> str:
-    """Return classes with how many there are of each, in the order of their names."""
-    return ", ".join(f"{label} {count}" for label, count in sorted(counts.items()))

@@ -7,7 +7,7 @@ from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 
 from besman.config.stage import Items, Truth
-from besman.exceptions import FileError, RecognitionError, RunError, nearest
+from besman.exceptions import FileError, RunError, nearest
 from besman.person.marker_set import load_marker_set
 from besman.pipeline.clock import Clock
 from besman.pipeline.config import (
@@ -18,6 +18,7 @@ from besman.pipeline.config import (
     pipeline_yaml,
 )
 from besman.pipeline.finished_run import trained_model
+from besman.pipeline.known_classes import count_examples, count_model
 from besman.pipeline.preload import PRELOAD
 from besman.pipeline.run_folder import Run
 from besman.pipeline.usable_inputs import keep_usable
@@ -95,19 +96,18 @@ def run_pipeline(
     with own as workers:
         # What leads nowhere is said before anything is written: a slip costs no finished run.
         _check_arms(config)
-        if config.recognize.model is not None:
-            load_model(Path(config.recognize.model))
         clock = Clock()
         inputs = read_inputs(
             config.recordings, learn_from(config), config.read, config.select.landing
         )
+        taught = _read_examples(config, inputs, trained_in)
         run = Run(folder, config.name, jobs=jobs, fresh=fresh, display=display, workers=workers)
         with _ends_in_order(run):
             run.start(pipeline_yaml(config), inputs.checksums)
             run.record_time(clock.row("read", Items(len(inputs.recordings), "recordings")))
             # Many small matrices: threads inside BLAS cost more than they bring.
             with threadpool_limits(limits=1, user_api="blas"):
-                _run_stages(config, run, inputs, trained_in)
+                _run_stages(config, run, inputs, taught, trained_in)
             run.finish()
     return folder
 
@@ -153,7 +153,13 @@ STAGES = (
 """What ``--fresh`` can compute anew: all that `_run_stages` and what it calls may do."""
 
 
-def _run_stages(config: PipelineConfig, run: Run, inputs: Inputs, trained_in: Path | None) -> None:
+def _run_stages(
+    config: PipelineConfig,
+    run: Run,
+    inputs: Inputs,
+    taught: Inputs | None,
+    trained_in: Path | None,
+) -> None:
     """Run the stages in their order."""
     markers = load_marker_set(config.label.markers)
     inputs, left_out = keep_usable(config.label, inputs, markers)
@@ -162,7 +168,7 @@ def _run_stages(config: PipelineConfig, run: Run, inputs: Inputs, trained_in: Pa
     if left_out:
         run.results["label"]["left_out"] = left_out
     segments = run.step("segment", config.segment, labelled)
-    examples = _find_examples(config, run, inputs, labelled, trained_in)
+    examples = _find_examples(config, run, inputs, taught, labelled)
     if isinstance(config.recognize, OneThrowConfig):
         found = run.step("recognize", config.recognize, labelled, segments)
     else:
@@ -269,29 +275,42 @@ Examples = tuple[tuple[LabelledRecording, ...], tuple[LabelledSegments, ...]]
 """Recordings, and the manual segments of those that have some."""
 
 
+def _read_examples(
+    config: PipelineConfig, inputs: Inputs, trained_in: Path | None
+) -> Inputs | None:
+    """Return the recordings to learn from, if there is anything to learn.
+
+    A class to select that is not known is refused.
+    """
+    if config.recognize.model is not None:
+        count_model(config)
+    if trained_in is not None or needs_no_examples(config):
+        return None
+    if config.training:
+        inputs = read_inputs(config.training, learn_from(config), config.read)
+    count_examples(config, inputs)
+    return inputs
+
+
 def _find_examples(
     config: PipelineConfig,
     run: Run,
     inputs: Inputs,
+    taught: Inputs | None,
     labelled: tuple[LabelledRecording, ...],
-    trained_in: Path | None,
 ) -> Examples:
     """Return what can be learnt from; nothing where all that is to be learnt is known."""
-    if trained_in is not None or needs_no_examples(config):
+    if taught is None:
         return (), ()
     if config.training:
-        inputs = read_inputs(config.training, learn_from(config), config.read)
         markers = load_marker_set(config.label.markers)
-        known = (inputs.recordings, markers, inputs.teacher)
+        known = (taught.recordings, markers, taught.teacher)
         labelled = run.prepare("label_training", config.label, *known)
-    manual = tuple(segments for segments in inputs.truth if segments is not None)
-    if not manual:
-        raise RecognitionError(
-            f"recognize: no labelled examples: none of {len(inputs.truth)} recordings has a "
-            "segments file beside it (STEM_manually_segmented.json): besman annotate RECORDING "
-            "makes one, of one take at least; or name recordings that have with training:"
-        )
-    return labelled, manual
+    else:
+        # Those that are usable; none of them may have examples.
+        taught = inputs
+        count_examples(config, inputs)
+    return labelled, tuple(segments for segments in taught.truth if segments is not None)
 
 
 def _learn_blocks(

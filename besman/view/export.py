@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from besman.exceptions import RunError
-from besman.io.atomic_files import check_folder, make_folder, write_text
+from besman.io.atomic_files import check_file, check_folder, make_folder, write_text
 from besman.view.assets import read_asset
 from besman.view.run_content import RATE_HZ, RunContent
 
@@ -56,6 +56,8 @@ def write_replay(
     if out.suffix != ".html":
         raise RunError(f"--export: got {out}, expected a name that ends in .html")
     check_folder(out.parent, f"{out}", RunError)
+    if out.parent.is_dir():
+        check_file(out, kind=RunError)
     first = content.first if motion is None else content.find(motion)
     chosen = list(range(len(content.names))) if motion is None else [first]
     empty = len(_page(content.overview(chosen, first), []))

@@ -174,6 +174,13 @@ TARGETS = {
     "c3d": Target(
         whole_files.c3d, {"a.c3d": binary_mutations.c3d}, read_recording, share=16, **_READ
     ),
+    "c3d of segments": Target(
+        whole_files.c3d_segments,
+        {"a.c3d": binary_mutations.c3d},
+        read_recording,
+        share=4,
+        **_READ,
+    ),
     "mvnx": Target(
         whole_files.mvnx, {"a.mvnx": mutations.xml_file}, read_recording, share=8, **_READ
     ),

@@ -7,6 +7,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+from c3d_segments import segments_file
 from places import DATA, SAMPLE, TESTS, TOP
 
 Files = dict[str, bytes]
@@ -80,6 +81,11 @@ def c3d() -> Files:
         (folder / "a.tsv").unlink()
 
     return _made(make)
+
+
+@cache
+def c3d_segments() -> Files:
+    return {"a.c3d": segments_file()}
 
 
 @cache

@@ -344,6 +344,8 @@ def truncated_tsv(folder, capture):
 def missing_marker(folder, capture):
     text = next(capture.glob("*.tsv")).read_text().replace("Elbow", "Nose")
     (folder / "a.tsv").write_text(text)
+    segments = next(capture.glob("*_manually_segmented.json")).read_text()
+    (folder / "a_manually_segmented.json").write_text(segments)
     settings = ("--set", f"recordings={folder / 'a.tsv'}", "--set", "label={markers: right_arm}")
     return STICK_THROW, settings, r"a\.tsv: .*'?elbow'?"
 
@@ -409,7 +411,9 @@ BAD = [
 
 
 @pytest.mark.parametrize(
-    "settings", ["robot=ur6", "tool=scoop", "recognize.model=none"], ids=lambda one: one
+    "settings",
+    ["robot=ur6", "tool=scoop", "recognize.model=none", "select.label=thro"],
+    ids=lambda one: one,
 )
 def test_a_slip_costs_no_finished_run(finished, tmp_path, monkeypatch, capsys, settings):
     run = tmp_path / "run"

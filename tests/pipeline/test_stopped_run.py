@@ -34,7 +34,7 @@ class Slow(Stage):
         function = getattr(worker_items, FUNCTION)
         return tuple(work.map(function, [folder] * 4, name=str, processes=int(PROCESSES)))
 
-def run_stages(config, run, inputs, trained_in):
+def run_stages(config, run, *others):
     run.step("slow", Slow(), MARKS)
 
 pipeline._run_stages = run_stages
@@ -67,7 +67,8 @@ def test_a_stopped_run_says_so_and_leaves_nobody_behind(tmp_path, function, proc
         stderr=subprocess.PIPE,
         text=True,
     )
-    wait_for(lambda: len(list((tmp_path / "marks").iterdir())) == 2)
+    wait_for(lambda: len(list((tmp_path / "marks").iterdir())) == 2 or process.poll() is not None)
+    assert process.poll() is None, process.communicate()[1]
     started = psutil.Process(process.pid).children(recursive=True)
     process.send_signal(number)
     _, said = process.communicate()

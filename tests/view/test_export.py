@@ -83,6 +83,13 @@ def test_the_file_asks_for_nothing(replay, open_page):
     assert [url for url in asked if not url.startswith(("file:", "data:", "blob:"))] == []
 
 
+def test_a_place_that_cannot_be_is_refused_before_the_work(content, tmp_path, monkeypatch):
+    monkeypatch.setattr(content, "find", None)
+    (tmp_path / "folder.html").mkdir()
+    with pytest.raises(RunError, match=r"folder\.html: is a folder; expected the name of a file"):
+        export.write_replay(content, tmp_path / "folder.html", "a")
+
+
 @pytest.mark.parametrize("live", [True, False])
 def test_names_are_text(hostile_run, tmp_path, open_page, live):
     content = RunContent(hostile_run)
