@@ -8,6 +8,7 @@ import numpy as np
 
 from besman.config.resources import find_resource
 from besman.exceptions import ConfigError, nearest
+from besman.person.body import find_body
 from besman.person.marker_set import MarkerSet, load_marker_set
 from besman.pipeline.config import (
     PipelineConfig,
@@ -83,6 +84,8 @@ def _check_recordings(config: PipelineConfig) -> list[str]:
     markers = load_marker_set(config.label.markers)
     inputs, left_out = keep_usable(config.label, inputs, markers)
     state, expected = _check_markers(config.label, inputs, markers)
+    for source, names in expected.items():
+        find_body((*names, *markers.derived), source)
     seconds = sum(len(recording.time) / recording.rate_hz for recording in inputs.recordings)
     n = len(inputs.recordings)
     lines = [f"recordings: {n}, {seconds:.0f} s, {state}"]

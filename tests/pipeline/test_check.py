@@ -25,6 +25,10 @@ def capture(tmp_path_factory):
     folder = tmp_path_factory.mktemp("capture")
     write_synthetic("stick_throw", folder / "whole", n_subjects=1, n_repetitions=2)
     whole = read_recording(folder / "whole" / "subject1.tsv")
+    (folder / "no_back.yaml").write_text(
+        "name: no_back\nmarkers: {hand_top: [], hand_left: [], hand_right: [], elbow: []}\n"
+        "required: [hand_top]\nroles: {hand: hand_top}\n"
+    )
     for name in ("elbow", "stick"):
         (folder / name).mkdir()
         kept = [k for k, called in enumerate(whole.names) if called.lower() != name]
@@ -52,6 +56,10 @@ STOPS = {
     "a marker set that does not fit": (
         "whole", ("label.markers=two_arms",), "marker 'left_shoulder' of two_arms is not there",
     ),
+    "a marker set without a back": (
+        "whole", ("label.markers={capture}/no_back.yaml", "select.object=null"),
+        "no marker 'back_top': the person's frame needs back_top, back_left",
+    ),
     "no marker of what is thrown": ("stick", (), "the recording has no marker 'stick' of a thrown"),
     "a target that nothing gives": (
         "whole", ("select.object=null",), "task stick_throw needs a target on the floor",
@@ -66,6 +74,7 @@ STOPS = {
 @pytest.mark.parametrize("stop", STOPS)
 def test_check_says_what_run_will_say(stop, capture, out, monkeypatch, capsys):
     folder, settings, words = STOPS[stop]
+    settings = tuple(one.replace("{capture}", str(capture)) for one in settings)
     settings = (f"recordings={capture / folder}", *TINY, *settings)
     arguments = [part for setting in settings for part in ("--set", setting)]
     assert besman(monkeypatch, "check", STICK_THROW, *arguments) == 2
