@@ -7,7 +7,6 @@ What costs CPU time is saved: a folder has one Chromium, and its tests the same 
 import os
 import shutil
 import time
-from urllib.parse import urlsplit
 
 import pytest
 
@@ -99,7 +98,7 @@ def open_pages():
     windows, used, errors = _open_windows(), [], []
 
     def open_address(url, expect_errors=False, size=None, color_scheme=None):
-        page = windows.take()
+        page, arrived = windows.take(), []
         used.append((page, listeners := []))
         if size is not None:
             page.set_viewport_size(size)
@@ -108,7 +107,7 @@ def open_pages():
 
         def note(text):
             # Until the new address is there the page is still another test's.
-            if urlsplit(page.url)[:2] == urlsplit(url)[:2]:
+            if arrived:
                 errors.append(text)
 
         if not expect_errors:
@@ -118,6 +117,7 @@ def open_pages():
             ]
         for event, listener in listeners:
             page.on(event, listener)
+        page.once("framenavigated", lambda frame: arrived.append(frame))
         page.goto(url)
         return page
 

@@ -9,6 +9,7 @@ import urllib.request
 from dataclasses import replace
 
 import pytest
+from browser import settle
 from command_line import besman
 from web_session import enter
 
@@ -73,22 +74,30 @@ def test_the_file_needs_nothing_else_and_is_small(content, replay, tmp_path):
 
 
 def test_the_file_asks_for_nothing(replay, open_page):
-    page = open_page(replay.as_uri(), offline=True)
-    asked = []
+    page, asked = open_page("about:blank"), []
     page.on("request", lambda request: asked.append(request.url))
-    page.reload()
-    page.wait_for_selector("html[data-ready]")
-    page.keyboard.press("ArrowDown")
-    page.wait_for_timeout(200)
+    page.context.set_offline(True)
+    try:
+        page.goto(replay.as_uri())
+        page.wait_for_selector("html[data-ready]")
+        shown = page.input_value("#demonstration")
+        page.keyboard.press("ArrowDown")
+        page.wait_for_function("shown => demonstration.value !== shown", arg=shown)
+        page.wait_for_selector("#demonstration:not([aria-busy])")
+        settle(page)
+    finally:
+        page.context.set_offline(False)
+    assert replay.as_uri() in asked
     assert [url for url in asked if not url.startswith(("file:", "data:", "blob:"))] == []
 
 
 @pytest.mark.parametrize("live", [True, False])
-def test_names_are_text(hostile_run, tmp_path, open_page, live):
+def test_names_are_text(request, hostile_run, tmp_path, open_page, live):
     content = RunContent(hostile_run)
     if live:
         server = open_view(content)
         server.start()
+        request.addfinalizer(server.stop)
         page = open_page(server.url)
     else:
         export.write_replay(content, tmp_path / "replay.html")
@@ -100,8 +109,6 @@ def test_names_are_text(hostile_run, tmp_path, open_page, live):
     assert page.locator("#demonstration option").first.text_content().startswith(HOSTILE)
     assert page.evaluate("typeof hit") == "undefined"
     assert page.locator("img").count() == 0
-    if live:
-        server.stop()
 
 
 def test_one_motion_alone(content, tmp_path, open_page):
