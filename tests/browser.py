@@ -6,7 +6,6 @@ What costs CPU time is saved: a folder has one Chromium, and its tests the same 
 
 import os
 import shutil
-import time
 
 import pytest
 
@@ -141,12 +140,18 @@ def open_shared():
     yield from open_pages()
 
 
-def until(page, expression, timeout_s=PATIENCE_S):
+def until(page, expression):
     """Wait for a condition; Playwright's own way needs what some pages' policy forbids."""
-    end = time.monotonic() + timeout_s
-    while not page.evaluate(expression):
-        assert time.monotonic() < end, expression
-        page.wait_for_timeout(15)
+    found = page.evaluate(
+        f"""(async () => {{
+          const end = performance.now() + {1e3 * PATIENCE_S};
+          while (!({expression}) && performance.now() < end) {{
+            await new Promise((done) => setTimeout(done, 15));
+          }}
+          return Boolean({expression});
+        }})()"""
+    )
+    assert found, expression
 
 
 def settle(page):

@@ -26,6 +26,16 @@ PLACE = """([layer, row]) => {
 
 WINDOW = {"width": 1000, "height": 640}
 
+# What is written does not come to the disk once a file is there.
+SLOW_TO_SAVE = """
+import os, sys, time
+
+real, slow, sys.argv = os.fsync, sys.argv[1], sys.argv[2:]
+os.fsync = lambda file: (os.path.exists(slow) and time.sleep(600), real(file))
+from besman.cli.main import main
+main()
+"""
+
 
 @pytest.fixture
 def annotate(serve, open_page):
@@ -317,29 +327,27 @@ def test_file_changed_underneath(serve, annotate, recording_path, segments_path)
 
 def test_server_killed_in_the_middle_of_a_save(open_page, recording_path, segments_path):
     """The file stays whole, the page says so and keeps what it has."""
-    command = [sys.executable, "-m", "besman", "annotate", str(recording_path)]
-    command += ["--no-browser", "--labels", "a,b"]
-    slow = "import os, time; real = os.fsync; os.fsync = lambda f: (time.sleep(60), real(f))\n"
-    code = f"{slow}import sys; sys.argv = {command[2:]!r}; from besman.cli.main import main; main()"
-    page = open_page("about:blank", expect_errors=True)
-    for script, key in ((command, "1"), ([sys.executable, "-c", code], "2")):
-        server = subprocess.Popen(script, stdout=subprocess.PIPE, text=True, env=os.environ)
-        try:
-            url = next(filter(None, (re.search(r"http://\S+", line) for line in server.stdout)))[0]
-            page.goto(url)
-            page.wait_for_selector("html[data-ready]")
-            until(page, "besman.proposals.loaded.get('') === 'here'")
-            press(page, "Enter", key)
-            if key == "1":
-                wait_saved(page)
-                before = segments_path.read_bytes()
-            else:
-                until(page, "besman.saving.going !== null")
-                written = segments_path.with_name(f".{segments_path.name}.tmp")
-                wait_for(page, written.exists)
-        finally:
-            server.send_signal(signal.SIGKILL)
-            server.wait()
+    command = ["besman", "annotate", str(recording_path), "--no-browser", "--labels", "a,b"]
+    server = subprocess.Popen(
+        [sys.executable, "-c", SLOW_TO_SAVE, str(slow := recording_path.with_name("slow")), *command],
+        stdout=subprocess.PIPE, text=True, env=os.environ,
+    )  # fmt: skip
+    try:
+        url = next(filter(None, (re.search(r"http://\S+", line) for line in server.stdout)))[0]
+        page = open_page(url, True, WINDOW)
+        page.wait_for_selector("html[data-ready]")
+        until(page, "besman.proposals.loaded.get('') === 'here'")
+        press(page, "Enter", "1")
+        wait_saved(page)
+        before = segments_path.read_bytes()
+        slow.touch()
+        # The next proposal is selected.
+        press(page, "2")
+        until(page, "besman.saving.going !== null")
+        wait_for(page, segments_path.with_name(f".{segments_path.name}.tmp").exists)
+    finally:
+        server.send_signal(signal.SIGKILL)
+        server.wait()
     assert segments_path.read_bytes() == before
     page.wait_for_selector("#failure:not([hidden])")
     assert "Not saved: besman does not answer" in page.inner_text("#failure")

@@ -17,7 +17,6 @@ pylsl = pytest.importorskip("pylsl", reason="the extra lsl is not installed")
 announce_only_here()
 from pylsl.util import LostError  # noqa: E402
 
-
 # Streams of all programs of this machine are found.
 OWN = f"besman_{uuid.uuid4().hex}"
 

@@ -23,7 +23,7 @@ HOSTILE = "</script><script>hit=1</script><img src=x onerror=hit=1>'\"&.tsv"
 
 
 @pytest.fixture(scope="module")
-def hostile_run(small_run, tmp_path_factory):
+def hostile(small_run, tmp_path_factory):
     """The run of a recording, of markers and of a run with names that are markup."""
     folder = shutil.copytree(small_run, tmp_path_factory.mktemp("hostile") / "run")
     for path in folder.glob("*_*/record.npz"):
@@ -49,7 +49,7 @@ def hostile_run(small_run, tmp_path_factory):
         save_record(record, path)
     state = json.loads((folder / "run.json").read_text())
     (folder / "run.json").write_text(json.dumps(state | {"name": "<i>run</i>"}))
-    return folder
+    return RunContent(folder)
 
 
 def renamed(name):
@@ -92,15 +92,14 @@ def test_the_file_asks_for_nothing(replay, open_page):
 
 
 @pytest.mark.parametrize("live", [True, False])
-def test_names_are_text(request, hostile_run, tmp_path, open_page, live):
-    content = RunContent(hostile_run)
+def test_names_are_text(request, hostile, tmp_path, open_page, live):
     if live:
-        server = open_view(content)
+        server = open_view(hostile)
         server.start()
         request.addfinalizer(server.stop)
         page = open_page(server.url)
     else:
-        export.write_replay(content, tmp_path / "replay.html")
+        export.write_replay(hostile, tmp_path / "replay.html")
         assert HOSTILE not in (tmp_path / "replay.html").read_text("utf-8")
         page = open_page((tmp_path / "replay.html").as_uri())
     page.wait_for_selector("html[data-ready]")

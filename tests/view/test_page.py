@@ -1,7 +1,6 @@
 """The real page in Chromium."""
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pinocchio
