@@ -327,11 +327,10 @@ def test_file_changed_underneath(serve, annotate, recording_path, segments_path)
 
 def test_server_killed_in_the_middle_of_a_save(open_page, recording_path, segments_path):
     """The file stays whole, the page says so and keeps what it has."""
-    command = ["besman", "annotate", str(recording_path), "--no-browser", "--labels", "a,b"]
-    server = subprocess.Popen(
-        [sys.executable, "-c", SLOW_TO_SAVE, str(slow := recording_path.with_name("slow")), *command],
-        stdout=subprocess.PIPE, text=True, env=os.environ,
-    )  # fmt: skip
+    slow = recording_path.with_name("slow")
+    command = [sys.executable, "-c", SLOW_TO_SAVE, str(slow), "besman", "annotate"]
+    command += [str(recording_path), "--no-browser", "--labels", "a,b"]
+    server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=os.environ)
     try:
         url = next(filter(None, (re.search(r"http://\S+", line) for line in server.stdout)))[0]
         page = open_page(url, True, WINDOW)
