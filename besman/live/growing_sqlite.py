@@ -65,7 +65,9 @@ class GrowingSqlite:
         RecordingError
             If it is no bag, or damaged.
         """
-        state, head = self._look(), self._read_head()
+        # Times of files go in steps in which much is written: the count of changes tells it apart.
+        looked, head = self._look(), self._read_head()
+        state = *looked, *head[_CHANGES]
         if state == self._state or len(head) < _HEAD_BYTES:
             return []
         if not head.startswith(SQLITE):

@@ -1,6 +1,7 @@
 """Topics of a bag that is written while they are read."""
 
 import contextlib
+import os
 import shutil
 import sqlite3
 import subprocess
@@ -182,6 +183,22 @@ def test_a_database_is_read_without_standing_in_its_writers_way(tmp_path, journa
     assert [one.data for one in found] == expected
     growing.close()
     assert sorted(one.name for one in tmp_path.iterdir()) == ["a.db3", "enough"]
+
+
+def test_what_is_written_in_the_same_tick_of_the_clock_is_read(tmp_path):
+    """It may change neither the size of the file nor its time."""
+    path = tmp_path / "a.db3"
+    writer, growing = SqliteWriter(path, "MEMORY"), GrowingSqlite(path)
+    for row in range(3):
+        writer.write_all([("/said", "std_msgs/msg/String", "", row, b"few")])
+        if row:
+            os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
+            assert path.stat().st_size == before.st_size
+        before = path.stat()
+        assert [one.data for one in growing.read_new()] == [b"few"]
+        assert growing.read_new() == []
+    writer.close()
+    growing.close()
 
 
 def test_a_database_that_the_same_process_writes(tmp_path):
