@@ -87,7 +87,8 @@ def pytest_runtest_teardown(item, nextitem):
     try:
         return (yield)
     finally:
-        if _windows is not None and (nextitem is None or nextitem.path.parent != item.path.parent):
+        stops = nextitem is None or item.session.shouldfail or item.session.shouldstop
+        if _windows is not None and (stops or nextitem.path.parent != item.path.parent):
             _windows.close()
             _windows = None
 
