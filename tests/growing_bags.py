@@ -121,17 +121,22 @@ def point_message(stamp_ns, x):
     return head + pad + struct.pack("<3d", x, 0.5 * x, 1.0)
 
 
-def write_points(path, journal, n):
-    """Write points at once, a transaction each, as fast as it goes; for a process of its own."""
-    writer = SqliteWriter(path, journal)
-    for row in range(n):
+def write_points(path, journal, n, enough):
+    """Write points at once, a transaction each, as fast as it goes; for a process of its own.
+
+    So many, and until a file is there that says that they are enough; print how many they are.
+    """
+    writer, row = SqliteWriter(path, journal), 0
+    while row < n or not enough.exists():
         at = 10**9 + row * 10**7
         data = point_message(at, float(row))
         writer.write_all([("/hand", "geometry_msgs/msg/PointStamped", "", at, data)])
         if row % 50 == 0:
             time.sleep(0.01)
+        row += 1
     writer.close()
+    print(row)
 
 
 if __name__ == "__main__":
-    write_points(Path(sys.argv[1]), sys.argv[2], int(sys.argv[3]))
+    write_points(Path(sys.argv[1]), sys.argv[2], int(sys.argv[3]), Path(sys.argv[4]))

@@ -8,7 +8,7 @@ from urllib.parse import urlsplit
 def enter(url):
     """Use an address up; return where the page is and the cookie for it."""
     address = urlsplit(url)
-    connection = http.client.HTTPConnection(address.hostname, address.port, timeout=5)
+    connection = http.client.HTTPConnection(address.hostname, address.port, timeout=60)
     connection.request("GET", address.path)
     answer = connection.getresponse()
     answer.read()

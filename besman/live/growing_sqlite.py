@@ -29,8 +29,8 @@ _INDEX_BYTES, _MADE = 48, 12
 # How a database is opened: with its log; without a lock; without anything beside it.
 _LOGGED, _UNLOCKED, _AS_IT_IS = "mode=ro", "mode=ro&nolock=1", "mode=ro&immutable=1"
 _ROWS = 2000
-# For so long what is read may not hold together, or be refused.
-_TORN_S = 3.0
+# For so long, and so often, what is read may not hold together, or be refused.
+_TORN_S, _TORN_TIMES = 3.0, 20
 
 
 class GrowingSqlite:
@@ -53,7 +53,7 @@ class GrowingSqlite:
         self.is_whole = self.is_ended_by_writer = False
         self.definitions: dict[str, Definition] = {}
         self._log = path.with_name(path.name + "-wal")
-        self._last, self._torn_s = 0, 0.0
+        self._last, self._torn_s, self._torn_times = 0, 0.0, 0
         self._state: tuple[int, ...] = ()
         self._file = path.open("rb")
 
@@ -65,7 +65,9 @@ class GrowingSqlite:
         RecordingError
             If it is no bag, or damaged.
         """
-        state, head = self._look(), self._read_head()
+        # Times of files go in steps in which much is written: the count of changes tells it apart.
+        looked, head = self._look(), self._read_head()
+        state = *looked, *head[_CHANGES]
         if state == self._state or len(head) < _HEAD_BYTES:
             return []
         if not head.startswith(SQLITE):
@@ -83,7 +85,7 @@ class GrowingSqlite:
         ):
             self._wait("it never rests")
             return []
-        self._torn_s = 0.0
+        self._torn_s, self._torn_times = 0.0, 0
         if found:
             self._last = found[-1][0]
         # Of more rows than are read at once the rest is there already.
@@ -190,6 +192,6 @@ class GrowingSqlite:
     def _wait(self, why: str) -> None:
         """Let what did not hold together be read again, but not for ever."""
         now = time.perf_counter()
-        self._torn_s = self._torn_s or now
-        if now - self._torn_s > _TORN_S:
+        self._torn_s, self._torn_times = self._torn_s or now, self._torn_times + 1
+        if now - self._torn_s > _TORN_S and self._torn_times > _TORN_TIMES:
             raise RecordingError(f"{self.path}: cannot be read while it is written: {why:.120}")

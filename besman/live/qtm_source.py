@@ -28,7 +28,8 @@ VERSION = "1.19"
 UNNAMED = 64
 """Most trajectories without a name in a packet, of a QTM that names none; others are left out."""
 
-_ANSWER_S = 5.0
+# For each answer, and for all that are needed to begin.
+_ANSWER_S, _OPENED_S = 5.0, 20.0
 _RETRY_S, _POLL_S = 0.3, 0.005
 _MM = 1e-3
 # Of 3D coordinates in a packet: how many markers, and two rates of faults, stand before them.
@@ -80,7 +81,7 @@ class QtmSource:
             raise RecordingError(f"{self._name}: {reason}") from None
         thread = threading.Thread(target=self._receive, daemon=True)
         thread.start()
-        self._opened.wait(4 * _ANSWER_S)
+        self._opened.wait(_OPENED_S)
         if self._problem is not None or self._format is None:
             raise self._problem or RecordingError(f"{self._name}: does not answer as QTM would")
         return self._format

@@ -78,17 +78,20 @@ def _fit(
 ) -> tuple[list[int], list[bytes]]:
     """Pack so many demonstrations with so many frames that they fit beside `empty` bytes."""
     for rate_hz in (most_hz, most_hz / 2):
-        one = _encoded([content.demonstration(first, rate_hz)])
+        packed = {first: content.demonstration(first, rate_hz)}
+        one = _encoded([packed[first]])
         if empty + one * len(chosen) <= _WANTED_BYTES:
             break
     # Others may be longer than the first.
     room = int(0.8 * (_LARGEST_BYTES - empty) / one)
     chosen = _evenly(chosen, first, max(room, 1))
     while True:
-        bundles = []
         for done, index in enumerate(chosen):
-            bundles.append(content.demonstration(index, rate_hz))
+            # Each is simulated again to be packed: once is enough.
+            if index not in packed:
+                packed[index] = content.demonstration(index, rate_hz)
             progress((done + 1) / len(chosen))
+        bundles = [packed[index] for index in chosen]
         if empty + _encoded(bundles) <= _LARGEST_BYTES or len(chosen) == 1:
             return chosen, bundles
         chosen = _evenly(chosen, first, len(chosen) * 3 // 4)

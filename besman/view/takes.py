@@ -14,7 +14,7 @@ from besman.records import AnyPlan, FloatArray, JointTrajectory, RefinedMotion
 from besman.robot.model import Robot
 from besman.simulation.episodes import Playback
 from besman.simulation.task import Task
-from besman.simulation.trial import try_plans
+from besman.simulation.trial import move, score_episodes
 from besman.view.packing import Packer
 from besman.view.shapes import scene_shapes, tool_shapes
 
@@ -178,8 +178,10 @@ def simulated_takes(
 
 def _perform(plan: AnyPlan, robot: Robot, task: Task, rate_hz: float) -> Performance:
     """Simulate a plan and keep some of its states."""
-    trial = try_plans(robot, task, [plan])[0]
-    playback, step = task.play(robot, plan), task.simulation.time_step_s
+    movements = move([plan], task, robot)
+    episodes = task.simulate(robot, [plan], movements, paths=True)
+    trial = score_episodes(robot, task, [plan], movements, episodes)[0]
+    playback, step = episodes.playbacks[0], task.simulation.time_step_s
     if not len(playback.states):
         raise BesmanError(f"{plan.name}: the simulation diverged at its start")
     take = played_take(playback, step, robot, rate_hz)

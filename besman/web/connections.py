@@ -17,8 +17,8 @@ _THREADS = 32
 _BACKLOG = 256
 _READING_S = 10.0
 _SENDING_S = 60.0
-# A request is on its way when its connection is made.
-_GRACE_S = 0.5
+# A request is on its way when its connection is made; a busy machine may be slow to send it.
+_GRACE_S = 2.0
 
 
 class BoundedServer(HTTPServer):
@@ -31,13 +31,15 @@ class BoundedServer(HTTPServer):
     ----------
     reading_s, sending_s : float
         How long a request may take to come in and its answer to go out, seconds.
+    grace_s : float
+        How long a connection is left alone that says nothing while another waits, seconds.
     """
 
     request_queue_size = _BACKLOG
     allow_reuse_address = True
 
     def __init__(self, address: tuple[str, int], handler: type[BaseHTTPRequestHandler]) -> None:
-        self.reading_s, self.sending_s = _READING_S, _SENDING_S
+        self.reading_s, self.sending_s, self.grace_s = _READING_S, _SENDING_S, _GRACE_S
         self._pool = ThreadPoolExecutor(_THREADS, thread_name_prefix="page")
         self._lock = threading.Lock()
         self._waiting = 0
@@ -85,7 +87,7 @@ class BoundedServer(HTTPServer):
             idle = [
                 (since, connection)
                 for connection, (doing, since) in self._doing.items()
-                if doing == "idle" and now - since > _GRACE_S
+                if doing == "idle" and now - since > self.grace_s
             ]
             idle.sort(key=lambda one: one[0])
             late += [connection for _, connection in idle[: self._waiting]]

@@ -1,7 +1,7 @@
 import shutil
 
 import pytest
-from browser import chromium, open_page, open_shared  # noqa: F401
+from browser import open_page, pytest_runtest_teardown  # noqa: F401
 
 from besman.annotate.server import make_server
 from besman.annotate.session import Session

@@ -37,7 +37,7 @@ def test_command_serves_until_it_is_stopped(recording_path, segments_path, monke
         assert message in capsys.readouterr().err
     finally:
         server.send_signal(signal.SIGINT)
-        assert server.wait(20) == 0
+        assert server.wait(120) == 0
     assert not segments_path.exists()
 
 

@@ -227,8 +227,10 @@ def test_killed_in_the_middle_of_a_save_the_file_is_whole(path, wait_s):
         [sys.executable, "-c", WRITER, str(path)], stdout=subprocess.PIPE, env=os.environ
     )
     writer.stdout.readline()
+    until = time.monotonic() + 60
     while not path.exists():
-        pass
+        assert writer.poll() is None
+        assert time.monotonic() < until
     time.sleep(wait_s)
     writer.send_signal(signal.SIGKILL)
     writer.wait()

@@ -2,6 +2,7 @@ import json
 
 import numpy as np
 import pytest
+from browser import until
 
 from besman.annotate.named_file import NamedFile
 from besman.annotate.naming import GHOST, Naming
@@ -182,7 +183,7 @@ def test_recording_with_all_names_has_nothing_to_name(three_throws, tmp_path):
 def test_fragments_are_named_on_the_page(serve, open_page, tmp_path, broken, named):
     path = tmp_path / "a.tsv"
     write_recording(broken, path)
-    page = open_page(serve(path).url, viewport={"width": 1280, "height": 800})
+    page = open_page(serve(path).url, size={"width": 1000, "height": 640})
     page.wait_for_selector("html[data-ready]")
     # By mouse: the dot, then the name.
     page.evaluate("besman.moveTo(300), besman.paint()")
@@ -193,19 +194,15 @@ def test_fragments_are_named_on_the_page(serve, open_page, tmp_path, broken, nam
     page.wait_for_selector("#selected button:has-text('Elbow')")
     assert page.is_disabled("#selected button:has-text('Shoulder')")
     page.click("#selected button:has-text('Elbow')")
-    while not page.evaluate("besman.naming.selected === 1 && besman.naming.candidates.length"):
-        page.wait_for_timeout(20)
+    until(page, "besman.naming.selected === 1 && besman.naming.candidates.length")
     # By keyboard: what labelling takes the other for.
     page.keyboard.press("1")
     written = tmp_path / "a_named.tsv"
-    while page.evaluate("besman.naming.dirty"):
-        page.wait_for_timeout(20)
+    until(page, "!besman.naming.dirty")
     assert set(read_recording(written).names) == set(named.names)
     # The elbow was hidden for too long: now there are proposals.
-    while page.evaluate("besman.document.of('', 'proposal').length") == 0:
-        page.wait_for_timeout(20)
+    until(page, "besman.document.of('', 'proposal').length")
     page.keyboard.press("Control+z")
-    while page.evaluate("besman.naming.dirty"):
-        page.wait_for_timeout(20)
+    until(page, "!besman.naming.dirty")
     assert None in read_recording(written).names
     assert json.loads(page.evaluate("JSON.stringify(besman.naming.names)")) == {"0": "Elbow"}

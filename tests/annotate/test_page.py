@@ -9,6 +9,7 @@ import sys
 import time
 
 import pytest
+from browser import PATIENCE_S, settle, until
 
 from besman.io.recordings.formats import read_recording
 from besman.io.segments_json import read_segments
@@ -23,43 +24,30 @@ PLACE = """([layer, row]) => {
 }"""
 
 
-WINDOW = {"viewport": {"width": 1280, "height": 800}}
+WINDOW = {"width": 1000, "height": 640}
 
+# What is written does not come to the disk once a file is there.
+SLOW_TO_SAVE = """
+import os, sys, time
 
-@pytest.fixture(scope="module")
-def windows(open_shared):
-    """Two windows for all servers, as another costs more than a page: one may log errors."""
-    return {rough: open_shared("about:blank", rough, **WINDOW) for rough in (False, True)}
+real, slow, sys.argv = os.fsync, sys.argv[1], sys.argv[2:]
+os.fsync = lambda file: (os.path.exists(slow) and time.sleep(600), real(file))
+from besman.cli.main import main
+main()
+"""
 
 
 @pytest.fixture
-def annotate(open_page, windows, serve):
-    """Open a server's page, and wait until it can be used."""
-    free = dict(windows)
+def annotate(serve, open_page):
+    """Open a server's page, and wait until it can be used; it is left before its server ends."""
 
     def start(url, expect_errors=False):
-        page = free.pop(expect_errors, None)
-        if page is None:
-            page = open_page(url, expect_errors, **WINDOW)
-        else:
-            page.goto(url)
+        page = open_page(url, expect_errors, WINDOW)
         page.wait_for_selector("html[data-ready]")
         until(page, "besman.proposals.loaded.get(besman.layer) !== 'coming'")
         return page
 
-    yield start
-    # Left before their servers end, of which they would complain.
-    for rough in windows.keys() - free.keys():
-        windows[rough].unroute_all()
-        windows[rough].goto("about:blank")
-
-
-def until(page, expression, timeout_s=30.0):
-    """Wait for a condition; Playwright's own way needs what the page's policy forbids."""
-    end = time.monotonic() + timeout_s
-    while not page.evaluate(expression):
-        assert time.monotonic() < end, expression
-        page.wait_for_timeout(15)
+    return start
 
 
 def rows(page):
@@ -78,15 +66,23 @@ def drag(page, layer, start, end):
     page.mouse.up()
 
 
-def settle(page):
-    """Wait until what was changed is drawn."""
-    page.evaluate("new Promise((done) => requestAnimationFrame(() => setTimeout(done)))")
-
-
 def press(page, *keys):
     for key in keys:
         page.keyboard.press(key)
     settle(page)
+
+
+def wait_for(page, condition):
+    """Wait for a condition that is not the page's, while the page goes on."""
+    end = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < end
+        page.wait_for_timeout(15)
+
+
+def wait_decided(page):
+    """Wait until proposals have the names that come of what is labelled by now."""
+    until(page, "!besman.proposals.busy")
 
 
 def on_disk(path, recording_path):
@@ -221,7 +217,7 @@ def test_everything_goes_by_keyboard(serve, annotate, recording_path, segments_p
     assert page.is_visible("#help-dialog")
     assert "these keys" in page.inner_text("#help-dialog")
     press(page, "Escape")
-    assert not page.is_visible("#help-dialog")
+    page.wait_for_selector("#help-dialog", state="hidden")
 
 
 def test_proposals_are_accepted_mended_and_rejected_least_certain_first(
@@ -239,6 +235,7 @@ def test_proposals_are_accepted_mended_and_rejected_least_certain_first(
         press(page, "Enter")
         assert len(rows(page)) == k + 1
     until(page, "besman.proposals.examples >= 4")
+    wait_decided(page)
     confidence = page.evaluate("besman.proposals.queue().map((one) => besman.confidenceOf(one))")
     assert confidence == sorted(confidence)
     assert confidence[0] > 0
@@ -248,6 +245,7 @@ def test_proposals_are_accepted_mended_and_rejected_least_certain_first(
     label = page.evaluate("besman.labelOf(besman.document.find(besman.selection.id))")
     press(page, "Enter")
     assert [first["start"], first["end"], label, ""] in rows(page)
+    wait_decided(page)
     # The next one is rejected, and comes back with undo.
     left = page.evaluate("besman.proposals.queue().length")
     press(page, "r")
@@ -329,29 +327,26 @@ def test_file_changed_underneath(serve, annotate, recording_path, segments_path)
 
 def test_server_killed_in_the_middle_of_a_save(open_page, recording_path, segments_path):
     """The file stays whole, the page says so and keeps what it has."""
-    command = [sys.executable, "-m", "besman", "annotate", str(recording_path)]
-    command += ["--no-browser", "--labels", "a,b"]
-    slow = "import os, time; real = os.fsync; os.fsync = lambda f: (time.sleep(60), real(f))\n"
-    code = f"{slow}import sys; sys.argv = {command[2:]!r}; from besman.cli.main import main; main()"
-    page = open_page("about:blank", expect_errors=True)
-    for script, key in ((command, "1"), ([sys.executable, "-c", code], "2")):
-        server = subprocess.Popen(script, stdout=subprocess.PIPE, text=True, env=os.environ)
-        try:
-            url = next(filter(None, (re.search(r"http://\S+", line) for line in server.stdout)))[0]
-            page.goto(url)
-            page.wait_for_selector("html[data-ready]")
-            until(page, "besman.proposals.loaded.get('') === 'here'", timeout_s=60)
-            press(page, "Enter", key)
-            if key == "1":
-                wait_saved(page)
-                before = segments_path.read_bytes()
-                page.goto("about:blank")
-            else:
-                until(page, "besman.saving.going !== null")
-                page.wait_for_timeout(300)
-        finally:
-            server.send_signal(signal.SIGKILL)
-            server.wait()
+    slow = recording_path.with_name("slow")
+    command = [sys.executable, "-c", SLOW_TO_SAVE, str(slow), "besman", "annotate"]
+    command += [str(recording_path), "--no-browser", "--labels", "a,b"]
+    server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=os.environ)
+    try:
+        url = next(filter(None, (re.search(r"http://\S+", line) for line in server.stdout)))[0]
+        page = open_page(url, True, WINDOW)
+        page.wait_for_selector("html[data-ready]")
+        until(page, "besman.proposals.loaded.get('') === 'here'")
+        press(page, "Enter", "1")
+        wait_saved(page)
+        before = segments_path.read_bytes()
+        slow.touch()
+        # The next proposal is selected.
+        press(page, "2")
+        until(page, "besman.saving.going !== null")
+        wait_for(page, segments_path.with_name(f".{segments_path.name}.tmp").exists)
+    finally:
+        server.send_signal(signal.SIGKILL)
+        server.wait()
     assert segments_path.read_bytes() == before
     page.wait_for_selector("#failure:not([hidden])")
     assert "Not saved: besman does not answer" in page.inner_text("#failure")
@@ -371,13 +366,17 @@ def test_markers_are_chosen_in_space_and_time_runs(serve, annotate, recording_pa
     page.mouse.click(box["x"] + at[0], box["y"] + at[1])
     assert page.evaluate("besman.about.markers[besman.marker]") == "Elbow"
     assert "Elbow" in page.inner_text("#chosen-legend")
-    press(page, "Home", ".", ".", "Space")
-    until(page, "besman.row > 100")
+    press(page, "Home", ".", ".")
+    assert page.inner_text("#speed").startswith("4")
+    # So slowly that its end is far when it is stopped.
+    press(page, ",", ",", ",", "Space")
+    assert page.inner_text("#speed").startswith("0.5")
+    until(page, "besman.row > 10")
     press(page, "Space")
     row = page.evaluate("besman.row")
     page.wait_for_timeout(100)
     assert page.evaluate("besman.row") == row
-    assert page.inner_text("#speed").startswith("4")
+    assert row < page.evaluate("besman.about.n_samples") - 1
     page.click("#show-velocities")
     assert page.evaluate("besman.quantity") == "velocities"
     # The wheel zooms around the pointer.
@@ -419,11 +418,7 @@ def hold_route(page, pattern):
 
 
 def wait_held(page, held):
-    for _ in range(400):
-        if held:
-            return
-        page.wait_for_timeout(15)
-    raise AssertionError("nothing was asked for")
+    wait_for(page, lambda: held)
 
 
 def test_nothing_is_saved_under_a_recording_that_is_still_coming(serve, annotate, recording_path):
@@ -473,8 +468,9 @@ def test_of_two_quick_switches_the_last_counts(serve, annotate, recording_path):
     wait_held(page, held)
     page.select_option("#recording", "0")
     until(page, "!besman.locked")
-    held[0].continue_()
-    page.wait_for_timeout(200)
+    with page.expect_event("requestfinished", lambda one: "recording=1" in one.url):
+        held[0].continue_()
+    settle(page)
     assert page.evaluate("[besman.index, besman.signals.recording]") == [0, 0]
     assert page.input_value("#recording") == "0"
 

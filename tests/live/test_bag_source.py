@@ -1,6 +1,7 @@
 """Topics of a bag that is written while they are read."""
 
 import contextlib
+import os
 import shutil
 import sqlite3
 import subprocess
@@ -158,25 +159,46 @@ def test_definitions_of_the_file_are_read(tmp_path, by_name):
 
 @pytest.mark.parametrize("journal", ["MEMORY", "WAL"])
 def test_a_database_is_read_without_standing_in_its_writers_way(tmp_path, journal):
-    path, n = tmp_path / "a.db3", 1500
-    writing = subprocess.Popen([sys.executable, growing_bags.__file__, path, journal, str(n)])
-    while not path.exists() or not path.stat().st_size:
-        assert writing.poll() is None
-    growing, found = GrowingSqlite(path), []
-    polls_with_news = 0
-    while writing.poll() is None:
-        new = growing.read_new()
-        polls_with_news += bool(new)
-        found += new
+    path, enough = tmp_path / "a.db3", tmp_path / "enough"
+    command = [sys.executable, growing_bags.__file__, path, journal, "1500", enough]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as writing:
+        while not path.exists() or not path.stat().st_size:
+            assert writing.poll() is None
+        growing, found = GrowingSqlite(path), []
+        polls_with_news = 0
+        while writing.poll() is None:
+            new = growing.read_new()
+            polls_with_news += bool(new)
+            found += new
+            # The writer goes on until it was read some times meanwhile, however busy the machine.
+            if polls_with_news == 6:
+                enough.touch()
+        n = int(writing.stdout.read() or 0)
     while new := growing.read_new():
         found += new
     # The writer never met a lock; what was read is all of it, in order, and each message whole.
     assert writing.returncode == 0
-    assert polls_with_news > 5
+    assert n >= 1500
     expected = [growing_bags.point_message(10**9 + row * STEP_NS, float(row)) for row in range(n)]
     assert [one.data for one in found] == expected
     growing.close()
-    assert sorted(one.name for one in tmp_path.iterdir()) == ["a.db3"]
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["a.db3", "enough"]
+
+
+def test_what_is_written_in_the_same_tick_of_the_clock_is_read(tmp_path):
+    """It may change neither the size of the file nor its time."""
+    path = tmp_path / "a.db3"
+    writer, growing = SqliteWriter(path, "MEMORY"), GrowingSqlite(path)
+    sizes = set()
+    for row in range(3):
+        writer.write_all([("/said", "std_msgs/msg/String", "", row, b"few")])
+        os.utime(path, ns=(0, 0))
+        sizes.add(path.stat().st_size)
+        assert [one.data for one in growing.read_new()] == [b"few"]
+        assert growing.read_new() == []
+    assert len(sizes) == 1
+    writer.close()
+    growing.close()
 
 
 def test_a_database_that_the_same_process_writes(tmp_path):

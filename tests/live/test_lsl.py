@@ -1,6 +1,7 @@
 """A recording over Lab Streaming Layer, on this machine alone."""
 
 import threading
+import uuid
 
 import numpy as np
 import pytest
@@ -16,11 +17,14 @@ pylsl = pytest.importorskip("pylsl", reason="the extra lsl is not installed")
 announce_only_here()
 from pylsl.util import LostError  # noqa: E402
 
+# Streams of all programs of this machine are found.
+OWN = f"besman_{uuid.uuid4().hex}"
 
-@pytest.fixture
-def soon(monkeypatch):
-    """Look for no longer than a moment."""
-    monkeypatch.setattr(lsl_source, "_FIND_S", 0.5)
+
+@pytest.fixture(autouse=True)
+def patient(monkeypatch):
+    """Look for a stream as long as a busy machine may need."""
+    monkeypatch.setattr(lsl_source, "_FIND_S", 60.0)
 
 
 def announce(name, source_id, labels, units, rate_hz=100.0):
@@ -36,10 +40,10 @@ def test_what_is_played_arrives():
     positions[3, 1] = np.nan
     recording = Recording(np.arange(40) / 100, positions, ("hand top", "elbow"), 100.0, "x")
     player = threading.Thread(
-        target=play_as_lsl, args=(recording, "besman_test", Delays(pace=4.0)), daemon=True
+        target=play_as_lsl, args=(recording, OWN, Delays(pace=4.0)), daemon=True
     )
     player.start()
-    source = LslSource("besman_test", wait_s=0.4)
+    source = LslSource(OWN, wait_s=60.0)
     found = source.open()
     assert (found.names, found.rate_hz) == (recording.names, 100.0)
     source.start()
@@ -49,7 +53,8 @@ def test_what_is_played_arrives():
         if packet is not None:
             packets.append(packet)
     source.close()
-    player.join(10)
+    player.join(60)
+    assert not player.is_alive()
     np.testing.assert_allclose([one.positions for one in packets], positions, atol=1e-6)
     np.testing.assert_allclose(np.diff([one.time_s for one in packets]), 0.01, atol=1e-3)
 
@@ -82,51 +87,56 @@ def test_samples_that_are_no_coordinates_end_in_words(sample):
         source.read(0.0)
 
 
-def test_channels_without_labels_are_points_without_names(soon):
-    outlet = announce("besman_dots", "one", [""] * 6, ["mm"] * 6)
-    source = LslSource("besman_dots")
+def test_channels_without_labels_are_points_without_names():
+    outlet = announce(f"{OWN}_dots", "one", [""] * 6, ["mm"] * 6)
+    source = LslSource(f"{OWN}_dots")
     assert source.open().names == (None, None)
     source.start()
-    assert outlet.wait_for_consumers(5)
+    assert outlet.wait_for_consumers(60)
     outlet.push_sample([1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
-    packet = source.read(3.0)
+    packet = source.read(60.0)
     source.close()
     np.testing.assert_allclose(packet.positions, [[1e-3, 2e-3, 3e-3], [4e-3, 5e-3, 6e-3]])
 
 
-def test_other_units_and_axes_are_turned(soon):
+def test_other_units_and_axes_are_turned():
     labels = [f"hand.{axis}" for axis in "xyz"] + ["battery"]
-    outlet = announce("besman_mm", "one", labels, ["mm"] * 3 + ["percent"])
-    source = LslSource("besman_mm", up="y")
+    outlet = announce(f"{OWN}_mm", "one", labels, ["mm"] * 3 + ["percent"])
+    source = LslSource(f"{OWN}_mm", up="y")
     assert source.open().names == ("hand",)
     source.start()
-    assert outlet.wait_for_consumers(5)
+    assert outlet.wait_for_consumers(60)
     outlet.push_sample([1000.0, 2000.0, 3000.0, 50.0])
-    packet = source.read(3.0)
+    packet = source.read(60.0)
     source.close()
     # What was y is z; x stays.
     np.testing.assert_allclose(packet.positions, [[1.0, -3.0, 2.0]])
 
 
-def test_streams_that_cannot_be_used_are_one_line(soon):
-    with pytest.raises(RecordingError, match=r"no such stream was found within 0\.5 s"):
-        LslSource("besman_nowhere").open()
+def test_streams_that_cannot_be_used_are_one_line(monkeypatch):
+    with monkeypatch.context() as soon:
+        soon.setattr(lsl_source, "_FIND_S", 0.5)
+        with pytest.raises(RecordingError, match=r"no such stream was found within 0\.5 s"):
+            LslSource(f"{OWN}_nowhere").open()
+    # Of one name there are two, at the latest then; of the next ones there is one.
+    monkeypatch.setattr(lsl_source, "_SECOND_S", 60.0)
     labels = [f"hand_{axis}" for axis in "XYZ"]
-    first = announce("besman_two", "left", labels, ["m"] * 3)
-    second = announce("besman_two", "right", labels, None)
+    first = announce(f"{OWN}_two", "left", labels, ["m"] * 3)
+    second = announce(f"{OWN}_two", "right", labels, None)
     with pytest.raises(RecordingError, match=r"2 streams have this name: .*say which"):
-        LslSource("besman_two").open()
+        LslSource(f"{OWN}_two").open()
     with pytest.raises(RecordingError, match="channels are in ''; expected one unit of length"):
-        LslSource("besman_two", "right").open()
+        LslSource(f"{OWN}_two", "right").open()
     with pytest.raises(RecordingError, match="those of this name have the ids"):
-        LslSource("besman_two", "middle").open()
-    eeg = announce("besman_eeg", "x", ["Fp1", "Fp2"], ["uV"] * 2)
-    with pytest.raises(RecordingError, match="no channels that are markers; got labels 'Fp1'"):
-        LslSource("besman_eeg").open()
-    uneven = announce("besman_uneven", "y", labels, ["m"] * 3, 0.0)
-    with pytest.raises(RecordingError, match="says no rate"):
-        LslSource("besman_uneven").open()
-    same = [announce("besman_same", "z", labels, ["m"] * 3) for _ in range(2)]
+        LslSource(f"{OWN}_two", "middle").open()
+    same = [announce(f"{OWN}_same", "z", labels, ["m"] * 3) for _ in range(2)]
     with pytest.raises(RecordingError, match="their ids do not tell them apart: end all but one"):
-        LslSource("besman_same").open()
+        LslSource(f"{OWN}_same").open()
+    monkeypatch.setattr(lsl_source, "_SECOND_S", 0.1)
+    eeg = announce(f"{OWN}_eeg", "x", ["Fp1", "Fp2"], ["uV"] * 2)
+    with pytest.raises(RecordingError, match="no channels that are markers; got labels 'Fp1'"):
+        LslSource(f"{OWN}_eeg").open()
+    uneven = announce(f"{OWN}_uneven", "y", labels, ["m"] * 3, 0.0)
+    with pytest.raises(RecordingError, match="says no rate"):
+        LslSource(f"{OWN}_uneven").open()
     del first, second, eeg, uneven, same

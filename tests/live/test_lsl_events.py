@@ -3,6 +3,7 @@
 import json
 import re
 import sys
+import uuid
 
 import pytest
 from command_line import besman
@@ -19,9 +20,14 @@ SAMPLE = resource_folder("data") / "stick_throw" / "subject1.tsv"
 
 
 def test_lines_arrive_but_for_set_points_and_addresses(capsys):
-    teller = _Teller(keeps=False, events=LslEvents("besman_events"))
-    inlet = pylsl.StreamInlet(pylsl.resolve_byprop("name", "besman_events", 1, 5.0)[0])
-    inlet.open_stream(5.0)
+    # Streams of all programs of this machine are found.
+    name = f"besman_{uuid.uuid4().hex}"
+    events = LslEvents(name)
+    teller = _Teller(keeps=False, events=events)
+    inlet = pylsl.StreamInlet(pylsl.resolve_byprop("name", name, 1, 60.0)[0])
+    inlet.open_stream(60.0)
+    # Who listens may be connected before the other side has taken note of it.
+    assert events._outlet.wait_for_consumers(60.0)
     about = inlet.info()
     assert (about.type(), about.channel_count(), about.nominal_srate()) == ("Markers", 1, 0.0)
     block = {"kind": "block", "label": "throw", "uncertainty": float("inf")}
@@ -29,7 +35,7 @@ def test_lines_arrive_but_for_set_points_and_addresses(capsys):
     before = pylsl.local_clock()
     for one in said:
         teller.tell(one)
-    arrived = [inlet.pull_sample(5.0) for _ in range(2)]
+    arrived = [inlet.pull_sample(60.0) for _ in range(2)]
     assert [json.loads(text[0]) for text, _ in arrived] == [
         block | {"uncertainty": None},
         {"kind": "end"},

@@ -4,6 +4,7 @@ import contextlib
 import socket
 import struct
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -17,6 +18,12 @@ from besman.live.play_qtm import Delays
 from besman.records import Recording
 
 natnet = pytest.importorskip("natnet", reason="the extra optitrack is not installed")
+
+
+@pytest.fixture(autouse=True)
+def patient(monkeypatch):
+    """Wait for an answer as long as a busy machine may need."""
+    monkeypatch.setattr(natnet_source, "_ANSWER_S", 60.0)
 
 
 def make_recording(names=("hand", "elbow"), n=60):
@@ -36,9 +43,10 @@ def served(recording, delays=Delays(pace=4.0)):  # noqa: B008
 
     thread = threading.Thread(target=play_as_natnet, args=(recording, delays, 0, say), daemon=True)
     thread.start()
-    assert heard.wait(10)
+    assert heard.wait(60)
     yield int(said[0].rpartition(":")[2])
-    thread.join(10)
+    thread.join(60)
+    assert not thread.is_alive()
 
 
 def read_all(source, n):
@@ -55,7 +63,7 @@ def read_all(source, n):
 def test_what_is_played_arrives(names):
     recording = make_recording(names)
     with served(recording) as port:
-        source = NatNetSource("127.0.0.1", port, wait_s=0.5)
+        source = NatNetSource("127.0.0.1", port, wait_s=60.0)
         found = source.open()
         assert found.names == (names if names[0] else (None,) * UNNAMED)
         assert found.rate_hz == 100.0
@@ -76,13 +84,15 @@ def test_the_packages_own_client_understands_what_is_played():
         client = natnet.NatNetClient(command_port=port, use_multicast=False)
         client.on_data_frame_received_event.handlers.append(frames.append)
         client.on_data_description_received_event.handlers.append(lambda one: described.set())
-        client.connect(5.0)
+        client.connect(60.0)
         client.run_async()
         client.request_modeldef()
-        assert described.wait(5.0)
+        assert described.wait(60.0)
+    until = time.monotonic() + 60
+    while len(frames) < 60 and time.monotonic() < until:
+        time.sleep(0.01)
     client.shutdown()
-    assert [one.prefix.frame_number for one in frames] == list(range(len(frames)))
-    assert len(frames) > 50
+    assert [one.prefix.frame_number for one in frames] == list(range(60))
     (markers,) = frames[10].marker_sets
     np.testing.assert_allclose(
         markers.marker_pos_list, recording.positions[10][:, [0, 2, 1]] * [1, 1, -1], atol=1e-6
@@ -92,7 +102,7 @@ def test_the_packages_own_client_understands_what_is_played():
 def test_datagrams_that_are_none_are_one_line():
     recording = make_recording()
     with served(recording) as port:
-        source = NatNetSource("127.0.0.1", port, wait_s=0.5)
+        source = NatNetSource("127.0.0.1", port, wait_s=60.0)
         source.open()
         packets = read_all(source, 60)
     assert len(packets) == 60
@@ -143,7 +153,7 @@ def test_markers_of_several_assets_bear_their_names():
 def test_assets_that_change_are_one_line():
     recording = make_recording()
     with served(recording) as port:
-        source = NatNetSource("127.0.0.1", port, wait_s=0.5)
+        source = NatNetSource("127.0.0.1", port, wait_s=60.0)
         source.open()
         source._sets = (("person", 3),)
         with pytest.raises(RecordingError, match="other markers in a frame than in its descr"):
@@ -160,8 +170,11 @@ def test_no_server_and_silence_are_one_line(monkeypatch):
             play_as_natnet(make_recording(), port=port)
         with pytest.raises(RecordingError, match=r"no answer within 0\.3 s.*expected Motive"):
             NatNetSource("127.0.0.1", port).open()
-    with (
-        served(make_recording(n=4)) as port,
-        pytest.raises(RecordingError, match="sends no frames, or none with a time that rises"),
-    ):
-        NatNetSource("127.0.0.1", port).open()
+    monkeypatch.setattr(natnet_source, "_ANSWER_S", 60.0)
+    source = NatNetSource("127.0.0.1", 0)
+    # There are answers at once; for frames that do not come it need not wait.
+    monkeypatch.setattr(source._measured, "wait", lambda timeout_s: False)
+    with served(make_recording(n=4)) as port:
+        source._port = port
+        with pytest.raises(RecordingError, match="sends no frames, or none with a time that rises"):
+            source.open()

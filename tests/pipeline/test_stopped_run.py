@@ -43,6 +43,14 @@ main.main()
 """
 
 
+def lives(process):
+    """Tell whether it has not ended; it may do so while it is asked."""
+    try:
+        return process.is_running() and process.status() != "zombie"
+    except psutil.NoSuchProcess:
+        return False
+
+
 def wait_for(condition):
     until = time.monotonic() + 240
     while not condition():
@@ -86,4 +94,4 @@ def test_a_stopped_run_says_so_and_leaves_nobody_behind(tmp_path, function, proc
             "failed",
             f"stopped by {name}",
         )
-    wait_for(lambda: not any(one.is_running() and one.status() != "zombie" for one in started))
+    wait_for(lambda: not any(map(lives, started)))

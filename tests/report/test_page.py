@@ -150,7 +150,7 @@ def test_a_click_on_a_head_sorts_and_another_the_other_way_round(small_run, page
             CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu",
             f"--user-data-dir={tmp_path / 'profile'}", "--dump-dom", f"file://{changed}",
         ],
-        capture_output=True, text=True, timeout=120, check=True,
+        capture_output=True, text=True, timeout=300, check=True,
     )  # fmt: skip
     second, first = (one for one in Page(shown.stdout).tables if one["class"] == "sortable")
     for table, down in ((first, False), (second, True)):

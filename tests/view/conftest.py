@@ -1,5 +1,5 @@
 import pytest
-from browser import chromium, open_page, open_shared  # noqa: F401
+from browser import open_page, open_shared, pytest_runtest_teardown  # noqa: F401
 
 from besman.view.export import write_replay
 from besman.view.run_content import RunContent

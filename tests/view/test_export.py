@@ -9,6 +9,7 @@ import urllib.request
 from dataclasses import replace
 
 import pytest
+from browser import settle
 from command_line import besman
 from web_session import enter
 
@@ -22,7 +23,7 @@ HOSTILE = "</script><script>hit=1</script><img src=x onerror=hit=1>'\"&.tsv"
 
 
 @pytest.fixture(scope="module")
-def hostile_run(small_run, tmp_path_factory):
+def hostile(small_run, tmp_path_factory):
     """The run of a recording, of markers and of a run with names that are markup."""
     folder = shutil.copytree(small_run, tmp_path_factory.mktemp("hostile") / "run")
     for path in folder.glob("*_*/record.npz"):
@@ -48,7 +49,7 @@ def hostile_run(small_run, tmp_path_factory):
         save_record(record, path)
     state = json.loads((folder / "run.json").read_text())
     (folder / "run.json").write_text(json.dumps(state | {"name": "<i>run</i>"}))
-    return folder
+    return RunContent(folder)
 
 
 def renamed(name):
@@ -73,13 +74,20 @@ def test_the_file_needs_nothing_else_and_is_small(content, replay, tmp_path):
 
 
 def test_the_file_asks_for_nothing(replay, open_page):
-    page = open_page(replay.as_uri(), offline=True)
-    asked = []
+    page, asked = open_page("about:blank"), []
     page.on("request", lambda request: asked.append(request.url))
-    page.reload()
-    page.wait_for_selector("html[data-ready]")
-    page.keyboard.press("ArrowDown")
-    page.wait_for_timeout(200)
+    page.context.set_offline(True)
+    try:
+        page.goto(replay.as_uri())
+        page.wait_for_selector("html[data-ready]")
+        shown = page.input_value("#demonstration")
+        page.keyboard.press("ArrowDown")
+        page.wait_for_function("shown => demonstration.value !== shown", arg=shown)
+        page.wait_for_selector("#demonstration:not([aria-busy])")
+        settle(page)
+    finally:
+        page.context.set_offline(False)
+    assert replay.as_uri() in asked
     assert [url for url in asked if not url.startswith(("file:", "data:", "blob:"))] == []
 
 
@@ -91,14 +99,14 @@ def test_a_place_that_cannot_be_is_refused_before_the_work(content, tmp_path, mo
 
 
 @pytest.mark.parametrize("live", [True, False])
-def test_names_are_text(hostile_run, tmp_path, open_page, live):
-    content = RunContent(hostile_run)
+def test_names_are_text(request, hostile, tmp_path, open_page, live):
     if live:
-        server = open_view(content)
+        server = open_view(hostile)
         server.start()
+        request.addfinalizer(server.stop)
         page = open_page(server.url)
     else:
-        export.write_replay(content, tmp_path / "replay.html")
+        export.write_replay(hostile, tmp_path / "replay.html")
         assert HOSTILE not in (tmp_path / "replay.html").read_text("utf-8")
         page = open_page((tmp_path / "replay.html").as_uri())
     page.wait_for_selector("html[data-ready]")
@@ -107,8 +115,6 @@ def test_names_are_text(hostile_run, tmp_path, open_page, live):
     assert page.locator("#demonstration option").first.text_content().startswith(HOSTILE)
     assert page.evaluate("typeof hit") == "undefined"
     assert page.locator("img").count() == 0
-    if live:
-        server.stop()
 
 
 def test_one_motion_alone(content, tmp_path, open_page):

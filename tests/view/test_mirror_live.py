@@ -69,7 +69,7 @@ def test_what_is_pushed_is_what_is_told_and_what_is_shown(mirrored):
         place, cookie = session(server)
         address = f"ws://127.0.0.1:{server.port}{place}news"
         with connect(address, additional_headers={"Cookie": cookie}) as listening:
-            told = [json.loads(listening.recv(5)) for _ in range(2)]
+            told = [json.loads(listening.recv(60)) for _ in range(2)]
         assert sorted(one["kind"] for one in told) == ["begin", "frame"]
         shown = next(one for one in told if one["kind"] == "frame")
         assert shown == {"kind": "frame"} | json.loads(json.dumps(describe_frame(mirrored[0])))

@@ -1,11 +1,11 @@
 """The real page in Chromium."""
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pinocchio
 import pytest
+from browser import settle
 
 from besman.robot.model import load_robot
 from besman.view.live import open_view
@@ -21,13 +21,25 @@ def served(content):
     server.stop()
 
 
-@pytest.fixture(scope="module", params=["served", "replay"])
-def loaded(request, open_shared):
-    """The page of the small run, from the server and from the file: loaded once."""
-    found = request.getfixturevalue(request.param)
-    opened = open_shared(found.as_uri() if isinstance(found, Path) else found.url)
+@pytest.fixture(scope="module")
+def asked(served, open_shared):
+    """The page from the server; that it is asked what its modules compute does not change it."""
+    opened = open_shared(served.url)
     opened.wait_for_selector(READY)
     return opened
+
+
+@pytest.fixture(scope="module")
+def opened_file(replay, open_shared):
+    opened = open_shared(replay.as_uri())
+    opened.wait_for_selector(READY)
+    return opened
+
+
+@pytest.fixture(scope="module", params=["asked", "opened_file"], ids=["served", "replay"])
+def loaded(request):
+    """The page of the small run, from the server and from the file: loaded once."""
+    return request.getfixturevalue(request.param)
 
 
 @pytest.fixture
@@ -49,14 +61,12 @@ def as_loaded(page, content):
     page.select_option("#demonstration", str(content.first))
     page.wait_for_selector("#demonstration:not([aria-busy])")
     page.evaluate("document.activeElement.blur()")
+    settle(page)
 
 
-@pytest.fixture(scope="module")
-def asked(served, open_shared):
-    """A page that is only asked what its modules compute."""
-    page = open_shared(served.url)
-    page.wait_for_selector(READY)
-    return page
+def wait_at_rest(page):
+    """Wait for the picture without jagged edges, which comes when nothing moves any more."""
+    page.wait_for_selector("#canvas[data-rests=true]")
 
 
 def pixels(page):
@@ -119,6 +129,8 @@ def test_the_keyboard_alone(page):
     assert chosen.inner_text() == page.locator("#takes button").nth(n - 2).inner_text()
     page.keyboard.press(" ")
     page.wait_for_selector("#play[aria-label=Pause]")
+    page.keyboard.press(" ")
+    page.wait_for_selector("#play[aria-label=Play]")
 
 
 def test_another_demonstration(page, content):
@@ -157,27 +169,40 @@ def test_the_generations_are_the_search_s_own(page, content):
 
 
 def test_dragging_turns_and_reset_turns_back(page):
-    # The picture at rest is the one without jagged edges.
-    page.wait_for_timeout(300)
+    wait_at_rest(page)
     before = pixels(page)
-    page.mouse.move(400, 400)
+    box = page.locator("#canvas").bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.mouse.move(x, y)
     page.mouse.down()
-    page.mouse.move(460, 420, steps=3)
+    page.mouse.move(x + 60, y + 20, steps=3)
     page.mouse.up()
-    page.wait_for_function("before => solids.toDataURL() !== before", arg=before)
+    settle(page)
+    wait_at_rest(page)
+    assert pixels(page) != before
     page.click("#reset")
-    page.wait_for_function("before => solids.toDataURL() === before", arg=before)
+    settle(page)
+    wait_at_rest(page)
+    assert pixels(page) == before
 
 
-@pytest.mark.parametrize("theme", ["light", "dark"])
-def test_the_theme_is_the_system_s_until_it_is_switched(open_page, served, theme):
-    page = open_page(served.url, color_scheme=theme)
+def test_the_theme_is_the_system_s_until_it_is_switched(open_page, served):
+    page = open_page(served.url, color_scheme="light")
     page.wait_for_selector(READY)
     colour = "() => getComputedStyle(document.body).backgroundColor"
-    before = page.evaluate(colour)
-    assert (before == "rgb(255, 255, 255)") == (theme == "light")
+    light = page.evaluate(colour)
+    assert light == "rgb(255, 255, 255)"
+    page.emulate_media(color_scheme="dark")
+    dark = page.evaluate(colour)
+    assert dark != light
     page.click("#theme")
-    assert page.evaluate(colour) != before
+    assert page.evaluate(colour) == light
+    page.click("#theme")
+    assert page.evaluate(colour) == dark
+    page.emulate_media(color_scheme="light")
+    assert page.evaluate(colour) == dark
+    page.click("#theme")
+    assert page.evaluate(colour) == light
 
 
 def test_forward_kinematics_is_pinocchio_s(asked):

@@ -1,6 +1,7 @@
 import http.client
 import socket
 import threading
+import time
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
@@ -45,7 +46,7 @@ def server(folder):
 
 def ask(server, method, name, body=None, place=None, **headers):
     """Ask as a browser would, with the path as it stands."""
-    connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=5)
+    connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=60)
     own, cookie = session(server)
     headers = {"Cookie": cookie} | {k.replace("_", "-"): v for k, v in headers.items()}
     connection.request(method, f"{own if place is None else place}{name}", body, headers)
@@ -116,7 +117,7 @@ def test_two_who_come_with_one_address_do_not_both_get_in(server):
 @pytest.mark.parametrize("address", ["http://[/", "http://[x/data"])
 def test_an_address_that_is_none_is_refused_with_words(server, address):
     # As no client of a library would send it.
-    with socket.create_connection(("127.0.0.1", server.port), timeout=5) as raw:
+    with socket.create_connection(("127.0.0.1", server.port), timeout=60) as raw:
         raw.sendall(f"GET {address} HTTP/1.1\r\nHost: 127.0.0.1:{server.port}\r\n\r\n".encode())
         answer = raw.makefile().read()
     assert answer.startswith("HTTP/1.1 400")
@@ -138,16 +139,20 @@ def test_a_body_that_is_no_plain_json_is_refused_with_words(server, body):
 
 
 def test_many_requests_at_a_time_are_all_answered(server):
+    # A hundred threads take turns, and it may be long until one asks that has connected.
+    server._server.grace_s = 60.0
     with ThreadPoolExecutor(100) as threads:
         asked = [threads.submit(ask, server, "GET", "data") for _ in range(200)]
         assert {one.result()[0].status for one in asked} == {200}
 
 
 def test_who_keeps_connections_open_and_says_nothing_is_cut_off_for_others(server):
+    server._server.grace_s, before = 0.2, threading.active_count()
     silent = [socket.create_connection(("127.0.0.1", server.port)) for _ in range(40)]
     try:
         assert ask(server, "GET", "data")[0].status == 200
-        assert threading.active_count() < 60
+        # Threads of servers before may be ending still.
+        assert threading.active_count() - before < 40
     finally:
         for one in silent:
             one.close()
@@ -155,21 +160,19 @@ def test_who_keeps_connections_open_and_says_nothing_is_cut_off_for_others(serve
 
 def test_a_request_that_drips_in_is_cut_off(server):
     server._server.reading_s = 0.3
-    with socket.create_connection(("127.0.0.1", server.port), timeout=5) as slow:
+    with socket.create_connection(("127.0.0.1", server.port), timeout=60) as slow:
         slow.sendall(b"GET / HTTP/1.1\r\n")
-        got = b"..."
-        for _ in range(100):
+        slow.settimeout(0.05)
+        got, until = None, time.monotonic() + 60
+        while got is None and time.monotonic() < until:
             try:
                 slow.sendall(b"X")
-            except ConnectionError:
-                break
-            slow.settimeout(0.05)
-            try:
                 got = slow.recv(100)
-                break
             except TimeoutError:
                 continue
-    assert got == b"" or not got.startswith(b"HTTP")
+            except ConnectionError:
+                got = b""
+    assert got == b""
     assert ask(server, "GET", "data")[0].status == 200
 
 

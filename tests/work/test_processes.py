@@ -25,7 +25,7 @@ def call(function):
 
 
 def test_an_item_is_worked_on_in_another_process(pool):
-    outcome = pickle.loads(pool.submit(call(worker_items.double), pickle.dumps(4)).result(60))
+    outcome = pickle.loads(pool.submit(call(worker_items.double), pickle.dumps(4)).result(240))
     assert outcome.value == 8
     assert pool.window == 2
 
@@ -33,8 +33,8 @@ def test_an_item_is_worked_on_in_another_process(pool):
 def test_a_pool_that_is_broken_starts_again_with_the_next_item(pool):
     deadly = pool.submit(call(os._exit), pickle.dumps(1))
     with pytest.raises(pool.lost):
-        deadly.result(60)
-    outcome = pickle.loads(pool.submit(call(worker_items.double), pickle.dumps(5)).result(60))
+        deadly.result(240)
+    outcome = pickle.loads(pool.submit(call(worker_items.double), pickle.dumps(5)).result(240))
     assert outcome.value == 10
 
 
@@ -64,7 +64,7 @@ def test_a_script_that_has_no_guard_is_not_run_again(tmp_path):
         env={**os.environ, "PYTHONPATH": path},
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=240,
         check=False,
     )
     assert (done.stdout, done.returncode) == ("once\n[2, 4]\n", 0)

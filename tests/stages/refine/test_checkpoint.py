@@ -140,15 +140,27 @@ def test_a_run_keeps_checkpoints_until_the_stage_is_stored(robot, make_plan, tmp
 # Long enough to be killed on the way.
 EPISODES = 48
 SCRIPT = """
+import itertools
 import sys
+import time
 from pathlib import Path
 
 from besman.records.files import load_record
+from besman.stages.refine.checkpoint import Checkpoint
 from besman.stages.refine.stage import CmaEsConfig
 from besman.robot.model import load_robot
 from besman.pipeline.run_folder import Run
 from besman.simulation.tasks.kinds import load_task
 
+save, numbers = Checkpoint.save, itertools.count(1)
+
+def hold(checkpoint, index, generation):
+    save(checkpoint, index, generation)
+    if next(numbers) >= 7:
+        time.sleep(600)
+
+# So that it is not over before it is killed, however seldom that process has its turn.
+Checkpoint.save = hold
 plans, folder = load_record(Path(sys.argv[1])), Path(sys.argv[2])
 robot, task = load_robot("ur5", "stick_holder"), load_task("stick_throw")
 run = Run(folder, "a", jobs=2)
@@ -171,7 +183,7 @@ def test_a_killed_run_goes_on_and_ends_with_the_same_bytes(robot, make_plan, tmp
     save_record(far, plans)
     kept = ".*_refine.going/*/*/*.npz"
     process = start_run(plans, folder)
-    until = time.monotonic() + 120
+    until = time.monotonic() + 300
     while len(list(folder.glob(kept))) < 7:
         assert process.poll() is None
         assert time.monotonic() < until
