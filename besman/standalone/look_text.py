@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from besman.exceptions import RecordingWarning, pasted
+from besman.io.ring_landings import find_ring_landing
 from besman.io.segments_json import SEGMENTS_SUFFIX, find_segments, read_segments
 from besman.person.marker_set_fit import SetFit
 from besman.standalone import LONGEST_GAP_S
@@ -51,6 +52,7 @@ def describe_look(look: Look, commands: list[str]) -> list[str]:
         f"  names       {_names(look)}",
         *_gaps(look),
         f"  movement    {_movement(look)}",
+        *_landing(look),
         *_sets(look),
     ]
     lines += [f"  note        {note}" for note in origin.notes]
@@ -265,6 +267,21 @@ def _movement(look: Look) -> str:
         for one in moving[:_MOST_MOVERS]
     ]
     return f"most by {', '.join(said)}{rest}"
+
+
+def _landing(look: Look) -> list[str]:
+    """Say where the file has a ball come down, and where that is."""
+    on_ring = look.origin.on_ring_m
+    if on_ring is None:
+        return []
+    right, away = (100 * one for one in on_ring)
+    side = "right" if right >= 0 else "left"
+    said = f"{abs(right):.0f} cm to the {side}, {away:.0f} cm beyond a ring's front, by the file"
+    landing = find_ring_landing(look.recording)
+    if landing is not None:
+        x, y, z = landing.place
+        said += f"; the ring nearest on an NBA court: at {x:.2f}, {y:.2f}, {z:.2f} m"
+    return [f"  landing     {said}"]
 
 
 def _sets(look: Look) -> list[str]:

@@ -173,8 +173,8 @@ def _count(frames: FloatArray, path: Path, first_line: Lines) -> npt.NDArray[np.
     if wrong.size:
         row = int(wrong[0])
         raise RecordingError(
-            f"{path}:{_line_of(row, first_line)}: frame is {frames[row]:g}; expected a whole number from 0 "
-            f"to {GREATEST_FRAME:.0e}"
+            f"{path}:{_line_of(row, first_line)}: frame is {frames[row]:g}; expected a whole "
+            f"number from 0 to {GREATEST_FRAME:.0e}"
         )
     steps = np.diff(frames)
     falling = np.flatnonzero(steps <= 0)
@@ -239,7 +239,8 @@ def _show_rate(
         row = int(wrong[0]) + 1 if wrong.size else 0
         before = f" after {times[row - 1]:g} s" if row else ""
         raise RecordingError(
-            f"{path}:{_line_of(row, first_line)}: time is {times[row]:g} s{before}; expected rising times"
+            f"{path}:{_line_of(row, first_line)}: time is {times[row]:g} s{before}; expected "
+            "rising times"
         )
     if not steps.size:
         return None
@@ -250,8 +251,8 @@ def _show_rate(
         row = int(uneven[0]) + 1
         _warn(
             f"{path.name}: {uneven.size} times do not rise evenly, first in line "
-            f"{_line_of(row, first_line)}: {times[row]:g} s after {times[row - 1]:g} s; frames are taken "
-            "for evenly spaced"
+            f"{_line_of(row, first_line)}: {times[row]:g} s after {times[row - 1]:g} s; frames are "
+            "taken for evenly spaced"
         )
         return whole_if_near(1.0 / usual)
     return whole_if_near(float((rows[-1] - rows[0]) / (times[-1] - times[0])))

@@ -6,8 +6,9 @@ numbers and times, in seconds or milliseconds (SPL open data), micro- or nanosec
 ``null`` for what was not seen, and names that some frames lack; several people a frame under
 ``people``, each with a name or an id, and OpenPose's flat lists ``pose_keypoints_3d`` of BODY_25,
 gathered into one file; the rate as ``fps``, ``frame_rate``, ``sampling_rate`` or ``rate_hz``,
-``units`` and ``up``, beside the frames or in ``metadata``, or none of them. Where no unit is named
-the height of the body tells it.
+``units`` and ``up``, beside the frames or in ``metadata``, or none of them; where a ball met a
+ring, ``landing_x`` and ``landing_y``, in inches (SPL open data). Where no unit is named the height
+of the body tells it.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from besman.io.recordings.keypoint_frames import (
     is_number,
     names_for_all,
 )
-from besman.io.recordings.lengths import Length, body_length, find_length, parse_unit
+from besman.io.recordings.lengths import UNIT_M, Length, body_length, find_length, parse_unit
 from besman.io.recordings.text_lines import in_usual_text
 from besman.records import Axis, FloatArray, Origin, Recording
 from besman.records.frozen import hand_over
@@ -39,6 +40,8 @@ from besman.records.recordings import RATES_HZ
 
 _RATES = ("rate_hz", "fps", "frame_rate", "framerate", "sampling_rate", "sample_rate", "rate")
 _NUMBERS = ("frame", "frame_number", "frame_id", "index")
+_LANDING = ("landing_x", "landing_y")
+_FARTHEST_IN = 120.0  # who misses a ring by more has not thrown at it
 # Parts that only a whole body has.
 _ENDS = (("nose", "head", "eye", "ear"), ("ankle", "foot", "toe", "heel"))
 _NO_BODY = ("ball", "stick", "box", "object")
@@ -98,7 +101,13 @@ def read_keypoints(path: Path, units: Units | None = None) -> Recording:
         rate_hz=clock.rate_hz,
         source=path.name,
         first_frame=clock.first_frame,
-        origin=Origin(units=length.name, units_by=length.told_by, up=up, up_by=up_by),
+        origin=Origin(
+            units=length.name,
+            units_by=length.told_by,
+            up=up,
+            up_by=up_by,
+            on_ring_m=_read_landing(about),
+        ),
     )
 
 
@@ -130,6 +139,15 @@ def _find_rate(about: Mapping[str, Any]) -> float | None:
     if said is None:
         return None
     return float(said) if is_number(said) else read_rate(str(said))
+
+
+def _read_landing(about: Mapping[str, Any]) -> tuple[float, float] | None:
+    """Return where a ball met a ring, metres from its front; None if the file does not say it."""
+    said = [about.get(key) for key in _LANDING]
+    if not all(is_number(one) and abs(one) <= _FARTHEST_IN for one in said):
+        return None
+    right, away = (float(one) * UNIT_M["in"] for one in said)
+    return right, away
 
 
 def _column(frames: list[dict[str, Any]], keys: tuple[str, ...], path: Path) -> FloatArray | None:

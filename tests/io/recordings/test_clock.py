@@ -108,6 +108,6 @@ def test_times_that_stand_still_leave_the_headers_rate():
     np.testing.assert_allclose(clock.time, np.arange(4) / 50)
     for rate in (None, float("nan"), 0.0):
         with pytest.raises(
-            RecordingError, match="still.trc:7: time is 0 s after 0 s; expected rising"
+            RecordingError, match=r"still\.trc:7: time is 0 s after 0 s; expected rising"
         ):
             settle_clock(np.arange(1.0, 5.0), np.zeros(4), rate, Path("still.trc"), 6)

@@ -66,7 +66,8 @@ def test_frames_that_are_missing_become_gaps(tmp_path, with_times):
     rng = np.random.default_rng(3)
     turns = rng.normal(size=(30, 2, 4))
     whole = Recording(
-        (np.arange(30) + 7) / 60, rng.normal(size=(30, 2, 3)), ("T8", "RightHand"), 60.0, "whole.mvnx", 7,
+        (np.arange(30) + 7) / 60, rng.normal(size=(30, 2, 3)), ("T8", "RightHand"), 60.0,
+        "whole.mvnx", 7,
         turns / np.linalg.norm(turns, axis=2, keepdims=True),
     )  # fmt: skip
     kept = [row for row in range(30) if row not in (4, 11, 12)]
