@@ -4,11 +4,12 @@ Variants seen: a list of frames, or one under ``frames``, ``tracking``, ``data``
 and those that `besman.io.recordings.keypoint_frames` names; a frame a line (JSON Lines); frames'
 numbers and times, in seconds or milliseconds (SPL open data), micro- or nanoseconds; ``NaN`` and
 ``null`` for what was not seen, and names that some frames lack; several people a frame under
-``people``, each with a name or an id, and OpenPose's flat lists ``pose_keypoints_3d`` of BODY_25,
-gathered into one file; the rate as ``fps``, ``frame_rate``, ``sampling_rate`` or ``rate_hz``,
-``units`` and ``up``, beside the frames or in ``metadata``, or none of them; where a ball met a
-ring, ``landing_x`` and ``landing_y``, in inches (SPL open data). Where no unit is named the height
-of the body tells it.
+``people``, each with a name or an id; lists without names, as OpenPose's ``pose_keypoints_3d`` and
+Panoptic's ``joints19``, gathered into one file; Azure Kinect's ``joint_positions``, mmpose's
+``instances``; the rate as ``fps``, ``frame_rate``, ``sampling_rate`` or ``rate_hz``, ``units`` and
+``up``, beside the frames or in ``metadata``, or none of them; where a ball met a ring,
+``landing_x`` and ``landing_y``, in inches (SPL open data). Where no unit is named the height of the
+body tells it.
 """
 
 from __future__ import annotations
@@ -29,9 +30,9 @@ from besman.io.recordings.format import Units, parse_up
 from besman.io.recordings.keypoint_frames import (
     collect_positions,
     find_frames,
-    is_number,
     names_for_all,
 )
+from besman.io.recordings.keypoint_orders import is_number
 from besman.io.recordings.lengths import UNIT_M, Length, body_length, find_length, parse_unit
 from besman.io.recordings.text_lines import in_usual_text
 from besman.records import Axis, FloatArray, Origin, Recording
