@@ -31,7 +31,7 @@ _PARTS_OF_SECOND = (1.0, 1e3, 1e6, 1e9)
 TIME_NAMES: dict[str, float | None] = (
     dict.fromkeys(("time", "timestamp", "t"), None)
     | dict.fromkeys(("time_s", "time (s)", "time (seconds)", "seconds"), 1.0)
-    | dict.fromkeys(("time_ms", "time (ms)", "timestamp_ms"), 1e3)
+    | dict.fromkeys(("time_ms", "time (ms)", "timestamp_ms", "univTime"), 1e3)
     | dict.fromkeys(("timestamp_us", "timestamp_usec"), 1e6)
     | {"timestamp_ns": 1e9}
 )

@@ -77,6 +77,11 @@ def read_keypoints(path: Path, units: Units | None = None) -> Recording:
     content = _parse(path)
     frames, about = find_frames(content, path)
     names, positions = collect_positions(frames, names_for_all(about), path)
+    if len(positions) == 1:
+        raise RecordingError(
+            f"{path}: a recording of one frame; expected at least two: where each frame has a file "
+            "of its own, `jq -c . FOLDER/*.json > take.jsonl` makes one of them"
+        )
     numbers = _column(frames, _NUMBERS, path)
     rate_hz = _find_rate(about)
     is_rate = rate_hz is not None and RATES_HZ[0] <= rate_hz <= RATES_HZ[1]
