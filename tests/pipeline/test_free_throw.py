@@ -15,7 +15,6 @@ from besman.pipeline.finished_run import read_run
 from besman.pipeline.pipeline import run_pipeline
 from besman.standalone.look_files import look_at
 from besman.standalone.look_text import describe_look
-from besman.synthetic.free_throw import simulate_free_throw
 
 RECIPE = TOP / "pipelines" / "ur5_free_throw.yaml"
 pytestmark = pytest.mark.filterwarnings("ignore::besman.exceptions.RecordingWarning")
@@ -82,17 +81,16 @@ def test_check_names_what_a_landing_file_lacks(folder, tmp_path):
         check_pipeline(str(RECIPE), settings(folder, f"select.landing={landings}"))
 
 
-def test_a_landing_of_the_recordings_own_file_counts_first(folder, tmp_path):
-    for path in folder.glob("*.json"):
-        (tmp_path / path.name).write_bytes(path.read_bytes())
-    throw = simulate_free_throw(2)
-    (tmp_path / "BB_FT_P0001_T0002.json").write_text(json.dumps(with_landing(throw)))
+def test_a_landing_of_the_recordings_own_file_counts_first(tmp_path):
+    _, throw = write_throws(tmp_path, 2)
+    path = tmp_path / "BB_FT_P0001_T0002.json"
+    path.write_text(json.dumps(with_landing(throw)))
     lines = check_pipeline(str(RECIPE), settings(tmp_path))
     assert "target: by landing, else object, else flight, else release" in lines
     assert "without a landing: BB_FT_P0001_T0001.json" in lines
-    said = describe_look(look_at(tmp_path / "BB_FT_P0001_T0002.json"), [])
     x, y, z = throw.landing(3.048)
-    assert any(f"on an NBA court: at {x:.2f}, {y:.2f}, {z:.2f} m" in line for line in said)
+    expected = f"on an NBA court: at {x:.2f}, {y:.2f}, {z:.2f} m"
+    assert any(expected in line for line in describe_look(look_at(path), []))
 
 
 def test_a_throw_that_nothing_tells_is_refused_beforehand(folder):

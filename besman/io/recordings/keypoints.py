@@ -149,11 +149,14 @@ def _find_rate(about: Mapping[str, Any]) -> float | None:
 
 def _read_landing(about: Mapping[str, Any]) -> tuple[float, float] | None:
     """Return where a ball met a ring, metres from its front; None if the file does not say it."""
-    said = [about.get(key) for key in _LANDING]
-    if not all(is_number(one) and abs(one) <= _FARTHEST_IN for one in said):
-        return None
-    right, away = (float(one) * UNIT_M["in"] for one in said)
-    return right, away
+    said: list[float] = []
+    for key in _LANDING:
+        one: Any = about.get(key)
+        # JSON holds whole numbers that are larger than any float.
+        if not is_number(one) or not abs(one) <= _FARTHEST_IN:
+            return None
+        said.append(float(one) * UNIT_M["in"])
+    return said[0], said[1]
 
 
 def _column(frames: list[dict[str, Any]], keys: tuple[str, ...], path: Path) -> FloatArray | None:

@@ -295,25 +295,3 @@ def test_what_else_is_said_of_keypoints_is_no_place(tmp_path, name):
     assert found.rate_hz == 30.0
     expected = np.where(np.isnan(POSITIONS), np.nan, POSITIONS)
     np.testing.assert_allclose(found.positions, expected)
-
-
-@CONCLUDING
-def test_lists_without_names_have_an_order_of_their_own(tmp_path):
-    """CMU Panoptic's: neck, nose, middle of the hips, left arm; y down, cm."""
-    body = np.tile([[0.0, -150.0, 10.0, 0.8]], (19, 1))
-    body[[8, 14], 1], body[1, 1], body[9, 3] = 0.0, -170.0, -1.0
-    bodies = [{"id": 3, "joints19": body.ravel().tolist()}]
-    path = tmp_path / "a.jsonl"
-    lines = [json.dumps({"univTime": 53541.5 + 33.33 * at, "bodies": bodies}) for at in range(9)]
-    path.write_text(lines[0])
-    with pytest.raises(RecordingError, match=r"one frame; .*of its own, `jq -c . FOLDER/\*.json"):
-        read_recording(path)
-    path.write_text("\n".join(lines))
-    found = read_recording(path)
-    assert found.rate_hz == 30.0
-    assert found.names[:3] == ("person3:Neck", "person3:Nose", "person3:MidHip")
-    assert np.isnan(found.positions[:, found.names.index("person3:RShoulder")]).all()
-    nose, ankle = (
-        found.positions[0, found.names.index(f"person3:{one}")] for one in ("Nose", "LAnkle")
-    )
-    np.testing.assert_allclose(nose - ankle, [0.0, 0.0, 1.7])
