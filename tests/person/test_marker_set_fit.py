@@ -66,8 +66,10 @@ OTHERS = {
         "qualisys": "R_SAE R_HLE R_HME R_RSP R_USP R_HM2 R_HM5 R_IAS R_IPS CV7 SJN",
         "isb": "RAC RELL RELM RRS RUS RMC2 RMC5 C7 T8 IJ PX",
     },
-    "helen_hayes": {
+    "opensim_gait": {
         "gait2354": "R.Acromium R.Bicep R.Elbow R.Wrist.Med R.Wrist.Lat R.ASIS Sternum V.Sacral",
+    },
+    "helen_hayes": {
         "cleveland": "R.Shoulder R.Elbow R.Wrist R.ASIS V.Sacral",
         "short": "RSH RELB RWR RASI RTHLP C7 SACR",
     },

@@ -196,7 +196,7 @@ SIDES = {
     "anatomical": ("RFAradius", "RFAulna"),
     "motive": ("RWristOut", "RWristIn"),
     "hand_knuckles": ("RHandIn", "RHandOut"),
-    "helen_hayes": ("R.Wrist.Lat", "R.Wrist.Med"),
+    "opensim_gait": ("R.Wrist.Lat", "R.Wrist.Med"),
     "opencap": ("r_lwrist_study", "r_mwrist_study"),
     "spl": ("R_1STFINGER", "R_5THFINGER"),
     "bvh": ("RightHandIndex1", "RightHandPinky1"),
@@ -224,5 +224,4 @@ def test_palm_down_the_thumb_of_a_right_hand_is_on_its_left(name):
     positions = np.tile(np.array(list(points.values())), (20, 1, 1))
     found = marker_set.frames.derive(positions, tuple(points), np.zeros(positions.shape[:2], bool))
     axes, _ = hand_frame(*of(found, "hand_top", "hand_left", "hand_right"))
-    # Where one end of the wrist stands for it, the hand points a little to that side.
-    np.testing.assert_allclose(axes[0], np.eye(3), atol=0.15 if name == "helen_hayes" else 1e-9)
+    np.testing.assert_allclose(axes[0], np.eye(3), atol=1e-9)

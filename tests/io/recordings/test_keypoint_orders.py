@@ -1,4 +1,3 @@
-# ruff: noqa: E501
 """Keypoints that stand in an order of their system's own."""
 
 import json
