@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from besman.exceptions import RecordingWarning, pasted
-from besman.io.ring_landings import find_ring_landing
 from besman.io.segments_json import SEGMENTS_SUFFIX, find_segments, read_segments
 from besman.person.marker_set_fit import SetFit
 from besman.standalone import LONGEST_GAP_S
@@ -276,12 +275,11 @@ def _landing(look: Look) -> list[str]:
         return []
     right, away = (100 * one for one in on_ring)
     side = "right" if right >= 0 else "left"
-    said = f"{abs(right):.0f} cm to the {side}, {away:.0f} cm beyond a ring's front, by the file"
-    landing = find_ring_landing(look.recording)
-    if landing is not None:
-        x, y, z = landing.place
-        said += f"; the ring nearest on an NBA court: at {x:.2f}, {y:.2f}, {z:.2f} m"
-    return [f"  landing     {said}"]
+    said = f"{abs(right):.0f} cm to the {side}, {away:.0f} cm beyond a ring's front, by the file; "
+    if look.landing_m is None:
+        return [f"  landing     {said}no ring of an NBA court is near"]
+    place = ", ".join(f"{one:.2f}" for one in look.landing_m)
+    return [f"  landing     {said}the ring nearest on an NBA court: at {place} m"]
 
 
 def _sets(look: Look) -> list[str]:
