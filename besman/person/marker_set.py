@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal
@@ -15,8 +16,11 @@ from besman.config.yaml_file import load_config
 from besman.exceptions import LabellingError, nearest, see_look
 from besman.foreign.names import split_subject
 from besman.person.body_frames import BodyFrames
-from besman.person.mirror import mirror_name
+from besman.person.mirror import find_side, mirror_name
 from besman.person.point_frames import PointFrames
+
+# How many names, and which share of all, have to begin alike for a person to be meant.
+_LEAST_SHARED, _SHARE = 6, 0.8
 
 
 class MarkerSet(Config):
@@ -168,9 +172,11 @@ class MarkerSet(Config):
         }
         found: dict[str, int] = {}
         ranks: dict[str, int] = {}
+        prefix = _find_prefix(names)
         for index, name in enumerate(names):
             worn = mirror_name(name or "") if self.side == "left" else name or ""
-            spellings = (worn, without_subject(worn))
+            bare = without_subject(worn)
+            spellings = (worn, bare, bare.removeprefix(prefix))
             known = (owners.get(normalise_name(spelling)) for spelling in spellings)
             marker, rank = next((one for one in known if one is not None), ("", 0))
             if not marker:
@@ -200,6 +206,15 @@ class MarkerSet(Config):
             f"{source}: trajectories {other!r} and {name!r} both stand for "
             f"marker {marker!r} of {self.name}; expected one{choose}" + see_look(source)
         )
+
+
+def _find_prefix(names: Sequence[str | None]) -> str:
+    """Return what nearly all names begin with, such as ``Ann_``; empty if they do not."""
+    bare = [without_subject(name) for name in names if name]
+    parts = Counter(before for name in bare if (before := name.partition("_")[0]) != name)
+    shared, count = parts.most_common(1)[0] if parts else ("", 0)
+    is_shared = count >= max(_LEAST_SHARED, _SHARE * len(bare)) and not find_side(f"{shared}_x")
+    return f"{shared}_" if is_shared else ""
 
 
 def without_subject(name: str) -> str:

@@ -104,6 +104,16 @@ def test_public_names_find_their_set_whatever_stands_before_them(name, before):
     assert best.found[best.marker_set.required[0]].startswith(before)
 
 
+@pytest.mark.parametrize("name", [one for one in PUBLIC if one not in ("opencap", "theia")])
+def test_what_nearly_all_names_begin_with_does_not_count(name):
+    """As Motive writes TRC and C3D; an object has another name."""
+    names = [f"Fred_{one}" for one in PUBLIC[name].split()]
+    best = fit_marker_sets([*names, "box", None], "a.c3d")[0]
+    assert (best.marker_set.name, best.is_complete) == (name, True)
+    fewer = [*names[:8], *(f"thing_{at}" for at in range(9))]
+    assert not any(fit.is_complete for fit in fit_marker_sets(fewer, "a.c3d"))
+
+
 def test_opencap_with_its_keypoints_is_opencap():
     names = f"{PUBLIC['opencap']} {PUBLIC['halpe'].replace('Hip ', 'midHip ', 1)}".split()
     complete = [fit.marker_set.name for fit in fit_marker_sets(names, "a.trc") if fit.is_complete]
