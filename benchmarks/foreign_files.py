@@ -30,6 +30,7 @@ from besman.io.recordings.formats import FORMATS, read_recording
 
 NEAR_M = 5e-7
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048, "mete": 1.0}
+UNITS["1/0.45 in"] = 0.0254 / 0.45
 ENDINGS = {suffix for one in FORMATS for suffix in one.suffixes} | {".txt"}
 BY_EZC3D = """
 import ezc3d, pickle, sys

@@ -1,6 +1,6 @@
 """Free throws from keypoint files to a UR5's throws at the same targets, brought nearer.
 
-    python benchmarks/free_throws.py [FOLDER] [--throws N] [--set KEY=VALUE ...]
+    python benchmarks/free_throws.py [FOLDER] [--throws N] [--landing] [--set KEY=VALUE ...]
 
 The files of a folder, or N simulated ones, smoothed as a markerless system smooths them, the hand
 hidden for 0.2 s; with other settings than the recipe's, e.g. ``--set refine.method=gauss_newton``.
@@ -33,8 +33,11 @@ def spoil(path: np.ndarray, frames: float, noise_m: float, rng: np.random.Genera
     return np.round(path + rng.normal(0.0, noise_m / FOOT_M, path.shape), 3)
 
 
-def write_trial(trial: int, folder: Path) -> None:
-    content = dict(simulate_free_throw(trial, seed=SEED).content)
+def write_trial(trial: int, folder: Path, has_landing: bool) -> None:
+    throw = simulate_free_throw(trial, seed=SEED)
+    content = dict(throw.content)
+    if has_landing:
+        content["landing_x"], content["landing_y"] = throw.on_ring_in
     frames = [frame["data"] for frame in content["tracking"]]
     rng = np.random.default_rng((SEED, trial))
     ball = spoil(np.array([one["ball"] for one in frames]), 2.0, 0.003, rng)
@@ -53,6 +56,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", nargs="?", type=Path)
     parser.add_argument("--throws", type=int, default=10)
+    parser.add_argument("--landing", action="store_true", help="the files say where each came down")
     parser.add_argument("--set", nargs="+", default=(), dest="settings", metavar="KEY=VALUE")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as temporary:
@@ -62,7 +66,7 @@ def main() -> None:
             folder = given.folder
         else:
             for trial in range(1, given.throws + 1):
-                write_trial(trial, folder)
+                write_trial(trial, folder, given.landing)
         settings = (f"recordings={folder}", "refine.robustness=null", *given.settings)
         config = load_pipeline(RECIPE, settings)
         run = run_pipeline(config, Path(temporary) / "run", jobs=2)

@@ -6,7 +6,8 @@ and takes in which time runs faster wherever the hand is slower at a border than
 peaks beside it, so that no rest and no valley of the speed is left there. ``contacts``: where the
 object begins to move or comes to rest, a border where none is within 0.4 s. ``grasps``: a turning
 point at which the object begins to be carried is a pause where the hand is slower than a tenth of
-the peaks beside it for 0.35 s (chosen on subject 1). Means are over recordings, of all and of the
+the peaks beside it for 0.35 s (chosen on subject 1). ``all three of the hand``: markers, in place
+of one. Means are over recordings, of all and of the
 recordings whose names begin alike up to the first underscore: subjects.
 """
 
@@ -30,12 +31,19 @@ Find = Callable[[LabelledRecording, str], np.ndarray]
 Take = tuple[LabelledRecording, str, np.ndarray]
 NEAR_S, MERGED_S, BESIDE_S, LEAST_CARRY_S = 0.4, 0.15, 0.9, 0.3
 MOVES_M_S = 0.05
+HAND = ("hand_top", "hand_left", "hand_right")
 SLOW_AT_GRASP, LEAST_AT_GRASP_S = 0.1, 0.35
 
 
 def plain(recording: LabelledRecording, marker: str, shape: ValleyShape | None = None):
     path = recording.marker(marker)[:, None]
     return find_movements(recording.time, path, shape=shape).borders_s[1:-1]
+
+
+def of_three(recording: LabelledRecording, marker: str) -> np.ndarray:
+    """Follow all markers of the hand, whichever is asked for."""
+    path = np.stack([recording.marker(one) for one in HAND], axis=1)
+    return find_movements(recording.time, path).borders_s[1:-1]
 
 
 def shaped(**changes: float) -> Find:
@@ -93,6 +101,7 @@ STAND_INS = ("hand_left", "hand_right", "a quarter faster", "a quarter slower")
 WAYS: dict[str, Find] = {
     "default": plain,
     "contacts": with_contacts,
+    "all three of the hand": of_three,
     "grasps": with_grasps,
     "rests from 0.3 s": shaped(least_rest_s=0.3),
     "valleys of 0.5": shaped(depth=0.5),
@@ -178,7 +187,7 @@ def main() -> None:
             f"valleys filled to {one}": [hurried(take, one) for take in usual] for one in (0.5, 0.9)
         },
     }
-    print(f"{'F1 0.3 s / 0.1 s':22}" + "".join(f"{way:>20}" for way in WAYS))
+    print(f"{'F1 0.3 s / 0.1 s':22}" + "".join(f"{way:>22}" for way in WAYS))
     apart: dict[str, list[np.ndarray]] = {way: [] for way in WAYS}
     for name, takes in sets.items():
         cells = []
@@ -187,12 +196,12 @@ def main() -> None:
             cells.append(told(together))
             if name in STAND_INS:
                 apart[way].append(each)
-        print(f"{name:22}" + "".join(f"{cell:>20}" for cell in cells))
+        print(f"{name:22}" + "".join(f"{cell:>22}" for cell in cells))
     subjects = np.array([one.source.partition("_")[0] for one in data.recordings])
     for who in ("", *sorted(set(subjects))):
         chosen = subjects == who if who else np.ones(len(subjects), bool)
         means = [told(np.mean(np.array(apart[way])[:, chosen], axis=(0, 1))) for way in WAYS]
-        print(f"{f'mean {who}'.strip():22}" + "".join(f"{cell:>20}" for cell in means))
+        print(f"{f'mean {who}'.strip():22}" + "".join(f"{cell:>22}" for cell in means))
 
 
 if __name__ == "__main__":

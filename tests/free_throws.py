@@ -19,6 +19,11 @@ def write_throws(folder, number, change=lambda content: content, **options):
     return throws
 
 
+def with_landing(throw):
+    """Return what the file of a throw holds that says where the ball passed the ring."""
+    return {**throw.content, **dict(zip(("landing_x", "landing_y"), throw.on_ring_in, strict=True))}
+
+
 def label_throws(folder):
     """Read and label what stands in a folder; return recordings and segments."""
     with warnings.catch_warnings():

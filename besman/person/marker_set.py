@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal
@@ -15,8 +16,11 @@ from besman.config.yaml_file import load_config
 from besman.exceptions import LabellingError, nearest, see_look
 from besman.foreign.names import split_subject
 from besman.person.body_frames import BodyFrames
-from besman.person.mirror import mirror_name
+from besman.person.mirror import find_side, mirror_name
 from besman.person.point_frames import PointFrames
+
+# How many names, and which share of all, have to begin alike for a person to be meant.
+_LEAST_SHARED, _SHARE = 6, 0.8
 
 
 class MarkerSet(Config):
@@ -158,34 +162,59 @@ class MarkerSet(Config):
         Raises
         ------
         LabellingError
-            If two trajectories stand for one marker.
+            If two trajectories stand for one marker; of joints and keypoints of one person that
+            of the first alias is taken.
         """
         owners = {
-            normalise_name(spelling): marker
+            normalise_name(spelling): (marker, rank)
             for marker, aliases in self.markers.items()
-            for spelling in (marker, *aliases)
+            for rank, spelling in enumerate((marker, *aliases))
         }
         found: dict[str, int] = {}
+        ranks: dict[str, int] = {}
+        prefix = _find_prefix(names)
         for index, name in enumerate(names):
             worn = mirror_name(name or "") if self.side == "left" else name or ""
-            spellings = (worn, without_subject(worn))
+            bare = without_subject(worn)
+            spellings = (worn, bare, bare.removeprefix(prefix))
             known = (owners.get(normalise_name(spelling)) for spelling in spellings)
-            marker = next((one for one in known if one is not None), None)
-            if marker is None:
+            marker, rank = next((one for one in known if one is not None), ("", 0))
+            if not marker:
                 continue
             if marker in found:
-                other = names[found[marker]] or ""
-                owners_of = [split_subject(one)[0] for one in (other, name or "")]
-                choose = ""
-                if owners_of[0] != owners_of[1]:
-                    named = " or ".join(repr(one) for one in owners_of if one)
-                    choose = f": choose with --subject {named}, in a recipe with read.subject"
-                raise LabellingError(
-                    f"{source}: trajectories {other!r} and {name!r} both stand for "
-                    f"marker {marker!r} of {self.name}; expected one{choose}" + see_look(source)
-                )
-            found[marker] = index
+                self._check_twins(marker, names[found[marker]] or "", name or "", source)
+                if rank > ranks[marker]:
+                    continue
+            found[marker], ranks[marker] = index, rank
         return {marker: found[marker] for marker in self.markers if marker in found}
+
+    def _check_twins(self, marker: str, other: str, name: str, source: str) -> None:
+        """Refuse two trajectories for a marker, unless they are of a skeleton that has both.
+
+        Of joints and keypoints (`frames`) the one counts whose alias stands first: programs call a
+        part by several names, and some skeletons have several such parts in a row.
+        """
+        owners = [split_subject(one)[0] for one in (other, name)]
+        same = normalise_name(other) == normalise_name(name)
+        if self.frames is not None and owners[0] == owners[1] and not same:
+            return
+        choose = ""
+        if owners[0] != owners[1]:
+            named = " or ".join(repr(one) for one in owners if one)
+            choose = f": choose with --subject {named}, in a recipe with read.subject"
+        raise LabellingError(
+            f"{source}: trajectories {other!r} and {name!r} both stand for "
+            f"marker {marker!r} of {self.name}; expected one{choose}" + see_look(source)
+        )
+
+
+def _find_prefix(names: Sequence[str | None]) -> str:
+    """Return what nearly all names begin with, such as ``Ann_``; empty if they do not."""
+    bare = [without_subject(name) for name in names if name]
+    parts = Counter(before for name in bare if (before := name.partition("_")[0]) != name)
+    shared, count = parts.most_common(1)[0] if parts else ("", 0)
+    is_shared = count >= max(_LEAST_SHARED, _SHARE * len(bare)) and not find_side(f"{shared}_x")
+    return f"{shared}_" if is_shared else ""
 
 
 def without_subject(name: str) -> str:

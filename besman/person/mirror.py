@@ -20,8 +20,11 @@ MIRROR_TURN = np.array([1.0, -1.0, 1.0, -1.0])
 
 _SIDES = {"left": "right", "right": "left", "l": "r", "r": "l"}
 _WORD = re.compile(r"left|right", re.IGNORECASE)
-# RELB, RElbow, r_shoulder, r.ASIS; elbow_r, ASISr.
-_LETTER = re.compile(r"^[lrLR](?=[ _.-])|^[LR](?=[A-Z])|(?<=[ _.-])[lrLR]$|(?<=[A-Z])[lr]$")
+# RELB, RElbow, rElbow, r_shoulder, r.ASIS; Bip01 R Hand; elbow_r, ASISr; Acclaim's rhumerus.
+_LETTER = re.compile(
+    r"^[lrLR](?=[ _.-])|^[LRlr](?=[A-Z])|(?<=[ _.-])[lrLR](?=[ _.-]|$)|(?<=[A-Z])[lr]$"
+    r"|^[lr](?=(?:clavicle|humerus|radius|wrist|hand|fingers|thumb|hipjoint|femur|tibia|foot|toes)$)"
+)
 
 
 def mirror_name(name: str) -> str:

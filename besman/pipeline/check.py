@@ -142,10 +142,13 @@ def _check_object(thrown: str, expected: Mapping[str, Sequence[str]]) -> list[st
 def _check_target(config: PipelineConfig, inputs: Inputs) -> list[str]:
     """Say what tells the targets; refuse a landing file that knows no recording."""
     select = config.select
-    if not select.sources:
+    told = select.sources
+    if not inputs.landings:
+        told = tuple(source for source in told if source != "landing")
+    if not told:
         return []
-    lines = [f"target: by {', else '.join(select.sources)}"]
-    if select.landing is None:
+    lines = [f"target: by {', else '.join(told)}"]
+    if not inputs.landings:
         return lines
     sources = [recording.source for recording in inputs.recordings]
     without = [

@@ -31,7 +31,7 @@ Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 
 
 @dataclass(frozen=True)
-class Origin(Record, stored_as="besman.records:Origin"):
+class Origin(Record, stored_as="besman.records:Origin", later=("on_ring_m",)):
     """How the numbers of a recording's file were understood; a recording itself is in metres, z up.
 
     Attributes
@@ -50,6 +50,9 @@ class Origin(Record, stored_as="besman.records:Origin"):
         How that was told; empty where nobody looked.
     notes : tuple of str
         What else was concluded, or is in the file and not in the recording; one sentence each.
+    on_ring_m : pair of float, optional
+        Where a ball passed a basketball ring's plane, as the file says: metres to the right of who
+        throws, and away, from the ring's front.
     """
 
     format: str = ""
@@ -59,6 +62,7 @@ class Origin(Record, stored_as="besman.records:Origin"):
     up: Axis = "z"
     up_by: str = ""
     notes: tuple[str, ...] = ()
+    on_ring_m: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,6 +20,7 @@ from besman.geometry.gaps import find_runs, find_seen
 from besman.geometry.row_blocks import by_rows
 from besman.io.recordings.formats import FORMATS, KNOWN_FORMATS, read_recording, recognise
 from besman.io.recordings.subjects import find_subjects
+from besman.io.ring_landings import find_ring_landing
 from besman.person.body import find_body
 from besman.person.marker_set import MarkerSet, load_marker_set
 from besman.person.marker_set_fit import SetFit, fit_marker_set, fit_marker_sets
@@ -80,6 +81,15 @@ class Look:
     def origin(self) -> Origin:
         """How the file was understood."""
         return self.recording.origin or Origin()
+
+    @property
+    def landing_m(self) -> tuple[float, ...] | None:
+        """Where a ball came down, as the file says, in the recording's frame."""
+        with warnings.catch_warnings():
+            # Whoever asks says himself that no ring is near.
+            warnings.simplefilter("ignore", RecordingWarning)
+            landing = find_ring_landing(self.recording)
+        return None if landing is None else tuple(landing.place.tolist())
 
     @property
     def duration_s(self) -> float:
@@ -183,6 +193,7 @@ def content_of(look: Look, commands: list[str]) -> dict[str, Any]:
             }
             for fit in look.fits
         ],
+        "landing_m": None if look.landing_m is None else list(look.landing_m),
         "fault": look.fault,
         "next": commands,
     }

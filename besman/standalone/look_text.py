@@ -51,6 +51,7 @@ def describe_look(look: Look, commands: list[str]) -> list[str]:
         f"  names       {_names(look)}",
         *_gaps(look),
         f"  movement    {_movement(look)}",
+        *_landing(look),
         *_sets(look),
     ]
     lines += [f"  note        {note}" for note in origin.notes]
@@ -265,6 +266,20 @@ def _movement(look: Look) -> str:
         for one in moving[:_MOST_MOVERS]
     ]
     return f"most by {', '.join(said)}{rest}"
+
+
+def _landing(look: Look) -> list[str]:
+    """Say where the file has a ball come down, and where that is."""
+    on_ring = look.origin.on_ring_m
+    if on_ring is None:
+        return []
+    right, away = (100 * one for one in on_ring)
+    side = "right" if right >= 0 else "left"
+    said = f"{abs(right):.0f} cm to the {side}, {away:.0f} cm beyond a ring's front, by the file; "
+    if look.landing_m is None:
+        return [f"  landing     {said}no ring of an NBA court is near"]
+    place = ", ".join(f"{one:.2f}" for one in look.landing_m)
+    return [f"  landing     {said}the ring nearest on an NBA court: at {place} m"]
 
 
 def _sets(look: Look) -> list[str]:

@@ -20,6 +20,7 @@ GRAVITY = 9.81  # m/s^2
 _FOOT_M = 0.3048
 # NBA rule 1: the ring's middle and height, seen from the middle of the court, and the ball.
 _RING_M = np.array([41.75, 0.0, 10.0]) * _FOOT_M
+_RING_RADIUS_IN = 9.0
 _BALL_RADIUS_M = 0.12
 _STANDS_AT_M = np.array([8.3, 0.0, 0.0])
 _UPPER_ARM_M, _FOREARM_M = 0.30, 0.27
@@ -63,6 +64,12 @@ class FreeThrow:
             self.release_m + flight * self.velocity_m_s - flight**2 * np.array(down)
         )
         return landed
+
+    @property
+    def on_ring_in(self) -> tuple[float, float]:
+        """Return the file's ``landing_x`` and ``landing_y``, inches from the ring's front."""
+        away, left = (self.landing(_RING_M[2]) - _RING_M)[:2] / (_FOOT_M / 12.0)
+        return float(-left), float(away + _RING_RADIUS_IN)
 
 
 def simulate_free_throw(trial: int, seed: int = 0, rate_hz: float = 30.0) -> FreeThrow:

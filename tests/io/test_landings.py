@@ -1,11 +1,16 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from free_throws import with_landing
 
-from besman.exceptions import ConfigError
+from besman.exceptions import ConfigError, RecordingWarning
 from besman.io.landings import read_landings
+from besman.io.recordings.formats import read_recording
+from besman.io.ring_landings import find_ring_landing
 from besman.records import Landing
+from besman.synthetic.free_throw import simulate_free_throw
 
 
 def test_a_table_says_its_unit_in_its_columns(tmp_path):
@@ -96,3 +101,42 @@ def test_a_table_that_is_no_text_is_refused(tmp_path):
     path.write_bytes(b"\xff\xfe\x00")
     with pytest.raises(ConfigError, match=r"a\.csv: cannot be read as text"):
         read_landings(path)
+
+
+def test_the_landing_of_a_recordings_own_file(free_throw_recording):
+    """In a court's frame, however that lies: what was thrown passed the ring there."""
+    throw, recording = free_throw_recording
+    found = find_ring_landing(recording)
+    assert (found.recording, found.throw) == (recording.source, 1)
+    np.testing.assert_allclose(found.place, throw.landing(3.048), atol=1e-9)
+    middle = np.array([47.0, -25.0, 0.0]) * 0.3048  # of the court, seen from a corner
+    for turned in (1.0, -1.0):
+        moved = replace(recording, positions=recording.positions * [turned, turned, 1] + middle)
+        place = find_ring_landing(moved).place
+        np.testing.assert_allclose(place, found.place * [turned, turned, 1] + middle, atol=1e-9)
+
+
+def test_no_ring_is_near(free_throw_recording):
+    _, recording = free_throw_recording
+    away = replace(recording, positions=recording.positions - [6.3, 0.0, 0.0])
+    with pytest.warns(
+        RecordingWarning, match=r"no ring of an NBA court .* at 2\.\d, -?0\.0 m; a landing file"
+    ):
+        assert find_ring_landing(away) is None
+    assert find_ring_landing(replace(recording, origin=None)) is None
+
+
+@pytest.fixture
+def free_throw_recording(tmp_path):
+    throw = simulate_free_throw(1)
+    path = tmp_path / "T1.json"
+    path.write_text(json.dumps(with_landing(throw)))
+    return throw, read_recording(path)
+
+
+@pytest.mark.parametrize("said", [None, "near", float("nan"), 500.0, True])
+def test_a_landing_that_is_none(tmp_path, said):
+    throw = simulate_free_throw(1)
+    path = tmp_path / "T1.json"
+    path.write_text(json.dumps({**throw.content, "landing_x": 1.0, "landing_y": said}))
+    assert find_ring_landing(read_recording(path)) is None

@@ -46,6 +46,17 @@ def test_two_trajectories_for_one_marker():
         make().match(["Elbow", "Ellbogen", "hand top"], "run.tsv")
 
 
+@pytest.mark.parametrize("order", [1, -1])
+def test_of_a_skeleton_that_has_two_of_a_part_the_first_alias_counts(order):
+    """As CMU's database for MotionBuilder: the base of the fingers lies in the wrist."""
+    names = ["Hips", "LeftArm", "RightArm", "RightForeArm", "RightHand", "RightFingerBase",
+             "RightHandIndex1"][::order]  # fmt: skip
+    bvh = load_marker_set("bvh")
+    assert names[bvh.find(names, "a.bvh")["index"]] == "RightHandIndex1"
+    with pytest.raises(LabellingError, match="both stand for marker 'index' of bvh"):
+        bvh.find([*names, "Bob:RightHandIndex1"], "a.bvh")
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [

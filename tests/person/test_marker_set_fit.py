@@ -31,6 +31,70 @@ PUBLIC = {
 }
 
 
+# The same set by what other systems call its parts: of the right arm and the trunk.
+OTHERS = {
+    "bvh": {
+        "unity": "RightShoulder RightUpperArm RightLowerArm RightHand RightLittleProximal Hips",
+        "motive": "RShoulder RUArm RFArm RHand RIndex1 RPinky1 RThigh Hip Ab Chest Neck Head",
+        "unreal": "clavicle_r upperarm_r lowerarm_r hand_r index_01_r thigh_r pelvis spine_01 root",
+        "bandai": "Shoulder_R UpperArm_R LowerArm_R Hand_R UpperLeg_R joint_Root Hips Spine Chest",
+        "biped": "Bip01_R_Clavicle Bip01_R_UpperArm Bip01_R_Forearm Bip01_R_Hand Bip01_Pelvis",
+        "daz": "rCollar rShldr rForeArm rHand rThumb1 rIndex1 rThigh hip abdomen chest neck head",
+        "acclaim": "rclavicle rhumerus rradius rwrist rhand rfingers rthumb rfemur root thorax",
+        "arkit": "right_shoulder_1_joint right_arm_joint right_forearm_joint right_hand_joint "
+        "hips_joint",
+    },
+    "bvh_joints": {
+        "smpl": "right_collar right_shoulder right_elbow right_wrist right_hand pelvis spine1 neck",
+        "smpl as bvh": "R_Collar R_Shoulder R_Elbow R_Wrist R_Hand R_Hip Pelvis Spine1 Neck Head",
+    },
+    "kinect": {
+        "2": "ShoulderRight ElbowRight WristRight HandRight HandTipRight HipRight SpineBase",
+        "azure": "CLAVICLE_RIGHT SHOULDER_RIGHT ELBOW_RIGHT WRIST_RIGHT HANDTIP_RIGHT PELVIS HEAD",
+    },
+    "motive": {
+        "baseline": "RShoulderTop RShoulderBack RUArmHigh RElbowOut RWristOut RWristIn RHandOut "
+        "HeadTop HeadFront Chest BackTop BackLeft WaistRFront WaistRBack",
+    },
+    "hand_knuckles": {
+        "qualisys": "RShoulderTop RArm RElbowOut RElbowIn RWristOut RWristIn RHandOut RHandIn "
+        "HeadTop Chest SpineTop WaistRFront WaistR",
+        "kit": "RSHO RUPA RAEL RAOL RWTS RWPS RHTS RHPS C7 T10 STRN RASI RPSI",
+    },
+    "anatomical": {
+        "opensim": "RACR RASH RPSH RLEL RMEL RFAradius RFAulna RASI RPSI C7 CLAV",
+        "qualisys": "R_SAE R_HLE R_HME R_RSP R_USP R_HM2 R_HM5 R_IAS R_IPS CV7 SJN",
+        "isb": "RAC RELL RELM RRS RUS RMC2 RMC5 C7 T8 IJ PX",
+    },
+    "opensim_gait": {
+        "gait2354": "R.Acromium R.Bicep R.Elbow R.Wrist.Med R.Wrist.Lat R.ASIS Sternum V.Sacral",
+    },
+    "helen_hayes": {
+        "cleveland": "R.Shoulder R.Elbow R.Wrist R.ASIS V.Sacral",
+        "short": "RSH RELB RWR RASI RTHLP C7 SACR",
+    },
+}
+BY_OTHERS = [(name, who) for name, sets in OTHERS.items() for who in sets]
+
+
+def with_left(names):
+    """Names of the right side, and of the left as well."""
+    return [*names, *(other for one in names if (other := mirror_name(one)) != one)]
+
+
+@pytest.mark.parametrize(("name", "who"), BY_OTHERS)
+def test_parts_are_known_by_what_other_systems_call_them(name, who):
+    names = with_left(OTHERS[name][who].split())
+    best = fit_marker_sets(names, "a.c3d")[0]
+    assert (best.marker_set.name, best.is_complete) == (name, True)
+    sides = {one for one in best.found if one.startswith("left_")}
+    assert {one.removeprefix("left_") for one in sides} <= set(best.found)
+    assert len(sides) >= 3
+    for marker in sides:
+        right = best.found[marker.removeprefix("left_")]
+        assert mirror_name(right) == best.found[marker], marker
+
+
 @pytest.mark.parametrize("before", ["", "Ann:", "mixamorig:", "Skeleton_001_", "A:B:"])
 @pytest.mark.parametrize("name", PUBLIC)
 def test_public_names_find_their_set_whatever_stands_before_them(name, before):
@@ -38,6 +102,16 @@ def test_public_names_find_their_set_whatever_stands_before_them(name, before):
     assert best.marker_set.name == name
     assert best.is_complete
     assert best.found[best.marker_set.required[0]].startswith(before)
+
+
+@pytest.mark.parametrize("name", [one for one in PUBLIC if one not in ("opencap", "theia")])
+def test_what_nearly_all_names_begin_with_does_not_count(name):
+    """As Motive writes TRC and C3D; an object has another name."""
+    names = [f"Fred_{one}" for one in PUBLIC[name].split()]
+    best = fit_marker_sets([*names, "box", None], "a.c3d")[0]
+    assert (best.marker_set.name, best.is_complete) == (name, True)
+    fewer = [*names[:8], *(f"thing_{at}" for at in range(9))]
+    assert not any(fit.is_complete for fit in fit_marker_sets(fewer, "a.c3d"))
 
 
 def test_opencap_with_its_keypoints_is_opencap():

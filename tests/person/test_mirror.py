@@ -23,6 +23,9 @@ from besman.stages.label.methods import DefaultLabelConfig
         ("elbow_r", "elbow_l"),
         ("ASISr", "ASISl"),
         ("LEFT WRIST", "RIGHT WRIST"),
+        ("rShldr", "lShldr"),
+        ("Bip01 R Hand", "Bip01 L Hand"),
+        ("rhumerus", "lhumerus"),
     ],
 )
 def test_a_name_is_turned_to_the_other_side_and_back(name, other):
@@ -30,7 +33,9 @@ def test_a_name_is_turned_to_the_other_side_and_back(name, other):
     assert mirror_name(other) == name
 
 
-@pytest.mark.parametrize("name", ["Shoulder", "lumbar", "ribs", "Elbow", "back_top", "stick_tip"])
+@pytest.mark.parametrize(
+    "name", ["Shoulder", "lumbar", "ribs", "Elbow", "back_top", "stick_tip", "root", "lowerback"]
+)
 def test_a_name_without_a_side_stays(name):
     assert mirror_name(name) == name
     assert find_side(name) == ""

@@ -187,3 +187,41 @@ def test_frames_name_markers_of_the_set():
                "frames": {"back": BACK}}  # fmt: skip
     with pytest.raises(Exception, match="frames: no marker 'left_shoulder'; allowed: elbow"):
         parse_config(content, MarkerSet, "a.yaml")
+
+
+# What lies on the thumb's side of a hand and what on the little finger's, by the guides of those
+# who named it.
+SIDES = {
+    "plug_in_gait": ("RWRA", "RWRB"),
+    "anatomical": ("RFAradius", "RFAulna"),
+    "motive": ("RWristOut", "RWristIn"),
+    "hand_knuckles": ("RHandIn", "RHandOut"),
+    "opensim_gait": ("R.Wrist.Lat", "R.Wrist.Med"),
+    "opencap": ("r_lwrist_study", "r_mwrist_study"),
+    "spl": ("R_1STFINGER", "R_5THFINGER"),
+    "bvh": ("RightHandIndex1", "RightHandPinky1"),
+}
+
+
+@pytest.mark.parametrize("name", SIDES)
+def test_palm_down_the_thumb_of_a_right_hand_is_on_its_left(name):
+    marker_set = load_marker_set(name)
+    sides = dict(marker_set.frames.hand)
+    thumb, little = marker_set.find(SIDES[name], "a.c3d")
+    assert (sides["thumb_side"], sides["little_side"]) == ((thumb,), (little,))
+    places = {
+        "left_shoulder": [0, 0.2, 1.45],
+        "shoulder": [0, -0.2, 1.45],
+        "elbow": [0, -0.3, 1.15],
+    }
+    points = {one: [0.35, -0.3, 1.15] for group in sides.values() for one in group}
+    for part in ("shoulder", "elbow"):
+        points |= dict.fromkeys(sides[part], places[part])
+    points |= dict.fromkeys(marker_set.frames.back.left, places["left_shoulder"])
+    points |= {one: [0.45, -0.3, 1.15] for one in sides["fingers"]}
+    points[thumb] = [points[thumb][0], -0.27, 1.15]
+    points[little] = [points[little][0], -0.33, 1.15]
+    positions = np.tile(np.array(list(points.values())), (20, 1, 1))
+    found = marker_set.frames.derive(positions, tuple(points), np.zeros(positions.shape[:2], bool))
+    axes, _ = hand_frame(*of(found, "hand_top", "hand_left", "hand_right"))
+    np.testing.assert_allclose(axes[0], np.eye(3), atol=1e-9)

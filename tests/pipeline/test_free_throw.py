@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from free_throws import write_throws
+from free_throws import with_landing, write_throws
 from places import TOP
 
 from besman.exceptions import ConfigError, RecordingWarning, RefinementError, RunError
@@ -13,6 +13,8 @@ from besman.pipeline.check import check_pipeline
 from besman.pipeline.config import load_pipeline
 from besman.pipeline.finished_run import read_run
 from besman.pipeline.pipeline import run_pipeline
+from besman.standalone.look_files import look_at
+from besman.standalone.look_text import describe_look
 
 RECIPE = TOP / "pipelines" / "ur5_free_throw.yaml"
 pytestmark = pytest.mark.filterwarnings("ignore::besman.exceptions.RecordingWarning")
@@ -77,6 +79,18 @@ def test_check_names_what_a_landing_file_lacks(folder, tmp_path):
     landings.write_text("recording,x_m,y_m\nBB_FT_P0001_T0009,12,0\n")
     with pytest.raises(ConfigError, match=r"a landing for none of the recordings; did you mean"):
         check_pipeline(str(RECIPE), settings(folder, f"select.landing={landings}"))
+
+
+def test_a_landing_of_the_recordings_own_file_counts_first(tmp_path):
+    _, throw = write_throws(tmp_path, 2)
+    path = tmp_path / "BB_FT_P0001_T0002.json"
+    path.write_text(json.dumps(with_landing(throw)))
+    lines = check_pipeline(str(RECIPE), settings(tmp_path))
+    assert "target: by landing, else object, else flight, else release" in lines
+    assert "without a landing: BB_FT_P0001_T0001.json" in lines
+    x, y, z = throw.landing(3.048)
+    expected = f"on an NBA court: at {x:.2f}, {y:.2f}, {z:.2f} m"
+    assert any(expected in line for line in describe_look(look_at(path), []))
 
 
 def test_a_throw_that_nothing_tells_is_refused_beforehand(folder):

@@ -155,6 +155,23 @@ def test_whose_ball_flies_goes_on_with_the_recipe_for_throws(tmp_path):
     assert any("annotate" in one for one in find_next(look_at(path), []))
 
 
+def test_a_landing_is_said_with_the_ring_or_without(tmp_path):
+    throw = simulate_free_throw(1)
+    content = {**throw.content, "landing_x": throw.on_ring_in[0], "landing_y": throw.on_ring_in[1]}
+    path = tmp_path / "a.json"
+    path.write_text(json.dumps(content))
+    look = look_at(path)
+    np.testing.assert_allclose(content_of(look, [])["landing_m"], throw.landing(3.048))
+    assert any("the ring nearest on an NBA court: at" in line for line in describe_look(look, []))
+    for frame in content["tracking"]:
+        for point in (frame["data"]["ball"], *frame["data"]["player"].values()):
+            point[0] -= 20.7
+    path.write_text(json.dumps(content))
+    look = look_at(path)
+    assert content_of(look, [])["landing_m"] is None
+    assert any("no ring of an NBA court is near" in line for line in describe_look(look, []))
+
+
 def test_a_person_who_lies_is_looked_at_with_another_axis_up(tmp_path):
     recording = read_recording(NAMED)
     lying = recording.positions[:, :, [0, 2, 1]] * [1.0, 1.0, -1.0]

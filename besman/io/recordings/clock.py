@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from besman.io.recordings.format import READING
 from besman.records import FloatArray
 from besman.records.recordings import GREATEST_FRAME, RATES_HZ
 
+Lines = int | Sequence[int]
 # Times are rounded in files; a clock that disagrees more than this runs at another rate.
 _TOLERANCE = 0.05
 # A step of time may deviate this much from the usual one.
@@ -29,7 +31,7 @@ _PARTS_OF_SECOND = (1.0, 1e3, 1e6, 1e9)
 TIME_NAMES: dict[str, float | None] = (
     dict.fromkeys(("time", "timestamp", "t"), None)
     | dict.fromkeys(("time_s", "time (s)", "time (seconds)", "seconds"), 1.0)
-    | dict.fromkeys(("time_ms", "time (ms)", "timestamp_ms"), 1e3)
+    | dict.fromkeys(("time_ms", "time (ms)", "timestamp_ms", "univTime"), 1e3)
     | dict.fromkeys(("timestamp_us", "timestamp_usec"), 1e6)
     | {"timestamp_ns": 1e9}
 )
@@ -69,7 +71,7 @@ def settle_clock(
     times: FloatArray | None,
     rate_hz: float | None,
     path: Path,
-    first_line: int,
+    first_line: Lines,
     first_time: float | None = None,
 ) -> RowClock:
     """Settle frames, times and rate of rows.
@@ -82,8 +84,8 @@ def settle_clock(
         What the header says, as `read_rate` returns it.
     path : Path
         Named in messages.
-    first_line : int
-        Number of the first row in the file, for messages.
+    first_line : int or sequence of int, length N
+        Number of the first row's line in the file, or of each row's, for messages.
     first_time : float, optional
         Seconds of the first row where no column says it.
 
@@ -104,11 +106,13 @@ def settle_clock(
     """
     frames = None if frames is None or np.isnan(frames).all() else frames
     times = None if times is None or np.isnan(times).all() else times
+    asked_hz = READING.get().rate_hz
+    if times is not None and asked_hz is None and _stands_still(times, rate_hz, path):
+        times = None
     n_rows = len(frames if frames is not None else times if times is not None else ())
     if n_rows == 1:
         raise RecordingError(f"{path}: a recording of one frame; expected at least two")
     rows = np.arange(n_rows) if frames is None else _count(frames, path, first_line)
-    asked_hz = READING.get().rate_hz
     if asked_hz is None:
         shown_hz = None if times is None else _show_rate(times, rows, path, first_line)
         rate = _choose_rate(rate_hz, shown_hz, path)
@@ -161,7 +165,7 @@ def in_seconds(times: FloatArray, name: str, rate_hz: float | None = None) -> Fl
     return times / parts
 
 
-def _count(frames: FloatArray, path: Path, first_line: int) -> npt.NDArray[np.int64]:
+def _count(frames: FloatArray, path: Path, first_line: Lines) -> npt.NDArray[np.int64]:
     """Return the places of rows by their frames, from 0."""
     wrong = np.flatnonzero(
         ~((frames == np.round(frames)) & (frames >= 0) & (frames <= GREATEST_FRAME))
@@ -169,15 +173,15 @@ def _count(frames: FloatArray, path: Path, first_line: int) -> npt.NDArray[np.in
     if wrong.size:
         row = int(wrong[0])
         raise RecordingError(
-            f"{path}:{first_line + row}: frame is {frames[row]:g}; expected a whole number from 0 "
-            f"to {GREATEST_FRAME:.0e}"
+            f"{path}:{_line_of(row, first_line)}: frame is {frames[row]:g}; expected a whole "
+            f"number from 0 to {GREATEST_FRAME:.0e}"
         )
     steps = np.diff(frames)
     falling = np.flatnonzero(steps <= 0)
     if falling.size:
         row = int(falling[0]) + 1
         raise RecordingError(
-            f"{path}:{first_line + row}: frame {frames[row]:.0f} follows frame "
+            f"{path}:{_line_of(row, first_line)}: frame {frames[row]:.0f} follows frame "
             f"{frames[row - 1]:.0f}; expected frames that rise"
         )
     step = float(steps.min()) if steps.size else 1.0
@@ -188,19 +192,36 @@ def _count(frames: FloatArray, path: Path, first_line: int) -> npt.NDArray[np.in
     row = int(np.flatnonzero(steps != step)[0]) + 1
     if not np.array_equal(places, np.round(places)) or n_missing > len(frames):
         raise RecordingError(
-            f"{path}:{first_line + row}: frame {frames[row]:.0f} follows frame "
+            f"{path}:{_line_of(row, first_line)}: frame {frames[row]:.0f} follows frame "
             f"{frames[row - 1]:.0f}; expected frames that rise evenly"
         )
     _warn(
         f"{path.name}: {n_missing} frames are missing and became gaps, first before frame "
-        f"{frames[row]:.0f} in line {first_line + row}"
+        f"{frames[row]:.0f} in line {_line_of(row, first_line)}"
     )
     counted: npt.NDArray[np.int64] = places.astype(np.int64)
     return counted
 
 
+def _stands_still(times: FloatArray, rate_hz: float | None, path: Path) -> bool:
+    """Tell whether a column of times shows none while something else tells the rate; say so."""
+    told = rate_hz is not None and RATES_HZ[0] <= rate_hz <= RATES_HZ[1]
+    still = told and len(times) > 1 and bool((times == times[0]).all())
+    if still:
+        _warn(
+            f"{path.name}: all times are {times[0]:g} s, which tells nothing; frames are taken for "
+            f"evenly spaced, {rate_hz:g} a second, as the header says"
+        )
+    return still
+
+
+def _line_of(row: int, first_line: Lines) -> int:
+    """Return the number of a row's line in its file."""
+    return first_line + row if isinstance(first_line, int) else first_line[row]
+
+
 def _show_rate(
-    times: FloatArray, rows: npt.NDArray[np.int64], path: Path, first_line: int
+    times: FloatArray, rows: npt.NDArray[np.int64], path: Path, first_line: Lines
 ) -> float | None:
     """Return frames per second of a column of times, None of a single one."""
     rounded = _find_rounding(times)
@@ -218,7 +239,8 @@ def _show_rate(
         row = int(wrong[0]) + 1 if wrong.size else 0
         before = f" after {times[row - 1]:g} s" if row else ""
         raise RecordingError(
-            f"{path}:{first_line + row}: time is {times[row]:g} s{before}; expected rising times"
+            f"{path}:{_line_of(row, first_line)}: time is {times[row]:g} s{before}; expected "
+            "rising times"
         )
     if not steps.size:
         return None
@@ -229,8 +251,8 @@ def _show_rate(
         row = int(uneven[0]) + 1
         _warn(
             f"{path.name}: {uneven.size} times do not rise evenly, first in line "
-            f"{first_line + row}: {times[row]:g} s after {times[row - 1]:g} s; frames are taken "
-            "for evenly spaced"
+            f"{_line_of(row, first_line)}: {times[row]:g} s after {times[row - 1]:g} s; frames are "
+            "taken for evenly spaced"
         )
         return whole_if_near(1.0 / usual)
     return whole_if_near(float((rows[-1] - rows[0]) / (times[-1] - times[0])))

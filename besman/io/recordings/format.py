@@ -311,7 +311,7 @@ def is_keypoints(head: bytes) -> bool:
     text = _text(head)
     if text[:1] not in (b"{", b"["):
         return False
-    if b'"pose_keypoints_3d"' in text:
+    if b'"pose_keypoints_3d"' in text or b'"joints19"' in text:
         return True
     framed = re.match(rb"\[\s*\{", text) or _FRAMED.search(text)
     if framed and len(_NAMED.findall(text)) > 1:

@@ -122,8 +122,8 @@ FORMATS = (
         (".csv",),
         is_keypoint_csv,
         "keypoints_csv:read_keypoints_csv",
-        "markerless systems: name_x, name_y, name_z; names above x, y, z; or a row a keypoint; "
-        "time or '# fps: 30'; units by height",
+        "markerless systems, BTS (EMT), Visual3D (ASCII): name_x, name_y, name_z; names above x, "
+        "y, z; or a row a keypoint; time or '# fps: 30'; units by height",
         takes_units=True,
         takes_partial=True,
         writes_zeros=True,

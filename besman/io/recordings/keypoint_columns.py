@@ -2,7 +2,8 @@
 
 Understood: ``nose_x`` (or ``.``, ``:``, a blank, nothing before a capital X, ``nose (X)``,
 ``nose.PosX``) and ``x_nose``, each maybe with its unit behind (``nose_x (mm)``); and names that
-stand once above x, y, z (DeepLabCut's three lines, tables with two lines of header).
+stand once above x, y, z (tables with two lines of header, DeepLabCut's three, Visual3D's five).
+Lines of ``# key: value`` may stand above, or of ``key: value`` and ``key=value`` (BTS' EMT).
 """
 
 from __future__ import annotations
@@ -23,6 +24,15 @@ _NO_PLACE = re.compile(
     r"forces?|moments?|torques?)([ _.:].*)?"
 )
 _AXES = "xyz"
+HEADER_LINES = 6
+"""How many lines a header may have, and one row below it."""
+
+ABOVE_LINES = 40
+"""Lines above a header that are looked at."""
+
+# ``# fps: 30``, ``# fps, 30``; ``Frequency:\t100 Hz``, ``Units=m``.
+_ABOUT = re.compile(r"#\s*([A-Za-z][A-Za-z _]*?)\s*[:=,]\s*([^\s,;]+).*")
+_ABOUT_BARE = re.compile(r"([A-Za-z][A-Za-z _]*?)\s*[:=]\s*([^\s,;]+).*")
 # Patterns take the square of a label's length: a longer one names nothing.
 _LONGEST_LABEL = 200
 _FIRST_CELLS = 6  # of frames and times, before x, y and z stand for the first time
@@ -61,12 +71,16 @@ def join_header(rows: Sequence[Sequence[str]]) -> tuple[list[str], int]:
         How many lines the header has.
     """
     first = rows[0]
-    for at in range(1, min(3, len(rows))):
+    for at in range(1, min(HEADER_LINES, len(rows))):
         axes = [cell.lower() for cell in rows[at]]
         start = axes.index("x") if "x" in axes[:_FIRST_CELLS] else None
         if start is None or axes[start : start + 3] != ["x", "y", "z"]:
             continue
-        above, labels, name = rows[at - 1], [], ""
+        # Of files, types and scorers the same word stands over all columns.
+        above = max(
+            reversed(rows[:at]), key=lambda row: len({cell for cell in row[start:] if cell})
+        )
+        labels, name = [], ""
         for k, axis in enumerate(axes):
             name = (above[k] if k < len(above) else "") or name
             labels.append(f"{name}_{axis}" if axis in _AXES and axis and name else rows[at][k])
@@ -99,21 +113,59 @@ def find_columns(labels: Sequence[str]) -> KeypointColumns:
     return KeypointColumns([], [], "")
 
 
+def find_header(lines: Sequence[str]) -> tuple[int, dict[str, str]]:
+    """Find where the header of a table of keypoints begins, and what the lines above it say.
+
+    Parameters
+    ----------
+    lines : sequence of str
+        The first lines of a file.
+
+    Returns
+    -------
+    at : int
+        Index of the header's first line; that of the first line that is no comment, if none of
+        those that may be a header has columns of keypoints.
+    about : dict of str
+        By the key, in small letters with ``_`` for blanks.
+    """
+    about: dict[str, str] = {}
+    first = None
+    for at, line in enumerate(lines[:ABOVE_LINES]):
+        bare = line.strip(" \t\r\n,;")
+        is_comment = bare.startswith("#")
+        said = (_ABOUT if is_comment else _ABOUT_BARE).fullmatch(bare)
+        if bare and not is_comment:
+            first = at if first is None else first
+            if has_keypoints(lines[at : at + HEADER_LINES]):
+                return at, about
+        if said:
+            about.setdefault(re.sub(r"\W+", "_", said[1].lower()), said[2])
+        elif bare and not is_comment and (first != at or any(mark in bare for mark in "\t;,")):
+            # Of lines that say nothing only a title may stand above.
+            break
+    return first or 0, about
+
+
+def has_keypoints(lines: Sequence[str]) -> bool:
+    """Tell whether the first of some lines begins the header of a table of keypoints."""
+    if len(lines[0]) < 8:
+        return False
+    separator = max("\t;,", key=lines[0].count)
+    rows = [[cell.strip().strip('"').strip() for cell in line.split(separator)] for line in lines]
+    if len(rows[0]) <= 2:
+        return False
+    return bool(find_columns(join_header(rows)[0]).names or find_row_columns(rows[0]))
+
+
 def is_keypoint_table(text: str) -> bool:
-    """Tell a table of keypoints by its first lines; lines that begin with ``#`` may stand above.
+    """Tell a table of keypoints by its first lines, whatever `find_header` finds above it.
 
     Parameters
     ----------
     text : str
         The beginning of a file, without blank lines before it.
     """
-    lines = [line for line in text.splitlines()[:40] if line.strip() and line.lstrip()[:1] != "#"]
-    if not lines or len(lines[0]) < 8:
-        return False
-    separator = max("\t;,", key=lines[0].count)
-    rows = [
-        [cell.strip().strip('"').strip() for cell in line.split(separator)] for line in lines[:3]
-    ]
-    if len(rows[0]) <= 2:
-        return False
-    return bool(find_columns(join_header(rows)[0]).names or find_row_columns(rows[0]))
+    lines = text.splitlines()[: ABOVE_LINES + HEADER_LINES]
+    at, _ = find_header(lines)
+    return bool(lines) and has_keypoints(lines[at : at + HEADER_LINES])

@@ -10,6 +10,7 @@ coordinate by name. pandas writes some of these (``records``, ``columns``, ``spl
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -17,33 +18,30 @@ from typing import Any
 import numpy as np
 
 from besman.exceptions import RecordingError
+from besman.io.recordings.keypoint_orders import ORDERS, UNSEEN, is_number, unfold
 from besman.records import FloatArray
 
-FRAMES = ("frames", "tracking", "data", "keypoints", "markers", "poses")
+FRAMES = ("frames", "tracking", "data", "keypoints", "markers", "poses", "instance_info")
 _TRIALS = ("trials", "recordings", "takes", "sequences")
-_ABOUT = ("metadata", "meta", "info", "header")
+_ABOUT = ("metadata", "meta", "info", "header", "meta_info")
 _NAMES = (
     "keypoint_names", "joint_names", "marker_names", "landmark_names", "names", "labels",
     "keypoints", "joints", "markers",
 )  # fmt: skip
 _NAME = ("name", "label", "keypoint", "joint", "marker", "landmark", "part", "body_part")
 _PLACE = ("position", "pos", "xyz", "point", "coordinates", "coords", "location", "translation")
-_PEOPLE = ("people", "persons", "subjects", "skeletons", "bodies")
+_PEOPLE = ("people", "persons", "subjects", "skeletons", "bodies", "instances")
 _IDS = ("name", "subject", "person_id", "body_id", "id", "track_id")
-_FLAT = "pose_keypoints_3d"
-# OpenPose's BODY_25, in its order.
-_BODY_25 = (
-    "Nose", "Neck", "RShoulder", "RElbow", "RWrist", "LShoulder", "LElbow", "LWrist", "MidHip",
-    "RHip", "RKnee", "RAnkle", "LHip", "LKnee", "LAnkle", "REye", "LEye", "REar", "LEar",
-    "LBigToe", "LSmallToe", "LHeel", "RBigToe", "RSmallToe", "RHeel",
-)  # fmt: skip
+# What is said of keypoints besides where they are.
+_NO_PLACES = re.compile(
+    r"orient|rotat|quat|veloc|accel|angle|score|confiden|visib|bbox", re.IGNORECASE
+)
 _WRAPPERS = {
     "data", "keypoints", "markers", "player", "positions", "pose", "joints", "person", "landmarks",
     "pose_3d", "pose3d", "keypoints_3d", "keypoints3d", "landmark_positions", "points", "objects",
 }  # fmt: skip
 _MOST_NAMES = 10_000
 _MOST_DIGITS = 15
-_UNSEEN = [None, None, None]
 
 
 def find_frames(content: Any, path: Path) -> tuple[list[dict[str, Any]], dict[str, Any]]:
@@ -108,6 +106,11 @@ def names_for_all(about: Mapping[str, Any]) -> tuple[str, ...]:
         value = about.get(key)
         if isinstance(value, list) and value and all(isinstance(one, str) for one in value):
             return tuple(value)
+    by_number = about.get("keypoint_id2name")
+    if isinstance(by_number, dict) and by_number:
+        names = [by_number.get(str(at)) for at in range(len(by_number))]
+        if all(isinstance(name, str) for name in names):
+            return tuple(map(str, names))
     return ()
 
 
@@ -231,11 +234,6 @@ def _are_numbers(value: list[Any]) -> bool:
     return all(one is None or is_number(one) for one in value)
 
 
-def is_number(value: Any) -> bool:
-    """Tell whether a value of JSON is a number."""
-    return isinstance(value, int | float) and not isinstance(value, bool)
-
-
 def _is_position(value: Any) -> bool:
     """Tell whether a value is three numbers, or what stands for them in a gap."""
     if not isinstance(value, list) or len(value) not in (3, 4):
@@ -264,7 +262,7 @@ def _named_place(one: Any) -> tuple[str, list[Any]] | None:
         return None
     name = next((one[key] for key in _NAME if isinstance(one.get(key), str)), None)
     # What was not seen may have a name alone.
-    place = _place_of(one) or (_UNSEEN if any(key in one for key in _PLACE) else None)
+    place = _place_of(one) or (UNSEEN if any(key in one for key in _PLACE) else None)
     return None if name is None or place is None else (name, place)
 
 
@@ -275,6 +273,8 @@ def _flatten(
     apart: dict[str, dict[str, Any]] = {}
     for name, value in frame.items():
         full = f"{prefix}{name}"
+        if isinstance(value, list) and _NO_PLACES.search(name):
+            continue
         if isinstance(value, dict):
             place = _place_of(value)
             if place is not None:
@@ -298,8 +298,8 @@ def _flatten_list(
 ) -> Iterator[tuple[str, Any]]:
     """Yield what a list in a frame holds: a place, people, or keypoints."""
     named = [_named_place(one) for one in value]
-    if name == _FLAT:
-        yield from _unfold(value, prefix)
+    if name in ORDERS:
+        yield from unfold(name, value, prefix)
     elif named and all(named):
         yield from ((f"{prefix}{one[0]}", one[1]) for one in named if one is not None)
     elif name.lower() in _PEOPLE:
@@ -334,18 +334,6 @@ def _identify(person: Mapping[str, Any], at: int) -> str:
         if isinstance(value, str) or (is_number(value) and value != -1):
             return value if isinstance(value, str) else f"person{value:g}"
     return f"person{at}"
-
-
-def _unfold(values: list[Any], prefix: str) -> Iterator[tuple[str, Any]]:
-    """Yield the keypoints of OpenPose's flat list: x, y, z and how sure it is, 0 if not seen."""
-    n_points = len(_BODY_25)
-    if len(values) != 4 * n_points or not all(map(is_number, values)):
-        if values:
-            yield f"{prefix}{_FLAT}", values
-        return
-    for at, name in enumerate(_BODY_25):
-        *place, sure = values[4 * at : 4 * at + 4]
-        yield f"{prefix}{name}", place if sure > 0 else _UNSEEN
 
 
 def collect_positions(

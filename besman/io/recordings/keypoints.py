@@ -4,10 +4,12 @@ Variants seen: a list of frames, or one under ``frames``, ``tracking``, ``data``
 and those that `besman.io.recordings.keypoint_frames` names; a frame a line (JSON Lines); frames'
 numbers and times, in seconds or milliseconds (SPL open data), micro- or nanoseconds; ``NaN`` and
 ``null`` for what was not seen, and names that some frames lack; several people a frame under
-``people``, each with a name or an id, and OpenPose's flat lists ``pose_keypoints_3d`` of BODY_25,
-gathered into one file; the rate as ``fps``, ``frame_rate``, ``sampling_rate`` or ``rate_hz``,
-``units`` and ``up``, beside the frames or in ``metadata``, or none of them. Where no unit is named
-the height of the body tells it.
+``people``, each with a name or an id; lists without names, as OpenPose's ``pose_keypoints_3d`` and
+Panoptic's ``joints19``, gathered into one file; Azure Kinect's ``joint_positions``, mmpose's
+``instances``; the rate as ``fps``, ``frame_rate``, ``sampling_rate`` or ``rate_hz``, ``units`` and
+``up``, beside the frames or in ``metadata``, or none of them; where a ball met a ring,
+``landing_x`` and ``landing_y``, in inches (SPL open data). Where no unit is named the height of the
+body tells it.
 """
 
 from __future__ import annotations
@@ -28,10 +30,10 @@ from besman.io.recordings.format import Units, parse_up
 from besman.io.recordings.keypoint_frames import (
     collect_positions,
     find_frames,
-    is_number,
     names_for_all,
 )
-from besman.io.recordings.lengths import Length, body_length, find_length, parse_unit
+from besman.io.recordings.keypoint_orders import is_number
+from besman.io.recordings.lengths import UNIT_M, Length, body_length, find_length, parse_unit
 from besman.io.recordings.text_lines import in_usual_text
 from besman.records import Axis, FloatArray, Origin, Recording
 from besman.records.frozen import hand_over
@@ -39,6 +41,8 @@ from besman.records.recordings import RATES_HZ
 
 _RATES = ("rate_hz", "fps", "frame_rate", "framerate", "sampling_rate", "sample_rate", "rate")
 _NUMBERS = ("frame", "frame_number", "frame_id", "index")
+_LANDING = ("landing_x", "landing_y")
+_FARTHEST_IN = 120.0  # who misses a ring by more has not thrown at it
 # Parts that only a whole body has.
 _ENDS = (("nose", "head", "eye", "ear"), ("ankle", "foot", "toe", "heel"))
 _NO_BODY = ("ball", "stick", "box", "object")
@@ -73,6 +77,11 @@ def read_keypoints(path: Path, units: Units | None = None) -> Recording:
     content = _parse(path)
     frames, about = find_frames(content, path)
     names, positions = collect_positions(frames, names_for_all(about), path)
+    if len(positions) == 1:
+        raise RecordingError(
+            f"{path}: a recording of one frame; expected at least two: where each frame has a file "
+            "of its own, `jq -c . FOLDER/*.json > take.jsonl` makes one of them"
+        )
     numbers = _column(frames, _NUMBERS, path)
     rate_hz = _find_rate(about)
     is_rate = rate_hz is not None and RATES_HZ[0] <= rate_hz <= RATES_HZ[1]
@@ -98,7 +107,13 @@ def read_keypoints(path: Path, units: Units | None = None) -> Recording:
         rate_hz=clock.rate_hz,
         source=path.name,
         first_frame=clock.first_frame,
-        origin=Origin(units=length.name, units_by=length.told_by, up=up, up_by=up_by),
+        origin=Origin(
+            units=length.name,
+            units_by=length.told_by,
+            up=up,
+            up_by=up_by,
+            on_ring_m=_read_landing(about),
+        ),
     )
 
 
@@ -130,6 +145,18 @@ def _find_rate(about: Mapping[str, Any]) -> float | None:
     if said is None:
         return None
     return float(said) if is_number(said) else read_rate(str(said))
+
+
+def _read_landing(about: Mapping[str, Any]) -> tuple[float, float] | None:
+    """Return where a ball met a ring, metres from its front; None if the file does not say it."""
+    said: list[float] = []
+    for key in _LANDING:
+        one: Any = about.get(key)
+        # JSON holds whole numbers that are larger than any float.
+        if not is_number(one) or not abs(one) <= _FARTHEST_IN:
+            return None
+        said.append(float(one) * UNIT_M["in"])
+    return said[0], said[1]
 
 
 def _column(frames: list[dict[str, Any]], keys: tuple[str, ...], path: Path) -> FloatArray | None:

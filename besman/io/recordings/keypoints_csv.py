@@ -2,8 +2,8 @@
 
 Variants seen: coordinates called as `besman.io.recordings.keypoint_columns` says; commas, tabs or
 semicolons (then with points or commas in numbers); frames, times in seconds or milliseconds, both
-or, with a rate in the first lines (``# fps: 30``), neither; further columns. Also a row a keypoint,
-`besman.io.recordings.keypoint_rows`.
+or, with a rate in the first lines (``# fps: 30``), neither; further columns; BTS' EMT, Visual3D's
+ASCII. Also a row a keypoint, `besman.io.recordings.keypoint_rows`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,13 @@ from besman.exceptions import RecordingError
 from besman.io.recordings.c3d_names import keep_single_names
 from besman.io.recordings.clock import TIME_NAMES, in_seconds, read_rate, settle_clock
 from besman.io.recordings.format import Units
-from besman.io.recordings.keypoint_columns import find_columns, join_header
+from besman.io.recordings.keypoint_columns import (
+    ABOVE_LINES,
+    HEADER_LINES,
+    find_columns,
+    find_header,
+    join_header,
+)
 from besman.io.recordings.keypoint_rows import (
     KeypointRows,
     find_row_columns,
@@ -29,17 +35,29 @@ from besman.io.recordings.number_rows import (
     ROWS_SEEN,
     Cells,
     find_cells,
-    is_blank,
     is_word,
     read_rows,
     see_commas,
 )
 from besman.io.recordings.text_lines import TextLines, open_lines
-from besman.records import Origin, Recording
+from besman.records import FloatArray, Origin, Recording
 from besman.records.frozen import hand_over
 
-_ABOUT = re.compile(r"#\s*([A-Za-z_]+)\s*[:=,]\s*(\S+)")
-_FRAMES = {"frame", "frame#", "frame_number", "framenumber", "frame_id", "fnum", "index", ""}
+_FRAMES = {
+    "frame",
+    "frame#",
+    "frame_number",
+    "framenumber",
+    "frame_id",
+    "fnum",
+    "index",
+    "item",
+    "",
+}
+_RATES = ("rate_hz", "fps", "frame_rate", "rate", "frequency", "sampling_frequency", "datarate")
+# ``Time(s)``, ``time [ms]``
+_UNIT_BEHIND = re.compile(r"\s*[\[(]\s*([a-z]+)\s*[\])]$")
+_UNITS = ("units", "unit", "measure_unit")
 
 
 def read_keypoints_csv(path: Path, units: Units | None = None, partial: bool = False) -> Recording:
@@ -71,9 +89,9 @@ def read_keypoints_csv(path: Path, units: Units | None = None, partial: bool = F
         For what was concluded of units and rate.
     """
     lines = open_lines(path, "keypoints in a table")
-    at, about = _read_comments(lines)
+    at, about = find_header([lines[k] for k in range(min(ABOVE_LINES + HEADER_LINES, len(lines)))])
     cells = find_cells(lines[at])
-    head = [cells.split(lines[k]) for k in range(at, min(at + 3, len(lines)))]
+    head = [cells.split(lines[k]) for k in range(at, min(at + HEADER_LINES, len(lines)))]
     labels, n_header = join_header(head)
     while labels and not labels[-1]:
         labels.pop()
@@ -83,7 +101,8 @@ def read_keypoints_csv(path: Path, units: Units | None = None, partial: bool = F
     names: list[str | None] = list(found.names)
     clock = settle_clock(found.frames, found.times, _rate(about), path, at + 1)
     positions = clock.spread(found.positions)
-    length = find_keypoint_length(about.get("units") or unit or None, names, positions, units, path)
+    word = next((about[key] for key in _UNITS if about.get(key)), unit or None)
+    length = find_keypoint_length(word, names, positions, units, path)
     positions *= length.metres
     return Recording(
         time=clock.time,
@@ -102,6 +121,7 @@ def _read_table(
     """Read what stands below a header, and the unit that it says: a row a frame, or a keypoint."""
     lowered = [label.lower() for label in labels]
     frame = next((k for k, one in enumerate(lowered) if one in _FRAMES), None)
+    lowered = [_UNIT_BEHIND.sub(r" (\1)", one) for one in lowered]
     time = next((k for k, one in enumerate(lowered) if one in TIME_NAMES), None)
     # ``x_mm`` of a row is no keypoint called mm.
     in_rows = find_row_columns(labels)
@@ -121,9 +141,17 @@ def _read_table(
             np.arange(1.0, len(values) + 1) if frame is None else values[:, frame],
             None if time is None else values[:, time],
         )
+        if frame is not None and time is None and not labels[frame] and _are_times(found.frames):
+            # An index of times, as pandas writes it.
+            return found._replace(frames=None, times=found.frames), unit
     if found.times is None or time is None:
         return found, unit
     return found._replace(times=in_seconds(found.times, lowered[time])), unit
+
+
+def _are_times(values: FloatArray | None) -> bool:
+    """Tell times by their parts of seconds."""
+    return values is not None and bool((values != np.round(values)).any())
 
 
 def _find_texts(
@@ -138,24 +166,9 @@ def _find_texts(
     )
 
 
-def _read_comments(lines: TextLines) -> tuple[int, dict[str, str]]:
-    """Return the index of the first line of the table, and what the lines above say by key."""
-    about: dict[str, str] = {}
-    at = -1
-    for line in lines:
-        at += 1
-        if line.lstrip().startswith("#"):
-            found = _ABOUT.match(line.lstrip())
-            if found:
-                about[found[1].lower()] = found[2].strip(",;\t")
-        elif not is_blank(line):
-            break
-    return at, about
-
-
 def _rate(about: dict[str, str]) -> float | None:
     """Return the rate that the lines above the table say."""
-    for key in ("rate_hz", "fps", "frame_rate", "rate"):
+    for key in _RATES:
         if key in about:
-            return read_rate(about[key])
+            return read_rate(re.sub(r"(?i)\s*(hz|fps)$", "", about[key]))
     return None

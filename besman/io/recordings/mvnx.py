@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import NoReturn
 from xml.parsers import expat
@@ -13,6 +14,7 @@ import numpy as np
 from besman.exceptions import RecordingError, RecordingWarning
 from besman.foreign.numbers import has_odd_digits, parse_number, parse_whole_number
 from besman.io.atomic_files import write_text
+from besman.io.recordings.clock import RowClock, settle_clock
 from besman.records import FloatArray, Recording
 from besman.records.recordings import GREATEST_FRAME, RATES_HZ
 
@@ -49,7 +51,12 @@ def read_mvnx(path: Path, partial: bool = False) -> Recording:
     ------
     RecordingError
         If the file is missing, cut, no MVNX, declares a document type or entities, has two
-        segments with one name, or its frames do not rise by one; the message names the line.
+        segments with one name, or its frames do not rise; the message names the line.
+
+    Warns
+    -----
+    RecordingWarning
+        If frames are missing, which become gaps.
     """
     try:
         content = path.read_bytes()
@@ -127,8 +134,10 @@ class _Parser:
         self.frame: dict[str, FloatArray] = {}
         self.has_orientations: bool | None = None
         self.index: int | None = None
-        self.first_index = 0
         self.time_ms = -np.inf
+        self.indices: list[int] = []
+        self.times_ms: list[float] = []
+        self.lines: list[int] = []
         self.positions: list[FloatArray] = []
         self.orientations: list[FloatArray] = []
         self.xml = expat.ParserCreate()
@@ -160,19 +169,29 @@ class _Parser:
         rate_hz = self._rate()
         if not self.positions:
             raise RecordingError(f"{self.path}: no frames of type {_RECORDED!r}; is the file cut?")
-        n_samples, n_segments = len(self.positions), len(self.segments)
+        clock = self._settle_clock(rate_hz)
+        shape = len(self.positions), len(self.segments), -1
         orientations = None
         if self.orientations:
-            orientations = np.array(self.orientations).reshape(n_samples, n_segments, 4)
+            orientations = clock.spread(np.array(self.orientations).reshape(shape))
         return Recording(
-            time=(self.first_index + np.arange(n_samples)) / rate_hz,
-            positions=np.array(self.positions).reshape(n_samples, n_segments, 3),
+            time=clock.time,
+            positions=clock.spread(np.array(self.positions).reshape(shape)),
             names=tuple(self.segments),
-            rate_hz=rate_hz,
+            rate_hz=clock.rate_hz,
             source=self.path.name,
-            first_frame=self.first_index,
+            first_frame=clock.first_frame,
             orientations=orientations,
         )
+
+    def _settle_clock(self, rate_hz: float) -> RowClock:
+        """Tell when the frames were; of those that are missing too."""
+        n_frames = len(self.positions)
+        frames, times = np.array(self.indices[:n_frames]), np.array(self.times_ms[:n_frames]) / 1e3
+        if (np.diff(frames) == 1).all():
+            return RowClock(frames / rate_hz, rate_hz, int(frames[0]), None)
+        clock = settle_clock(frames.astype(float), times, rate_hz, self.path, self.lines)
+        return replace(clock, time=clock.time - clock.time[0] + frames[0] / rate_hz)
 
     def _fail(self, message: str) -> NoReturn:
         """Raise an error that names the line."""
@@ -226,8 +245,7 @@ class _Parser:
 
     def _check_clock(self, attributes: dict[str, str]) -> None:
         """Check index and time of a frame against the frame before."""
-        last = self.index
-        text = attributes.get("index", str(0 if last is None else last + 1))
+        text = attributes.get("index", str(0 if self.index is None else self.index + 1))
         try:
             self.index = parse_whole_number(text)
         except ValueError:
@@ -237,10 +255,6 @@ class _Parser:
                 f"frame index is {text!r:.60}; expected a whole number from 0 to "
                 f"{GREATEST_FRAME:.0e}"
             )
-        if last is None:
-            self.first_index = self.index
-        elif self.index != last + 1:
-            self._fail(f"frame {self.index} follows frame {last}; expected frames that rise by one")
         if "time" in attributes:
             try:
                 time_ms = parse_number(attributes["time"])
@@ -252,6 +266,9 @@ class _Parser:
                     "expected rising times"
                 )
             self.time_ms = time_ms
+        self.indices.append(self.index)
+        self.times_ms.append(self.time_ms if "time" in attributes else np.nan)
+        self.lines.append(self.xml.CurrentLineNumber)
 
     def _numbers(self, tag: str, text: str) -> FloatArray:
         """Return the values of one frame, checked."""

@@ -135,7 +135,11 @@ def _leave_out_spikes(recording: Recording) -> Recording:
         )
     if not faults.spikes.any():
         return recording
-    _warn_of_gaps(recording, faults.spikes, "that no body makes")
+    # Programs put the pose of the skeleton, arms held out, before a movement.
+    is_pose = recording.origin is not None and recording.origin.format == "BVH"
+    is_pose = is_pose and not faults.spikes[1:].any()
+    what = "of a pose before the movement" if is_pose else "that no body makes"
+    _warn_of_gaps(recording, faults.spikes, what)
     positions = np.where(faults.spikes[:, :, None], np.nan, recording.positions)
     orientations = recording.orientations
     if orientations is not None:

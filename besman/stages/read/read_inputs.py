@@ -15,6 +15,7 @@ from besman.exceptions import RecordingError, RecordingWarning
 from besman.io.landings import read_landings
 from besman.io.recordings.formats import find_companions, find_recordings, read_recording
 from besman.io.recordings.true_names import find_true_names, read_true_names
+from besman.io.ring_landings import find_ring_landing
 from besman.io.segments_json import find_segments, read_segments
 from besman.records import LabelledSegments, Landing, Recording
 from besman.stages.read.config import ReadConfig
@@ -42,7 +43,7 @@ class Inputs:
         SHA-256 of every file by its name; of the URDF of a joint log too, by both names where logs
         of two folders have different ones of one name.
     landings : tuple of Landing
-        Where throws came down, as a landing file says.
+        Where throws came down, as a landing file says, or the recording's own.
     """
 
     recordings: tuple[Recording, ...]
@@ -108,6 +109,8 @@ def read_inputs(
         _note_checksums(checksums, Path(teacher), *find_companions(Path(teacher)))
     if landing is not None:
         _note_checksums(checksums, Path(landing))
+    # A landing file counts more than what the recordings' own files say.
+    landings += tuple(one for each in recordings if (one := find_ring_landing(each)) is not None)
     _warn_of_copies(recordings)
     return Inputs(tuple(recordings), tuple(truth), tuple(names), learnt, checksums, landings)
 

@@ -43,8 +43,9 @@ class SelectConfig(Stage):
         flight; a landing file; the object's first metres after the hand let go, of which a few
         frames are enough; or place and speed of the hand when it is fastest, from where what it
         throws flies on. Not given: the landing file where it names the throw, then, where an object
-        is named, its fall, its first metres, and the release, the first that tells a place. With
-        neither there is no target. The results say which it was for each throw.
+        is named, the landing that the recording's own file says, the object's fall, its first
+        metres, and the release, the first that tells a place. With neither there is no target. The
+        results say which it was for each throw.
     landing : str, optional
         A landing file: CSV with the columns ``recording``, ``x_m``, ``y_m`` (or ``x_ft`` ...), or
         YAML or JSON, see `besman.io.landings`.
@@ -160,9 +161,9 @@ class SelectConfig(Stage):
         """What is asked for the target, in this order."""
         if self.target is not None:
             return (self.target,)
-        landing: tuple[TargetSource, ...] = () if self.landing is None else ("landing",)
-        seen: tuple[TargetSource, ...] = ("object", "flight", "release")
-        return landing if self.object is None else (*landing, *seen)
+        if self.object is not None:
+            return ("landing", "object", "flight", "release")
+        return () if self.landing is None else ("landing",)
 
     @property
     def wanted(self) -> tuple[str, ...]:

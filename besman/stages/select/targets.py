@@ -33,8 +33,8 @@ class Aim:
     object : str, optional
         Marker of what is thrown.
     landing : array, shape (3,)
-        Where it came down by a landing file, metres in the laboratory frame; NaN if it says
-        nothing of this throw.
+        Where it came down by a landing file or the recording's own, metres in the laboratory
+        frame; NaN if they say nothing of this throw.
     height_m : float
         Height above the floor at which flight and release are followed no further.
     scale : float

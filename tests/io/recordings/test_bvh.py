@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from besman.exceptions import RecordingError, RecordingWarning
 from besman.io.recordings.bvh import read_bvh
 from besman.io.recordings.format import reading
+from besman.io.recordings.formats import read_recording
 from besman.records import Recording
 
 CONCLUDING = pytest.mark.filterwarnings("ignore::besman.exceptions.RecordingWarning")
@@ -204,3 +205,26 @@ def test_a_rate_that_is_asked_for_stands_for_a_time_that_is_none(tmp_path):
     path = write_lines([line.replace("0.0083333", "0") for line in lines], tmp_path / "b.bvh")
     with reading(rate_hz=25.0), pytest.warns(RecordingWarning, match="no units are named"):
         assert read_bvh(path).rate_hz == 25.0
+
+
+@CONCLUDING
+def test_a_pose_before_the_movement_is_called_so(tmp_path):
+    """As of CMU's database: the arms held out in the first frame, at rest from the next one on."""
+    path = tmp_path / "a.bvh"
+    lines, _, _ = write_tree(path, JOINTS, n_frames=9)
+    head = lines[:-9]
+    first, rest = np.zeros((2, 3 + 3 * len(JOINTS)))
+    first[1] = rest[1] = 95.0
+    rest[3 * (1 + list(JOINTS).index(4))] = -170.0
+    rows = [" ".join(f"{one:.3f}" for one in row) for row in (first, *[rest] * 8)]
+    write_lines([*head, *rows], path)
+    with pytest.warns(
+        RecordingWarning, match=r"of a pose before the movement became .*'LeftArm_end' fr"
+    ):
+        found = read_recording(path)
+    assert np.flatnonzero(
+        np.isnan(found.positions[:, found.names.index("LeftArm_end"), 0])
+    ).tolist() == [0]
+    write_lines([*head, *rows[1:], rows[0]], path)
+    with pytest.warns(RecordingWarning, match=r"that no body makes became a gap: 'LeftArm_end' fr"):
+        read_recording(path)

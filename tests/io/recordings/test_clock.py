@@ -100,3 +100,14 @@ def test_what_is_wrong_is_one_line(given, message):
 def test_times_beyond_all_bounds_are_one_line():
     with pytest.raises(RecordingError):
         settle(times=[0.0, 0.5, 1e308])
+
+
+def test_times_that_stand_still_leave_the_headers_rate():
+    with pytest.warns(RecordingWarning, match="all times are 0 s, .* evenly spaced, 50 a second"):
+        clock = settle_clock(np.arange(1.0, 5.0), np.zeros(4), 50.0, Path("still.trc"), 6)
+    np.testing.assert_allclose(clock.time, np.arange(4) / 50)
+    for rate in (None, float("nan"), 0.0):
+        with pytest.raises(
+            RecordingError, match=r"still\.trc:7: time is 0 s after 0 s; expected rising"
+        ):
+            settle_clock(np.arange(1.0, 5.0), np.zeros(4), rate, Path("still.trc"), 6)

@@ -256,3 +256,42 @@ def test_other_digits_in_a_column_that_nothing_is_taken_from_are_no_word(tmp_pat
     path.write_text("time,nose_x,nose_y,nose_z,score\n0,1,2,3,\u0663\n0.1,1,2,3,0.5\n")
     with pytest.raises(RecordingError, match="column 5: got '\u0663', expected a number"):
         read_recording(path)
+
+
+SEEN = [np.nan_to_num(one).tolist() for one in POSITIONS]
+AROUND = {"joint_orientations": [[1.0, 0.0, 0.0, 0.0]] * len(NAMES), "bbox": [0.0, 1.0, 2.0, 3.0]}
+SCORES = {"keypoint_scores": [0.9] * len(NAMES)}
+SYSTEMS = {
+    "Azure Kinect": {
+        "joint_names": NAMES,
+        "units": "m",
+        "frames": [
+            {"timestamp_usec": round(1e6 * at / 30), "frame_id": at,
+             "bodies": [{"body_id": 1, **AROUND, "joint_positions": one}]}
+            for at, one in enumerate(SEEN)
+        ],
+    },
+    "turned before placed": {
+        "joint_names": NAMES,
+        **FPS,
+        "frames": [{"bodies": [{"body_id": 1, "joint_positions": one, **AROUND}]} for one in SEEN],
+    },
+    "mmpose": {
+        "meta_info": {"keypoint_id2name": {str(at): name for at, name in enumerate(NAMES)}, **FPS},
+        "instance_info": [
+            {"frame_id": at, "instances": [{"keypoints": one, **SCORES}]} for at, one in enumerate(SEEN)
+        ],
+    },
+}  # fmt: skip
+
+
+@CONCLUDING
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_what_else_is_said_of_keypoints_is_no_place(tmp_path, name):
+    path = tmp_path / "a.json"
+    path.write_text(json.dumps(SYSTEMS[name]))
+    found = read_recording(path)
+    assert [one.rpartition(":")[2] for one in found.names] == list(NAMES)
+    assert found.rate_hz == 30.0
+    expected = np.where(np.isnan(POSITIONS), np.nan, POSITIONS)
+    np.testing.assert_allclose(found.positions, expected)

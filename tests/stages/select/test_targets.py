@@ -226,6 +226,13 @@ def test_a_landing_file_counts_before_what_is_seen(free_throws):
     assert aimed == [False, True, False]
 
 
+def test_a_landing_of_the_recordings_own_counts_before_what_is_seen(free_throws):
+    _, recordings, segments = free_throws
+    landings = (Landing(recordings[1].source, 1, np.array([12.0, 0.5, 3.0])),)
+    hands = SelectConfig(label="throw", object="ball").run(recordings, segments, landings)
+    assert [hand.target_by == "landing" for hand in hands] == [False, True, False]
+
+
 def test_without_a_ball_the_release_is_asked(free_throws):
     _, recordings, segments = free_throws
     hands = SelectConfig(label="throw", target="release").run(recordings, segments)
