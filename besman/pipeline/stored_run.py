@@ -174,16 +174,15 @@ def _checksum(path: Path) -> str | None:
 
 def _is_whole(state: dict[str, Any]) -> bool:
     """Tell whether what a run says of itself can be used."""
-    stages, files, exports = (state.get(name) for name in ("stages", "files", "exports"))
+    # Older runs have not all of these.
+    parts = {"stages": _are_stages, "files": _are_digests, "exports": _are_exports}
     return (
         isinstance(state.get("name"), str)
         and state.get("status") in _STATUS
         and isinstance(state.get("error"), str | None)
         and all(isinstance(state.get(name), dict) for name in ("versions", "machine", "inputs"))
         and isinstance(state.get("commit"), str)
-        and (stages is None or _are_stages(stages))
-        and (files is None or _are_digests(files))
-        and (exports is None or _are_exports(exports))
+        and all(are_whole(state[name]) for name, are_whole in parts.items() if name in state)
     )
 
 
