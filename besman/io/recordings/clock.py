@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
-from besman.exceptions import RecordingError, RecordingWarning
+from besman.exceptions import RecordingError
 from besman.foreign.numbers import parse_number
 from besman.io.recordings.format import READING
+from besman.io.warning import warn_of_file
 from besman.records import FloatArray
 from besman.records.recordings import GREATEST_FRAME, RATES_HZ
 
@@ -191,7 +191,7 @@ def _count(frames: FloatArray, path: Path, first_line: int) -> npt.NDArray[np.in
             f"{path}:{first_line + row}: frame {frames[row]:.0f} follows frame "
             f"{frames[row - 1]:.0f}; expected frames that rise evenly"
         )
-    _warn(
+    warn_of_file(
         f"{path.name}: {n_missing} frames are missing and became gaps, first before frame "
         f"{frames[row]:.0f} in line {first_line + row}"
     )
@@ -227,7 +227,7 @@ def _show_rate(
     uneven = np.flatnonzero(np.abs(steps - usual) > _UNEVEN * usual)
     if uneven.size:
         row = int(uneven[0]) + 1
-        _warn(
+        warn_of_file(
             f"{path.name}: {uneven.size} times do not rise evenly, first in line "
             f"{first_line + row}: {times[row]:g} s after {times[row - 1]:g} s; frames are taken "
             "for evenly spaced"
@@ -254,11 +254,13 @@ def _choose_rate(said: float | None, shown: float | None, path: Path) -> float:
             "read.rate_hz"
         )
     if odd is not None:
-        _warn(f"{path.name}: the header has {_tell(odd)}; {shown:.6g}, as the times show, is taken")
+        warn_of_file(
+            f"{path.name}: the header has {_tell(odd)}; {shown:.6g}, as the times show, is taken"
+        )
     if said is None or shown is None:
         return float(said if shown is None else shown)  # type: ignore[arg-type]
     if abs(shown / said - 1.0) > _TOLERANCE:
-        _warn(
+        warn_of_file(
             f"{path.name}: the header says {said:g} frames a second and the times {shown:.6g}, "
             "which is taken"
         )
@@ -298,7 +300,3 @@ def whole_if_near(rate_hz: float, uncertain: float = 0.0) -> float:
         if near and abs(rate_hz / near - 1.0) < allowed:
             return float(near)
     return round(rate_hz, 6)
-
-
-def _warn(message: str) -> None:
-    warnings.warn(message, RecordingWarning, stacklevel=6)
