@@ -54,14 +54,13 @@ class Postures:
             Or there are not so many postures.
         """
         ends = np.concatenate([*way.ends(True), *way.ends(False)]).tobytes()
-        if way.posture == 0:
-            shown = self._follow(ends, way)
-            if not isinstance(shown, OutOfReachError):
-                return shown
+        shown = self._follow(ends, way) if way.posture == 0 else None
+        if isinstance(shown, list):
+            return shown
         if ends not in self._others:
             self._others[ends] = list_postures(self._plan, self._robot, way, self._gaps)
         found = self._others[ends]
-        if way.posture == 0 and not found:
+        if shown is not None and not found:
             raise shown
         if len(found) < way.posture:
             label = next(block.label for block in self._plan.blocks if block.frame != "world")
