@@ -31,6 +31,13 @@ def pytest_collection_finish(session):
 
 
 @pytest.hookimpl(trylast=True)
+def pytest_runtest_teardown():
+    """Leave it so: after a test that has what was frozen looked through, all others would pay."""
+    if not gc.get_freeze_count():
+        gc.freeze()
+
+
+@pytest.hookimpl(trylast=True)
 def pytest_sessionfinish(session):
     """Look once for garbage whose end fails; pytest looks five times more, now through nothing."""
     gc.collect()

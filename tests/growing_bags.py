@@ -1,9 +1,11 @@
 """Bags that are written while they are read: by the MCAP library, and as rosbag2 uses SQLite."""
 
+import os
 import sqlite3
 import struct
 import sys
 import time
+from itertools import count
 from pathlib import Path
 
 MOCAP = "mocap4r2_msgs/msg/Markers"
@@ -121,22 +123,23 @@ def point_message(stamp_ns, x):
     return head + pad + struct.pack("<3d", x, 0.5 * x, 1.0)
 
 
-def write_points(path, journal, n, enough):
-    """Write points at once, a transaction each, as fast as it goes; for a process of its own.
+def write_points(path, journal, enough):
+    """Write points, a transaction each, as fast as it goes, until a file says that it is enough.
 
-    So many, and until a file is there that says that they are enough; print how many they are.
+    For a process of its own, which ends with the one that started it; prints how many.
     """
-    writer, row = SqliteWriter(path, journal), 0
-    while row < n or not enough.exists():
+    writer, parent = SqliteWriter(path, journal), os.getppid()
+    for row in count(1):
         at = 10**9 + row * 10**7
         data = point_message(at, float(row))
         writer.write_all([("/hand", "geometry_msgs/msg/PointStamped", "", at, data)])
         if row % 50 == 0:
+            if enough.exists() or os.getppid() != parent:
+                break
             time.sleep(0.01)
-        row += 1
     writer.close()
     print(row)
 
 
 if __name__ == "__main__":
-    write_points(Path(sys.argv[1]), sys.argv[2], int(sys.argv[3]), Path(sys.argv[4]))
+    write_points(Path(sys.argv[1]), sys.argv[2], Path(sys.argv[3]))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, replace
@@ -21,6 +20,7 @@ from besman.live.stream import Source, StreamFormat
 from besman.person.marker_set import load_marker_set
 from besman.records import FloatArray, LabelledRecording
 from besman.stages.label.model_from_pose import model_from_pose
+from besman.work.garbage import keep_meanwhile
 
 # How long a read waits: little where packets wait for one that is missing.
 _IDLE_S, _WAITING_S = 0.05, 0.005
@@ -167,18 +167,15 @@ class FrameStream:
             If the stream cannot be read any more, or is no person in metres, z up.
         """
         # Nothing of what was made so far is looked through for garbage while packets wait.
-        gc.collect()
-        gc.freeze()
-        self._source.start()
-        try:
-            while not self._source.ended:
-                yield from self._pass_on(self._read(), take)
-                yield from between()
-        except BaseException:
-            self.close()
-            raise
-        finally:
-            gc.unfreeze()
+        with keep_meanwhile():
+            self._source.start()
+            try:
+                while not self._source.ended:
+                    yield from self._pass_on(self._read(), take)
+                    yield from between()
+            except BaseException:
+                self.close()
+                raise
         yield from self.end(take, finish)
 
     def end(

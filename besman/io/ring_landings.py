@@ -19,7 +19,7 @@ from itertools import product
 
 import numpy as np
 
-from besman.exceptions import RecordingWarning
+from besman.io.warning import warn_of_file
 from besman.records import FloatArray, Landing, Recording
 
 _FOOT_M = 0.3048
@@ -60,13 +60,11 @@ def find_ring_landing(recording: Recording) -> Landing | None:
     apart[apart < _NEAREST_M] = np.inf
     nearest = int(np.argmin(np.nan_to_num(apart, nan=np.inf)))
     if not apart[nearest] <= _FARTHEST_M:
-        warnings.warn(
+        warn_of_file(
             f"{recording.source}: landing_x and landing_y are left out of account: no ring of an "
             f"NBA court in feet, from its middle or a corner, is within {_FARTHEST_M:g} m of the "
             f"person at {person[0]:.1f}, {person[1]:.1f} m; a landing file says where it was "
-            "(select.landing)",
-            RecordingWarning,
-            stacklevel=3,
+            "(select.landing)"
         )
         return None
     ring = _RINGS_M[nearest]

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import json
-import warnings
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from besman.exceptions import RecordingError, RecordingWarning, nearest
+from besman.exceptions import RecordingError, nearest
 from besman.foreign.json_text import parse_json
 from besman.foreign.names import fault_of_name
 from besman.io.atomic_files import write_text
 from besman.io.segments_origin import ORIGIN, Origin, check_origin, describe_origin
+from besman.io.warning import warn_of_file
 from besman.records import LabelledRecording, LabelledSegments, Recording
 from besman.records.layers import LAYERS, is_layer
 from besman.records.recordings import FARTHEST_M, GREATEST_FRAME
@@ -309,12 +309,10 @@ def _warn_of_twins(segments: list[_Row], first_frame: int, path: Path) -> None:
     ]
     if twins:
         first, second = twins[0]
-        warnings.warn(
+        warn_of_file(
             f"{path.name}: {len(twins)} stretches stand there twice, first segment {second.number} "
             f"({second.label}), frames {second.start + first_frame} to {second.end + first_frame} "
-            f"as segment {first.number} ({first.label})",
-            RecordingWarning,
-            stacklevel=4,
+            f"as segment {first.number} ({first.label})"
         )
 
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import hashlib
-import warnings
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from besman.exceptions import RecordingError, RecordingWarning, nearest
+from besman.exceptions import RecordingError, nearest
+from besman.io.warning import warn_of_file
 from besman.records import LabelledRecording, Recording
 
 ORIGIN = "recording"
@@ -96,12 +96,10 @@ def check_origin(said: Any, origin: Origin, source: str, path: Path) -> None:
             f"nevertheless, take {ORIGIN!r} out of the file"
         )
     if _DIGEST in said and _DIGEST in origin and said[_DIGEST] != origin[_DIGEST]:
-        warnings.warn(
+        warn_of_file(
             f"{path.name}: the segments were made of another recording of as many frames, or of "
             f"{source} before its samples were changed: digest {origin[_DIGEST][:12]}, expected "
-            f"{said[_DIGEST][:12]!r}",
-            RecordingWarning,
-            stacklevel=5,
+            f"{said[_DIGEST][:12]!r}"
         )
 
 

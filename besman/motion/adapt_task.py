@@ -10,9 +10,8 @@ import numpy.typing as npt
 
 from besman.exceptions import OutOfReachError, PlanError, nearest
 from besman.geometry.frames import quaternion_to_rotation
-from besman.motion.forcing import N_NODES
 from besman.motion.task_rollout import sample_task, stretch_task
-from besman.motion.velocity_dmp import roll_out_velocity
+from besman.motion.velocity_dmp import split_shape
 from besman.records import BlockPlan, TaskPlan
 from besman.robot.ik_kernel import follow_paths
 from besman.robot.inverse_kinematics import IkWeights, joint_box
@@ -193,13 +192,8 @@ def keep_block_range(block: BlockPlan, limits: JointLimits) -> BlockPlan:
     BlockPlan
         The same one, if it keeps the range.
     """
-    time = np.linspace(0.0, block.duration, 2 * N_NODES - 1)
     ends = (block.start, block.goal, block.start_velocity, block.goal_velocity)
-    rest, whole = (
-        roll_out_velocity(weights, *ends, block.duration, np.zeros(2), time)[0]
-        for weights in (np.zeros_like(block.weights), block.weights)
-    )
-    shape = whole - rest
+    rest, shape = split_shape(block.weights, *ends, block.duration)
     bound = np.where(shape > 0, limits.position_max, limits.position_min)
     room = np.maximum((bound - rest) * np.sign(shape), 0.0)
     fits = np.full_like(room, 1.0)

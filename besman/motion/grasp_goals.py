@@ -11,12 +11,11 @@ from scipy.interpolate import CubicSpline
 
 from besman.geometry.frames import rotation_to_quaternion
 from besman.motion.adapt_task import follow_goal, frame_matrix, keep_block_range, keep_task_limits
-from besman.motion.grasp_postures import choose_posture
+from besman.motion.grasp_postures import Postures
 from besman.motion.grasp_way import GraspWay, poses_from
 from besman.motion.velocity_dmp import fit_velocity_weights, roll_out_velocity
 from besman.records import BlockPlan, TaskPlan
 from besman.records.layers import IDLE
-from besman.robot.branch_choice import Gaps
 from besman.robot.ik_kernel import follow_paths
 from besman.robot.inverse_kinematics import IkWeights, joint_box
 from besman.robot.kinematics import forward_kinematics
@@ -51,7 +50,9 @@ def aim_grasps(plan: TaskPlan, robot: Robot, way: GraspWay) -> TaskPlan:
     return led if led is plan else keep_task_limits(led, robot)
 
 
-def lead_grasps(plan: TaskPlan, robot: Robot, way: GraspWay, gaps: Gaps | None = None) -> TaskPlan:
+def lead_grasps(
+    plan: TaskPlan, robot: Robot, way: GraspWay, postures: Postures | None = None
+) -> TaskPlan:
     """Bring the goals of blocks that lead to an object, or to its place, to where a gripper has it.
 
     A person takes a thing a little differently every time, shifts it between the fingers, and has
@@ -66,8 +67,8 @@ def lead_grasps(plan: TaskPlan, robot: Robot, way: GraspWay, gaps: Gaps | None =
     robot : Robot
         The plan's arm with its gripper.
     way : GraspWay
-    gaps : callable, optional
-        As of `besman.motion.grasp_postures.list_postures`.
+    postures : Postures, optional
+        Of the plan, for who brings it to its objects in several ways.
 
     Returns
     -------
@@ -84,7 +85,7 @@ def lead_grasps(plan: TaskPlan, robot: Robot, way: GraspWay, gaps: Gaps | None =
     """
     if way.higher_m == 0 and all(block.frame == "world" for block in plan.blocks):
         return plan
-    goals = choose_posture(plan, robot, way, gaps)
+    goals = (postures or Postures(plan, robot)).choose(way)
     blocks: list[BlockPlan] = []
     events: list[tuple[float, Literal["close", "open"]]] = []
     following = (*plan.blocks[1:], None)

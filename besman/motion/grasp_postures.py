@@ -25,43 +25,58 @@ _MOST_ORDERS = 64
 _ROUNDS, _TOLERANCE = 60, 1e-12
 
 
-def choose_posture(
-    plan: TaskPlan, robot: Robot, way: GraspWay, gaps: Gaps | None = None
-) -> list[FloatArray]:
-    """Return the joints at the end of every block, n angles each, before it goes straight on.
-
-    Posture 0 is that to which the shown one leads in small steps, if it leads there; 1 and more,
-    and 0 where it does not, are those of `list_postures`.
+class Postures:
+    """Postures in one way after the other: what ways have in common is looked for once.
 
     Parameters
     ----------
     plan : TaskPlan
     robot : Robot
-    way : GraspWay
     gaps : callable, optional
         As of `list_postures`.
-
-    Raises
-    ------
-    OutOfReachError
-        If a straight way is out of reach in every posture.
-        Or there are not so many postures.
     """
-    if way.posture == 0:
-        try:
-            return _follow_goals(plan, robot, way)
-        except OutOfReachError as error:
-            found = list_postures(plan, robot, way, gaps)
-            if not found:
-                raise error
-            return found[0]
-    found = list_postures(plan, robot, way, gaps)
-    if len(found) < way.posture:
-        label = next(block.label for block in plan.blocks if block.frame != "world")
-        raise OutOfReachError(
-            f"{plan.name}: no posture {way.posture}; there are {len(found)} others", label
-        )
-    return found[way.posture - 1]
+
+    def __init__(self, plan: TaskPlan, robot: Robot, gaps: Gaps | None = None) -> None:
+        self._plan, self._robot, self._gaps = plan, robot, gaps
+        self._shown: dict[bytes, list[FloatArray] | OutOfReachError] = {}
+        self._others: dict[bytes, list[list[FloatArray]]] = {}
+
+    def choose(self, way: GraspWay) -> list[FloatArray]:
+        """Return the joints at the end of every block, n angles each, before it goes straight on.
+
+        Posture 0 is that to which the shown one leads in small steps, if it leads there; 1 and
+        more, and 0 where it does not, are those of `list_postures`.
+
+        Raises
+        ------
+        OutOfReachError
+            If a straight way is out of reach in every posture.
+            Or there are not so many postures.
+        """
+        ends = np.concatenate([*way.ends(True), *way.ends(False)]).tobytes()
+        shown = self._follow(ends, way) if way.posture == 0 else None
+        if isinstance(shown, list):
+            return shown
+        if ends not in self._others:
+            self._others[ends] = list_postures(self._plan, self._robot, way, self._gaps)
+        found = self._others[ends]
+        if shown is not None and not found:
+            raise shown
+        if len(found) < way.posture:
+            label = next(block.label for block in self._plan.blocks if block.frame != "world")
+            raise OutOfReachError(
+                f"{self._plan.name}: no posture {way.posture}; there are {len(found)} others", label
+            )
+        return found[max(way.posture - 1, 0)]
+
+    def _follow(self, ends: bytes, way: GraspWay) -> list[FloatArray] | OutOfReachError:
+        """Return the joints that follow from those shown, or why there are none."""
+        if ends not in self._shown:
+            try:
+                self._shown[ends] = _follow_goals(self._plan, self._robot, way)
+            except OutOfReachError as error:
+                self._shown[ends] = error
+        return self._shown[ends]
 
 
 def list_postures(

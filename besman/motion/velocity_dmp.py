@@ -172,6 +172,57 @@ def roll_out_velocity(
     return q, v, a
 
 
+@lru_cache(maxsize=16)
+def _positions_between(n_weights: int) -> FloatArray:
+    """Return positions as a map of the parameters, shape (2 N - 1, K + 4), as `velocity_basis`."""
+    basis = velocity_basis(n_weights)
+    x = np.linspace(0.0, 1.0, 2 * len(basis.position) - 1)
+    found, *_ = interpolate(basis.position, basis.velocity, basis.acceleration, x)
+    found.setflags(write=False)
+    return found
+
+
+def split_shape(
+    weights: FloatArray,
+    start: FloatArray,
+    goal: FloatArray,
+    start_velocity: FloatArray,
+    goal_velocity: FloatArray,
+    duration: float,
+) -> tuple[FloatArray, FloatArray]:
+    """Compute what a movement would be without weights, and what these add to it.
+
+    Parameters
+    ----------
+    weights : array, shape (n, K)
+    start, goal : array, shape (n,)
+        rad.
+    start_velocity, goal_velocity : array, shape (n,)
+        rad/s.
+    duration : float
+        Seconds, without lead-in and lead-out.
+
+    Returns
+    -------
+    rest, shape : array, shape (2 N - 1, n)
+        rad, whose sum is the movement, at its N nodes and in the middle between them.
+    """
+    ends = np.stack([start, duration * start_velocity, goal, duration * goal_velocity])
+    n_weights = weights.shape[1]
+    if n_weights <= DENSE:
+        matrix = _positions_between(n_weights)
+        return matrix[:, :4] @ ends, matrix[:, 4:] @ weights.T
+    x = np.linspace(0.0, 1.0, 2 * count_nodes(n_weights) - 1)
+    rest, shape = (
+        interpolate(*respond_velocity(parameters), x)[0]
+        for parameters in (
+            np.concatenate([ends, np.zeros_like(weights.T)]),
+            np.concatenate([np.zeros_like(ends), weights.T]),
+        )
+    )
+    return rest, shape
+
+
 def _slow_down(u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return way, velocity and acceleration of a unit velocity that vanishes from u = 0 to 1."""
     return u - u**3 + u**4 / 2.0, 1.0 - 3.0 * u**2 + 2.0 * u**3, 6.0 * u * (u - 1.0)

@@ -15,6 +15,7 @@ from besman.pipeline.derived_files import stale_files
 from besman.pipeline.sealed_page import PAGE, seal
 from besman.pipeline.stored_run import StoredRun, open_run, read_object
 from besman.records.files import digest
+from besman.report.centimetres import centimetres
 from besman.report.confusion import confusion_table
 from besman.report.drawings import Drawings
 from besman.report.html_tables import html_table
@@ -180,12 +181,8 @@ def _arm_cards(results: dict[str, Any], suffix: str, arm: str) -> list[tuple[str
     if refine:
         cards.append((f"{refine['n_success']} / {refine['n_motions']}", f"within the target{arm}"))
         for name, word in (("miss_before_m", "imitated"), ("miss_m", "refined")):
-            cards.append((_centimetres(refine[name]["median"]), f"median miss, {word}{arm}"))
+            cards.append((centimetres(refine[name]["median"]), f"median miss, {word}{arm}"))
     return cards
-
-
-def _centimetres(metres: float | None) -> str:
-    return "-" if metres is None else f"{100 * metres:.1f} cm"
 
 
 def _videos(folder: Path, stale: list[str]) -> str:

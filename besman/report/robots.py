@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from besman.pipeline.stored_run import open_run
+from besman.report.centimetres import centimetres
 from besman.report.timing import seconds
 
 if TYPE_CHECKING:
@@ -52,5 +53,5 @@ def _figures(results: dict[str, Any]) -> list[str]:
         *(f"{1000 * error[name]:.1f}" for name in ("mean", "p95", "max")),
         f"{mapped['time_stretch']['median']:.2f}",
         f"{refined['n_success']} of {refined['n_motions']}",
-        "-" if miss is None else f"{100 * miss:.1f} cm",
+        centimetres(miss),
     ]

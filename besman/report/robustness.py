@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from besman.report.centimetres import centimetres
+
 if TYPE_CHECKING:
     from rich.table import Table
 
@@ -28,8 +30,8 @@ def robustness_cells(found: Robustness | None) -> list[str]:
     misses = found.misses[np.isfinite(found.misses)]
     return [
         f"{found.success.sum()} / {len(found.success)}" if len(found.success) else "",
-        _centimetres(float(np.quantile(misses, 0.95))) if len(misses) else "",
-        _centimetres(found.shift),
+        centimetres(float(np.quantile(misses, 0.95))) if len(misses) else "",
+        centimetres(found.shift),
     ]
 
 
@@ -50,7 +52,3 @@ def robustness_table(found: Sequence[Robustness]) -> Table:
     for one in found:
         table.add_row(one.name, *robustness_cells(one))
     return table
-
-
-def _centimetres(metres: float) -> str:
-    return f"{100 * metres:.1f} cm" if np.isfinite(metres) else "-"

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from besman.pipeline.stored_run import StoredRun, open_run
+from besman.report.centimetres import centimetres
 from besman.report.timing import seconds, stage_rows
 
 if TYPE_CHECKING:
@@ -164,8 +165,8 @@ def _arm_lines(results: dict[str, Any], suffix: str) -> list[str]:
     if refine:
         lines.append(
             f"refinement: {refine['n_success']} of {refine['n_motions']} succeed, miss "
-            f"{_centimetres(refine['miss_before_m']['median'])} before, "
-            f"{_centimetres(refine['miss_m']['median'])} after (medians), "
+            f"{centimetres(refine['miss_before_m']['median'], 'unknown')} before, "
+            f"{centimetres(refine['miss_m']['median'], 'unknown')} after (medians), "
             f"{refine['episodes']['median']:.0f} episodes"
         )
     for why, n in Counter(refine.get("handed_over", {}).values()).items():
@@ -193,7 +194,7 @@ def _simulation(found: dict[str, Any], how: str) -> str:
         f"within {100 * found['success_radius_m']:g} cm and {found['success_angle_deg']:g} degrees"
     )
     if found["miss_m"]["median"] is not None:
-        line += f"; miss {_centimetres(found['miss_m']['median'])} (median)"
+        line += f"; miss {centimetres(found['miss_m']['median'], 'unknown')} (median)"
     failed = [one["failure"] for one in found["trials"].values() if not one["success"]]
     whys = Counter(failure.partition(":")[0] or "beside its place" for failure in failed)
     whys["out of reach"] = found["n_tasks"] - found["n_tried"]
@@ -267,10 +268,6 @@ def failures(results: dict[str, Any]) -> dict[str, list[dict[str, str]]]:
     """Return name and reason of everything that was left out, by stage."""
     found = {stage: content.get("failed") for stage, content in results.items()}
     return {stage: failed for stage, failed in found.items() if failed}
-
-
-def _centimetres(metres: float | None) -> str:
-    return "unknown" if metres is None else f"{100 * metres:.1f} cm"
 
 
 def _number(value: float | None) -> float:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from besman.pipeline.stored_run import StoredRun
 from besman.pipeline.verification_file import read_verification
+from besman.report.centimetres import centimetres
 from besman.report.html_tables import html_table
 
 if TYPE_CHECKING:
@@ -46,12 +47,12 @@ def verification_lines(results: dict[str, Any]) -> list[str]:
         near = ", ".join(f"{n} within {radius}" for radius, n in found["within"].items())
         lines.append(
             f"{engine}: {found['n_success']} of {results['n_motions']} succeed, {near}, miss "
-            f"{_centimetres(found['miss_m']['median'])} (median), "
-            f"{_centimetres(found['miss_m']['max'])} (most)"
+            f"{centimetres(found['miss_m']['median'])} (median), "
+            f"{centimetres(found['miss_m']['max'])} (most)"
         )
     apart = results["apart_m"]
     lines.append(
-        f"{_centimetres(apart['median'])} apart (median), {_centimetres(apart['max'])} (most)"
+        f"{centimetres(apart['median'])} apart (median), {centimetres(apart['max'])} (most)"
     )
     return lines
 
@@ -110,7 +111,3 @@ def _place(metres: list[float | None]) -> str:
 
 def _hundredfold(metres: float | None) -> str:
     return "-" if metres is None else f"{100 * metres:.1f}"
-
-
-def _centimetres(metres: float | None) -> str:
-    return "-" if metres is None else f"{100 * metres:.1f} cm"

@@ -9,7 +9,7 @@ from whole_task import carry_box
 from besman.config.resources import find_resource
 from besman.evaluation.names import WHOLE_TASK_RECIPES, WHOLE_TASK_SEARCHES
 from besman.evaluation.refinement import evaluate_refinement
-from besman.evaluation.whole_task_problem import whole_task_problem
+from besman.evaluation.whole_task_problem import WholeTaskProblem, whole_task_problem
 from besman.exceptions import ConfigError
 from besman.pipeline.config import load_pipeline
 from besman.simulation.tasks.kinds import is_whole_task, load_whole_task
@@ -18,15 +18,22 @@ from besman.simulation.tasks.rearrange.block_trials import IMPOSSIBLE
 TASK = load_whole_task("rearrange")
 
 
-def test_rows_are_those_of_the_three_searches():
+def test_rows_are_those_of_the_three_searches(monkeypatch):
     robot, _, plan = carry_box()
     problem = whole_task_problem("rearrange", (plan,), robot, TASK, episodes=6)
+    searches, search = [], WholeTaskProblem.search
+
+    def keep(self, *arguments):
+        searches.append((arguments, search(self, *arguments)))
+        return searches[-1][1]
+
+    monkeypatch.setattr(WholeTaskProblem, "search", keep)
     rows = evaluate_refinement([problem], seeds=[0])["rows"]
+    assert [asked for asked, _ in searches] == [(plan, row["method"], 0) for row in rows]
     assert tuple(row["method"] for row in rows) == WHOLE_TASK_SEARCHES
-    for row in rows:
+    for row, (_, found) in zip(rows, searches, strict=True):
         assert row["source"] == "simulation"
         assert row["success"].startswith("rearrange: within 2 cm and 10 degrees")
-        found = problem.search(plan, row["method"], 0)
         assert len(found.rewards) == sum(found.episodes.values())
         # Three parts, each at worst impossible; a generation that was begun is completed.
         assert np.all(found.rewards >= 3 * IMPOSSIBLE.reward)

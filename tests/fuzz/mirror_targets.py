@@ -3,6 +3,7 @@
 import json
 import tempfile
 import warnings
+from contextlib import nullcontext
 from functools import cache
 from pathlib import Path
 from unittest import mock
@@ -33,7 +34,7 @@ def _mirror_plan():
         poses.append(hand.take(frame.markers))
         return []
 
-    with mock.patch("besman.following.frame_stream.gc"):
+    with mock.patch("besman.following.frame_stream.keep_meanwhile", nullcontext):
         list(stream.run(take))
     robot = load_robot("ur5")
     rows = [row for row, one in enumerate(poses[:1000]) if one is not None]
@@ -50,7 +51,7 @@ def mirror(folder):
     given = []
     twin = Mirror(source, _mirror_plan(), by_frames=True, take=given.append)
     twin.open()
-    with mock.patch("besman.following.frame_stream.gc"):
+    with mock.patch("besman.following.frame_stream.keep_meanwhile", nullcontext):
         lines = list(twin.run())
     for line in lines:
         if line.get("kind") == "notice":

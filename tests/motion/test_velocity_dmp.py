@@ -7,7 +7,7 @@ from scipy.interpolate import BPoly
 
 from besman.motion.forcing import ALPHA, BETA, LAST_PHASE, forcing_basis
 from besman.motion.rest_at_ends import rest_at_both_ends
-from besman.motion.velocity_dmp import fit_velocity_weights, roll_out_velocity
+from besman.motion.velocity_dmp import fit_velocity_weights, roll_out_velocity, split_shape
 
 NO_LEADS = np.zeros(2)
 
@@ -135,3 +135,14 @@ def test_batch_is_the_same_as_one_by_one_to_the_last_bit():
         for got, expected, close in zip(batch, alone, one, strict=True):
             assert (got[index] == expected[0]).all()
             np.testing.assert_allclose(got[index], close, rtol=1e-8, atol=1e-8)
+
+
+@pytest.mark.parametrize("n_weights", [10, 100, 101, 250])
+def test_rest_and_shape_are_the_rollouts_without_weights_and_what_these_add(n_weights):
+    weights, *ends = random_dmp(n_weights=n_weights)
+    duration = 0.7
+    rest, shape = split_shape(weights, *ends, duration)
+    time = np.linspace(0.0, duration, len(rest))
+    for expected, found in ((weights, rest + shape), (0.0 * weights, rest)):
+        q, *_ = roll_out_velocity(expected, *ends, duration, NO_LEADS, time)
+        np.testing.assert_allclose(found, q, rtol=0, atol=1e-9 * np.abs(q).max())

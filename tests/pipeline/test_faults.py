@@ -218,7 +218,6 @@ def test_a_full_disk_at_every_write_loses_nothing(tmp_path, robot, motions, monk
         gc.collect()
         run_exports(folder, motions, robot, more=("one",))
         assert content_of(folder) == expected
-    gc.unfreeze()
 
 
 @pytest.fixture

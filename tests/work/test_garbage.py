@@ -4,7 +4,7 @@ import importlib
 import pytest
 
 from besman.work import in_worker, loaded_last
-from besman.work.garbage import collect_seldom, keep_all
+from besman.work.garbage import collect_seldom, keep_all, keep_meanwhile
 
 
 @pytest.fixture
@@ -13,7 +13,6 @@ def thresholds():
     before = gc.get_threshold()
     yield before
     gc.set_threshold(*before)
-    gc.unfreeze()
 
 
 def n_collections():
@@ -48,3 +47,19 @@ def test_what_is_kept_is_not_looked_through(thresholds):
     gc.unfreeze()
     importlib.reload(loaded_last)
     assert gc.get_freeze_count() > 10_000
+
+
+@pytest.mark.parametrize("others_keep", [False, True])
+def test_what_is_kept_meanwhile_goes_back_unless_others_had_kept_some(others_keep):
+    gc.unfreeze()
+    if others_keep:
+        keep_all()
+    cycle = []
+    cycle.append(cycle)
+    del cycle
+    found = gc.get_freeze_count()
+    assert (found > 0) == others_keep
+    with keep_meanwhile():
+        assert gc.get_freeze_count() > found
+        assert gc.collect() == 0
+    assert (gc.get_freeze_count() > 0) == others_keep

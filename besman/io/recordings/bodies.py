@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 
 import numpy as np
 
-from besman.exceptions import RecordingWarning
+from besman.io.warning import warn_of_file
 from besman.records import FloatArray
 
 # Entries of a matrix times its transpose may differ so much from those of a rotation.
@@ -37,11 +36,9 @@ def warn_of_no_turns(written: FloatArray, turns: FloatArray, body: str, source: 
     """
     odd = np.isfinite(written).all(axis=1) & written.any(axis=1) & np.isnan(turns).any(axis=1)
     if odd.any():
-        warnings.warn(
+        warn_of_file(
             f"{source}: {int(odd.sum())} orientations of {body!r:.60} are no rotations and were "
-            f"left out, first in row {int(np.argmax(odd)) + 1}",
-            RecordingWarning,
-            stacklevel=6,
+            f"left out, first in row {int(np.argmax(odd)) + 1}"
         )
 
 

@@ -14,13 +14,12 @@ M. Meredith, S. Maddock: Motion Capture File Formats Explained, University of Sh
 from __future__ import annotations
 
 import re
-import warnings
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from besman.exceptions import RecordingError, RecordingWarning
+from besman.exceptions import RecordingError
 from besman.foreign.numbers import parse_number, parse_whole_number
 from besman.io.recordings.bodies import from_matrices
 from besman.io.recordings.c3d_names import find_names
@@ -30,6 +29,7 @@ from besman.io.recordings.format import READING, Units
 from besman.io.recordings.lengths import body_length
 from besman.io.recordings.number_rows import ROWS_SEEN, TAKE, Cells, read_rows, see_commas
 from besman.io.recordings.text_lines import TextLines, open_lines
+from besman.io.warning import warn_of_file
 from besman.records import FloatArray, Origin, Recording
 from besman.records.frozen import hand_over
 from besman.records.recordings import RATES_HZ
@@ -247,11 +247,7 @@ def _check_count(said: int, values: FloatArray, path: Path, partial: bool) -> Fl
             f"expected at most {_FARTHEST:g}, in any unit"
         )
     if len(values) != said:
-        warnings.warn(
-            f"{path.name}: Frames is {said} and {len(values)} follow",
-            RecordingWarning,
-            stacklevel=5,
-        )
+        warn_of_file(f"{path.name}: Frames is {said} and {len(values)} follow")
     return values
 
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 import struct
-import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -19,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from besman.exceptions import RecordingError, RecordingWarning
+from besman.exceptions import RecordingError
 from besman.io.recordings.c3d_counts import (
     BLOCK,
     MAX_FRAMES,
@@ -27,6 +26,7 @@ from besman.io.recordings.c3d_counts import (
     find_analog_words,
     find_last_frame,
 )
+from besman.io.warning import warn_of_file
 
 _MAGIC = 0x50
 _INTEL, _DEC, _MIPS = 84, 85, 86
@@ -232,7 +232,7 @@ def _check_length(
         if not partial or data_block < 2 or n_there == 0:
             take = " --partial takes what is there" if n_there else ""
             raise RecordingError(f"{path}: {what}; is it cut?{take}")
-        warnings.warn(f"{path.name}: {what}", RecordingWarning, stacklevel=7)
+        warn_of_file(f"{path.name}: {what}")
         return n_there
     excess = room - n_frames * frame_bytes
     wrapped = excess >= (MAX_FRAMES + 1) * frame_bytes

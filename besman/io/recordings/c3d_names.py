@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import re
-import warnings
 from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
 
-from besman.exceptions import RecordingWarning
+from besman.io.warning import warn_of_file
 from besman.records import FloatArray
 
 _UNNAMED = re.compile(r"\*\d*")
@@ -87,11 +86,7 @@ def keep_single_names(
     if unclear:
         listed = ", ".join(f"{name!r:.60} ({counts[name]})" for name in unclear[:_MOST_NAMED])
         more = f" and {len(unclear) - _MOST_NAMED} more" if len(unclear) > _MOST_NAMED else ""
-        warnings.warn(
-            f"{source}: several {what} have one name and are left without: {listed}{more}",
-            RecordingWarning,
-            stacklevel=6,
-        )
+        warn_of_file(f"{source}: several {what} have one name and are left without: {listed}{more}")
     return tuple(found)
 
 

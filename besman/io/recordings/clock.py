@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,9 +9,10 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from besman.exceptions import RecordingError, RecordingWarning
+from besman.exceptions import RecordingError
 from besman.foreign.numbers import parse_number
 from besman.io.recordings.format import READING
+from besman.io.warning import warn_of_file
 from besman.records import FloatArray
 from besman.records.recordings import GREATEST_FRAME, RATES_HZ
 
@@ -195,7 +195,7 @@ def _count(frames: FloatArray, path: Path, first_line: Lines) -> npt.NDArray[np.
             f"{path}:{_line_of(row, first_line)}: frame {frames[row]:.0f} follows frame "
             f"{frames[row - 1]:.0f}; expected frames that rise evenly"
         )
-    _warn(
+    warn_of_file(
         f"{path.name}: {n_missing} frames are missing and became gaps, first before frame "
         f"{frames[row]:.0f} in line {_line_of(row, first_line)}"
     )
@@ -208,7 +208,7 @@ def _stands_still(times: FloatArray, rate_hz: float | None, path: Path) -> bool:
     told = rate_hz is not None and RATES_HZ[0] <= rate_hz <= RATES_HZ[1]
     still = told and len(times) > 1 and bool((times == times[0]).all())
     if still:
-        _warn(
+        warn_of_file(
             f"{path.name}: all times are {times[0]:g} s, which tells nothing; frames are taken for "
             f"evenly spaced, {rate_hz:g} a second, as the header says"
         )
@@ -249,7 +249,7 @@ def _show_rate(
     uneven = np.flatnonzero(np.abs(steps - usual) > _UNEVEN * usual)
     if uneven.size:
         row = int(uneven[0]) + 1
-        _warn(
+        warn_of_file(
             f"{path.name}: {uneven.size} times do not rise evenly, first in line "
             f"{_line_of(row, first_line)}: {times[row]:g} s after {times[row - 1]:g} s; frames are "
             "taken for evenly spaced"
@@ -276,11 +276,13 @@ def _choose_rate(said: float | None, shown: float | None, path: Path) -> float:
             "read.rate_hz"
         )
     if odd is not None:
-        _warn(f"{path.name}: the header has {_tell(odd)}; {shown:.6g}, as the times show, is taken")
+        warn_of_file(
+            f"{path.name}: the header has {_tell(odd)}; {shown:.6g}, as the times show, is taken"
+        )
     if said is None or shown is None:
         return float(said if shown is None else shown)  # type: ignore[arg-type]
     if abs(shown / said - 1.0) > _TOLERANCE:
-        _warn(
+        warn_of_file(
             f"{path.name}: the header says {said:g} frames a second and the times {shown:.6g}, "
             "which is taken"
         )
@@ -320,7 +322,3 @@ def whole_if_near(rate_hz: float, uncertain: float = 0.0) -> float:
         if near and abs(rate_hz / near - 1.0) < allowed:
             return float(near)
     return round(rate_hz, 6)
-
-
-def _warn(message: str) -> None:
-    warnings.warn(message, RecordingWarning, stacklevel=6)

@@ -6,15 +6,14 @@ file says of it; here a recording gets z up, and what was concluded is kept with
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from besman.exceptions import RecordingWarning
 from besman.geometry.quaternions import multiply
 from besman.geometry.up_axis import CLEAR, UpAxis, find_up_axis
+from besman.io.warning import warn_of_file
 from besman.records import Axis, FloatArray, Origin, Recording
 from besman.records.frozen import hand_over
 
@@ -70,7 +69,7 @@ def leave_out_zeros(recording: Recording) -> Recording:
     if not zeros.any():
         return recording
     count, n_markers = int(zeros.sum()), int(zeros.any(axis=0).sum())
-    _warn(
+    warn_of_file(
         f"{recording.source}: {count} {'sample' if count == 1 else 'samples'} of {n_markers} "
         f"{'trajectory' if n_markers == 1 else 'trajectories'} at exactly 0, 0, 0 became gaps, as "
         "programs write what they did not see"
@@ -141,7 +140,7 @@ def _choose(origin: Origin, found: UpAxis, path: Path) -> tuple[Axis, str]:
     differs = found.axis != origin.up
     if found.confidence < _LIKELY:
         if origin.up != "z" and not origin.up_by:
-            _warn(
+            warn_of_file(
                 f"{path.name}: nothing tells which way is up; taken for {origin.up}, as is usual "
                 "(--up z says otherwise)"
             )
@@ -153,13 +152,13 @@ def _choose(origin: Origin, found: UpAxis, path: Path) -> tuple[Axis, str]:
     if not origin.up_by and origin.up != "z" and found.axis == "z":
         least = _LIKELY
     if found.confidence < least:
-        _warn(
+        warn_of_file(
             f"{path.name}: {found.axis} seems to point up, by {found.told_by}, and {origin.up} "
             f"is taken ({said}); --up {found.axis} says otherwise"
         )
         return origin.up, origin.up_by
     if found.axis != "z" or origin.up_by:
-        _warn(
+        warn_of_file(
             f"{path.name}: {found.axis} points up, by {found.told_by}, not {origin.up} "
             f"({said}); --up {origin.up} says otherwise"
         )
@@ -170,8 +169,3 @@ def _note(recording: Recording, note: str) -> Recording:
     """Add a note to a recording."""
     origin = recording.origin or Origin()
     return replace(recording, origin=replace(origin, notes=(*origin.notes, note)))
-
-
-def _warn(message: str) -> None:
-    # The line that reads the recording calls these by way of `read_recording`.
-    warnings.warn(message, RecordingWarning, stacklevel=4)

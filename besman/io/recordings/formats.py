@@ -7,12 +7,11 @@ texts, the page *My recording* and the tests go through the table; nothing else 
 from __future__ import annotations
 
 import re
-import warnings
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from besman.exceptions import RecordingError, RecordingWarning, one_of, see_look
+from besman.exceptions import RecordingError, one_of, see_look
 from besman.io.recordings.format import (
     READING,
     Columns,
@@ -26,6 +25,7 @@ from besman.io.recordings.format import (
     text_begins,
     text_has,
 )
+from besman.io.warning import warn_of_file
 
 if TYPE_CHECKING:
     from besman.records import Axis, LabelledRecording, Recording
@@ -294,11 +294,7 @@ def write_recording(
     entry = find_writer(path)
     entry.write(recording, path, beside)
     if recording.orientations is not None:
-        warnings.warn(
-            f"{path.name}: {entry.name} holds positions alone; orientations are left out",
-            RecordingWarning,
-            stacklevel=2,
-        )
+        warn_of_file(f"{path.name}: {entry.name} holds positions alone; orientations are left out")
 
 
 def find_writer(path: Path) -> Format:

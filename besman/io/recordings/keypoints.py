@@ -15,14 +15,13 @@ body tells it.
 from __future__ import annotations
 
 import json
-import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from besman.exceptions import RecordingError, RecordingWarning
+from besman.exceptions import RecordingError
 from besman.foreign.json_text import parse_json
 from besman.io.recordings.c3d_names import keep_single_names
 from besman.io.recordings.clock import TIME_NAMES, in_seconds, read_rate, settle_clock
@@ -35,6 +34,7 @@ from besman.io.recordings.keypoint_frames import (
 from besman.io.recordings.keypoint_orders import is_number
 from besman.io.recordings.lengths import UNIT_M, Length, body_length, find_length, parse_unit
 from besman.io.recordings.text_lines import in_usual_text
+from besman.io.warning import warn_of_file
 from besman.records import Axis, FloatArray, Origin, Recording
 from besman.records.frozen import hand_over
 from besman.records.recordings import RATES_HZ
@@ -167,11 +167,9 @@ def _column(frames: list[dict[str, Any]], keys: tuple[str, ...], path: Path) -> 
             return np.array([float(frame[key]) for frame in frames])
         if any(have):
             at = have.index(False)
-            warnings.warn(
+            warn_of_file(
                 f"{path.name}: {key} of frame {at + 1} is {frames[at].get(key)!r:.60}, no number; "
-                f"{key} is left out of account",
-                RecordingWarning,
-                stacklevel=5,
+                f"{key} is left out of account"
             )
     return None
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-import warnings
 from typing import NamedTuple
 
 import numpy as np
 
-from besman.exceptions import RecordingError, RecordingWarning
+from besman.exceptions import RecordingError
 from besman.io.recordings.format import Units
+from besman.io.warning import warn_of_file
 from besman.records import FloatArray
 
 UNIT_M = {"m": 1.0, "cm": 0.01, "mm": 1e-3, "in": 0.0254, "ft": 0.3048}
@@ -103,7 +103,9 @@ def find_length(
     file_name = where.rpartition("/")[2]
     if asked is not None:
         if name not in (None, asked):
-            _warn(f"{file_name}: {key} is {written!r:.60} and the units asked for are {asked}")
+            warn_of_file(
+                f"{file_name}: {key} is {written!r:.60} and the units asked for are {asked}"
+            )
         return Length(UNIT_M[asked], asked, "asked for")
     if name is not None:
         _doubt(name, positions, f"{file_name}: {key} is {written!r:.60}")
@@ -116,7 +118,7 @@ def find_length(
             f"{where}: {said} and points seen together lie {extent:.3g} apart, so the units cannot "
             "be told; expected 'mm', 'cm' or 'm' in the file, or --units m"
         )
-    _warn(
+    warn_of_file(
         f"{file_name}: {said}; points seen together lie {extent:.3g} apart, so the units are taken "
         f"for {found}, by the size of a person (--units says otherwise)"
     )
@@ -135,7 +137,7 @@ def _doubt(name: str, positions: FloatArray, said: str) -> None:
     guess = (
         f"; in {others[0]} that would be a person's size (--units {others[0]})" if others else ""
     )
-    _warn(f"{said}, so points seen together lie {UNIT_M[name] * extent:.3g} m apart{guess}")
+    warn_of_file(f"{said}, so points seen together lie {UNIT_M[name] * extent:.3g} m apart{guess}")
 
 
 def body_length(positions: FloatArray, asked: Units | None, where: str) -> Length:
@@ -170,7 +172,7 @@ def body_length(positions: FloatArray, asked: Units | None, where: str) -> Lengt
     height = float(np.percentile(spans, 90)) if len(spans) else 0.0
     for name, low, high in _HEIGHTS:
         if low <= height < high:
-            _warn(
+            warn_of_file(
                 f"{file_name}: no units are named; the body is {height:.3g} high, so they are "
                 f"taken for {name}, by the size of a person (--units says otherwise)"
             )
@@ -206,7 +208,3 @@ def typical_extent(positions: FloatArray) -> float:
     # Of what is no place, as the text of another file, squares overflow.
     with np.errstate(over="ignore"):
         return float(np.median(np.linalg.norm((high - low)[:, seen], axis=0)))
-
-
-def _warn(message: str) -> None:
-    warnings.warn(message, RecordingWarning, stacklevel=6)

@@ -16,13 +16,12 @@ OptiTrack documentation, "Data Export: CSV".
 from __future__ import annotations
 
 import re
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
-from besman.exceptions import RecordingError, RecordingWarning
+from besman.exceptions import RecordingError
 from besman.foreign.numbers import parse_number
 from besman.io.recordings.bodies import gather_turns, hold_orientations, read_orientations
 from besman.io.recordings.c3d_names import keep_single_names
@@ -32,6 +31,7 @@ from besman.io.recordings.format import Units
 from besman.io.recordings.lengths import find_length
 from besman.io.recordings.number_rows import ROWS_SEEN, Cells, find_cells, read_tracks, see_commas
 from besman.io.recordings.text_lines import TextLines, open_lines
+from besman.io.warning import warn_of_file
 from besman.records import FloatArray, Origin, Recording
 from besman.records.frozen import hand_over
 
@@ -255,8 +255,4 @@ def _check_count(header: _Header, n_rows: int, path: Path) -> None:
     """Say where the first line counts other frames than there are."""
     said = header.number("total exported frames")
     if said is not None and said != n_rows:
-        warnings.warn(
-            f"{path.name}: Total Exported Frames is {said:g} and {n_rows} frames follow",
-            RecordingWarning,
-            stacklevel=5,
-        )
+        warn_of_file(f"{path.name}: Total Exported Frames is {said:g} and {n_rows} frames follow")

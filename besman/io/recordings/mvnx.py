@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import replace
 from pathlib import Path
 from typing import NoReturn
@@ -11,10 +10,11 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from besman.exceptions import RecordingError, RecordingWarning
+from besman.exceptions import RecordingError
 from besman.foreign.numbers import has_odd_digits, parse_number, parse_whole_number
 from besman.io.atomic_files import write_text
 from besman.io.recordings.clock import RowClock, settle_clock
+from besman.io.warning import warn_of_file
 from besman.records import FloatArray, Recording
 from besman.records.recordings import GREATEST_FRAME, RATES_HZ
 
@@ -159,10 +159,8 @@ class _Parser:
             if not (partial and can_be_taken):
                 take = " --partial takes what is there" if can_be_taken else ""
                 raise RecordingError(f"{self.path}:{what}{take}") from None
-            warnings.warn(
-                f"{self.path.name}:{what} Its first {len(self.positions)} frames are taken",
-                RecordingWarning,
-                stacklevel=6,
+            warn_of_file(
+                f"{self.path.name}:{what} Its first {len(self.positions)} frames are taken"
             )
         except (ValueError, LookupError) as error:
             raise RecordingError(f"{self.path}: not valid XML: {error}") from None

@@ -5,7 +5,6 @@ What no camera delivers is refused; single samples that no body makes become gap
 
 from __future__ import annotations
 
-import warnings
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
@@ -14,10 +13,11 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from besman.exceptions import RecordingError, RecordingWarning
+from besman.exceptions import RecordingError
 from besman.foreign.names import fault_of_characters, fault_of_name
 from besman.geometry.gaps import find_runs
 from besman.geometry.spikes import find_faults
+from besman.io.warning import warn_of_file
 from besman.records import Recording
 from besman.records.recordings import FARTHEST_M, GREATEST_FRAME, RATES_HZ
 
@@ -128,7 +128,7 @@ def _leave_out_spikes(recording: Recording) -> Recording:
     faults = find_faults(recording.positions, recording.rate_hz, named)
     if faults.jumps:
         row, column = faults.jumps[0]
-        _warn(
+        warn_of_file(
             f"{recording.source}: {_count(len(faults.jumps), 'step')} faster than anything that a "
             f"camera sees: {_call(recording, column)} at frame {recording.first_frame + row}"
             f"{' first' if len(faults.jumps) > 1 else ''}; two things under one name?"
@@ -151,7 +151,7 @@ def _warn_of_gaps(recording: Recording, left_out: npt.NDArray[np.bool_], what: s
     """Say which samples became gaps."""
     count = int(left_out.sum())
     became = "became a gap" if count == 1 else "became gaps"
-    _warn(
+    warn_of_file(
         f"{recording.source}: {_count(count, 'sample')} {what} {became}: "
         f"{_list(_places(recording, left_out))}"
     )
@@ -221,8 +221,3 @@ def _count(number: int, what: str) -> str:
 def _list(places: Sequence[str]) -> str:
     rest = len(places) - _MOST_NAMED
     return ", ".join(places[:_MOST_NAMED]) + (f" and {rest} more" if rest > 0 else "")
-
-
-def _warn(message: str) -> None:
-    # The line that reads the recording calls `check_recording` by way of `read_recording`.
-    warnings.warn(message, RecordingWarning, stacklevel=6)

@@ -9,14 +9,13 @@ was not seen; no line of columns at all.
 from __future__ import annotations
 
 import re
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from besman.exceptions import RecordingError, RecordingWarning
+from besman.exceptions import RecordingError
 from besman.foreign.numbers import parse_whole_number
 from besman.io.recordings.bodies import (
     from_matrices,
@@ -28,6 +27,7 @@ from besman.io.recordings.c3d_names import keep_single_names
 from besman.io.recordings.clock import read_rate, settle_clock
 from besman.io.recordings.number_rows import ROWS_SEEN, TAKE, Cells, read_rows, see_commas
 from besman.io.recordings.text_lines import TextLines
+from besman.io.warning import warn_of_file
 from besman.records import FloatArray, Origin, Recording
 from besman.records.frozen import hand_over
 
@@ -142,7 +142,7 @@ def _check_count(said: int | None, n_rows: int, path: Path, partial: bool) -> No
     what = f"NO_OF_FRAMES is {said} and {n_rows} frames follow"
     if n_rows < said and not partial:
         raise RecordingError(f"{path}: {what}; is the file cut? {TAKE}")
-    warnings.warn(f"{path.name}: {what}", RecordingWarning, stacklevel=6)
+    warn_of_file(f"{path.name}: {what}")
 
 
 def _count(keys: dict[str, list[str]], key: str, path: Path) -> int | None:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import re
-import warnings
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
-from besman.exceptions import RecordingError, RecordingWarning
+from besman.exceptions import RecordingError
 from besman.foreign.numbers import has_odd_digits, parse_number
 from besman.io.atomic_files import written_aside
 from besman.io.recordings.format import READING, Columns
@@ -18,6 +17,7 @@ from besman.io.recordings.number_rows import ROWS_SEEN, Cells, see_commas
 from besman.io.recordings.qtm_bodies import has_bodies, read_bodies
 from besman.io.recordings.qtm_header import QtmHeader, read_header
 from besman.io.recordings.text_lines import TextLines, count_lines, open_lines
+from besman.io.warning import warn_of_file
 from besman.records import Origin, Recording
 from besman.records.frozen import hand_over
 from besman.records.recordings import GREATEST_FRAME, RATES_HZ
@@ -186,7 +186,7 @@ def _check_count(
         return
     if found < declared and header.frame_column is not None and not (is_part or partial):
         raise RecordingError(f"{path}: {says}; is the file cut? {_TAKE}")
-    warnings.warn(f"{path.name}: {says}", RecordingWarning, stacklevel=6)
+    warn_of_file(f"{path.name}: {says}")
 
 
 def _read_numbers(lines: TextLines, header: QtmHeader, path: Path) -> tuple[FloatArray, FloatArray]:
@@ -371,12 +371,10 @@ def _check_times(values: FloatArray, header: QtmHeader, path: Path) -> None:
     uneven = _uneven(steps)
     if uneven.size:
         row = int(uneven[0]) + 1
-        warnings.warn(
+        warn_of_file(
             f"{path.name}: {uneven.size} times do not rise evenly, first in line "
             f"{header.data_line + row + 1}: {time[row]:g} s after {time[row - 1]:g} s; frames are "
-            "taken for evenly spaced",
-            RecordingWarning,
-            stacklevel=7,
+            "taken for evenly spaced"
         )
 
 

@@ -15,11 +15,10 @@ OpenSim documentation, "Marker (.trc) Files".
 from __future__ import annotations
 
 import re
-import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
-from besman.exceptions import RecordingError, RecordingWarning
+from besman.exceptions import RecordingError
 from besman.foreign.numbers import parse_number
 from besman.io.recordings.c3d_names import find_names
 from besman.io.recordings.clock import read_rate, settle_clock
@@ -35,6 +34,7 @@ from besman.io.recordings.number_rows import (
     see_commas,
 )
 from besman.io.recordings.text_lines import TextLines, open_lines
+from besman.io.warning import warn_of_file
 from besman.records import FloatArray, Origin, Recording
 from besman.records.frozen import hand_over
 
@@ -182,4 +182,4 @@ def _check_counts(header: _Header, values: FloatArray, path: Path) -> None:
     if n_frames is not None and n_frames != len(values):
         said.append(f"NumFrames is {n_frames:g} and {len(values)} frames follow")
     if said:
-        warnings.warn(f"{path.name}: {'; '.join(said)}", RecordingWarning, stacklevel=5)
+        warn_of_file(f"{path.name}: {'; '.join(said)}")

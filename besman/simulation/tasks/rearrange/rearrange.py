@@ -11,7 +11,7 @@ import numpy as np
 from besman.exceptions import PlanError, RefinementError
 from besman.motion.adapt_task import frame_matrix
 from besman.motion.grasp_goals import lead_grasps
-from besman.motion.grasp_postures import check_reach
+from besman.motion.grasp_postures import Postures, check_reach
 from besman.motion.grasp_way import GraspWay
 from besman.motion.task_rollout import sample_task
 from besman.motion.waits import add_waits
@@ -136,7 +136,8 @@ class RearrangeConfig(RearrangeFields):
                 pose = standing[plan.objects.index(block.thing)]
                 self.check_reach(plan.name, robot, frame, block, block.thing, [pose])
         ways = (self.grasp, *self.ways.list(self.grasp))
-        lead = partial(self.lead, plan, robot, frame)
+        postures = Postures(plan, robot, Surroundings.of(plan, robot, self, frame).gaps)
+        lead = partial(self.lead, plan, robot, frame, postures=postures)
         return list_aimed(ways, lead, robot, failed)
 
     def check_reach(
@@ -182,6 +183,7 @@ class RearrangeConfig(RearrangeFields):
         frame: BoxFrame,
         grasp: GraspConfig,
         places: Sequence[np.ndarray] = (),
+        postures: Postures | None = None,
     ) -> Led:
         """Bring a task to its boxes in one way, and tell how near that comes to anything.
 
@@ -193,6 +195,8 @@ class RearrangeConfig(RearrangeFields):
         grasp : GraspConfig
         places : sequence of array, shape (7,)
             Of other boards; see `Surroundings.of`.
+        postures : Postures, optional
+            Of the plan between all of these, for who tries several ways.
 
         Raises
         ------
@@ -200,7 +204,8 @@ class RearrangeConfig(RearrangeFields):
             If it is out of reach.
         """
         around = Surroundings.of(plan, robot, self, frame, places)
-        led = lead_grasps(plan, robot, self.grasp_way(frame, grasp), around.gaps)
+        postures = postures or Postures(plan, robot, around.gaps)
+        led = lead_grasps(plan, robot, self.grasp_way(frame, grasp), postures)
         return Led(led, around.clearance(led))
 
     def way(self, plan: TaskPlan) -> ArmWay:

@@ -9,7 +9,7 @@ from whole_task import carry_box
 
 from besman.exceptions import OutOfReachError
 from besman.motion.grasp_goals import lead_grasps
-from besman.motion.grasp_postures import list_postures
+from besman.motion.grasp_postures import Postures, list_postures
 from besman.motion.task_rollout import sample_task
 from besman.robot.kinematics import forward_kinematics
 from besman.simulation.tasks.grasp_box.gripper import gripper_capsules
@@ -25,7 +25,7 @@ def led_task(**grasp):
     frame = TASK.box_frame([plan], robot)
     around = Surroundings.of(plan, robot, TASK, frame)
     way = TASK.grasp_way(frame, TASK.grasp.model_copy(update=grasp))
-    return around, way, lead_grasps(plan, robot, way, around.gaps)
+    return around, way, lead_grasps(plan, robot, way, Postures(plan, robot, around.gaps))
 
 
 def test_boards_are_touched_where_mujoco_has_contacts():
