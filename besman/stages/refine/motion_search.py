@@ -73,6 +73,7 @@ class MotionSearch:
         self._tried: list[FloatArray] = []
         self._trials: list[Trial] = []
         self._worlds: list[tuple[Trial, ...]] = []
+        self._finer: dict[int, FloatArray] = {}  # outcomes of episodes at the finer step
         self._generations: list[int] = []
         self._n_generations = 0
 
@@ -108,6 +109,7 @@ class MotionSearch:
         at = [row for row, pair in enumerate(pairs) if self._counts(*pair)]
         plans = [self._plans[row] for row in at]
         for row, fine in zip(at, self._try_finely(plans), strict=True):
+            self._finer[len(self._trials) + row] = fine.outcome
             if not fine.success:
                 verified[row] = fine
         if self._n_models and attempt is not None:
@@ -141,6 +143,7 @@ class MotionSearch:
             settled = self._best
             if not self._counts(self.best_trial, self._worlds[settled]):
                 (fine,) = self._try_finely([self.best_plan]) or [self.best_trial]
+                self._finer[settled] = fine.outcome
                 self._trials[settled] = self.best_trial if fine.success else fine
         over = self._trials and not self.best_trial.success and self._search.exhausted
         if over and self._left > 0 and isinstance(self._search, ResidualSearch):
@@ -376,10 +379,22 @@ class MotionSearch:
             simulations=np.array([1 + len(others) for others in self._worlds]),
             handed_over=self.handed_over,
             shared_simulations=self._shared_simulations,
+            finer_outcome=self._finer_outcome,
             milestones=tuple(
                 (at, self._space.plan_at(self._tried[at])) for at in self._milestones()
             ),
         )
+
+    @property
+    def _finer_outcome(self) -> FloatArray:
+        """The best plan's outcome at the finer step, shape (3,); NaN if it has not succeeded.
+
+        Of a search that goes on where it was ended it may have been tried before the end.
+        """
+        if not self.best_trial.success:
+            return np.full(3, np.nan)
+        known = self._finer.get(self._best)
+        return self._try_finely([self.best_plan])[0].outcome if known is None else known
 
     @property
     def _shared_simulations(self) -> int:
