@@ -142,9 +142,7 @@ class RobustnessConfig(Stage):
         ]
         examine = partial(self._examine, robot=robot, task=task)
         processes = max(2, _EPISODES_FOR_PROCESSES // (self.models + 5))
-        return tuple(
-            work.map(examine, tried, name=_name_of_plan, processes=processes, some=False)
-        )
+        return tuple(work.map(examine, tried, name=_name_of_plan, processes=processes, some=False))
 
     def _examine(self, tried: tuple[AnyPlan, float], robot: Robot, task: Task) -> Robustness:
         """Try one motion's plan, whose shift the search may know: NaN if it does not."""
