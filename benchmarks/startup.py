@@ -1,16 +1,19 @@
 """How long commands take whose work is short, from their start to their end.
 
-    python benchmarks/startup.py [--against CHECKOUT] [--runs N]
+    python benchmarks/startup.py [--against CHECKOUT] [--runs N] [--imports]
 
 With another checkout both are run in turn, so that a machine that gets slower is slow for both; it
 is run by the Python of its `.venv` if it has one, else by this one. Times are medians of N runs
 after one that is not counted, of wall and of processor time; ratios are medians of the pairs'.
+``--imports`` tells instead what all processes of a default run (25 episodes a motion) take to load
+modules, as Python's own ``-X importtime`` has it, by the clock.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
+import re
 import resource
 import statistics
 import subprocess
@@ -39,16 +42,24 @@ class Checkout:
         self._command = [str(python) if python.is_file() else sys.executable, "-m", "besman"]
         self._root, self._run = root, run
 
-    def _call(self, *arguments: str) -> None:
-        """Run a command."""
-        subprocess.run(
+    def _call(self, *arguments: str, **more: str) -> str:
+        """Run a command, with more in its environment; return what it says of errors."""
+        done = subprocess.run(
             [*self._command, *arguments],
             check=True,
             stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
             cwd=self._root,
-            env={**os.environ, "PYTHONPATH": str(self._root)},
+            env={**os.environ, "PYTHONPATH": str(self._root), **more},
         )
+        return done.stderr.decode(errors="replace")
+
+    def imports(self, folder: Path) -> tuple[float, int]:
+        """Run all stages; return what its processes took to load modules, s, and how many."""
+        settings = ("--set", "refine.episodes=25", "--set", "refine.robustness=null")
+        run = ("run", "ur5_stick_throw", "--out", str(folder), *settings)
+        told = _IMPORT.findall(self._call(*run, PYTHONPROFILEIMPORTTIME="1"))
+        return sum(map(int, told)) / 1e6, len(told)
 
     def make_run(self, capture: Path) -> None:
         """Make the small run to report on, by this checkout: few episodes."""
@@ -74,6 +85,10 @@ class Checkout:
 
 
 COMMANDS = ("--help", "info", "segment", "check", "report", "report, drawn anew")
+
+
+# Of a line of Python's: the module's own time, microseconds.
+_IMPORT = re.compile(r"import time: +(\d+) \| +\d+ \|")
 
 
 def _children_s() -> float:
@@ -110,12 +125,32 @@ def show(name: str, costs: list[tuple[Cost, ...]]) -> None:
     print(line, flush=True)
 
 
+def show_imports(roots: list[Path], runs: int) -> None:
+    """Print what all processes of a run take to load modules, checkouts in turn."""
+    found: list[list[float]] = [[] for _ in roots]
+    for number in range(runs):
+        for at, root in enumerate(roots):
+            with tempfile.TemporaryDirectory() as folder:
+                one = Checkout(root, Path(folder) / "none")
+                spent, modules = one.imports(Path(folder) / "run")
+            found[at].append(spent)
+            print(f"run {number}, {'other' if at else 'this'}: {spent:.2f} s, {modules} modules")
+    medians = [statistics.median(one) for one in found]
+    told = ", ".join(f"{median:.2f} s" for median in medians)
+    ratio = f", ratio {medians[0] / medians[1]:.2f}" if len(medians) == 2 else ""
+    print(f"imports of all processes, medians: {told}{ratio}")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--against", type=Path, help="another checkout")
     parser.add_argument("--runs", type=int, default=5)
+    parser.add_argument("--imports", action="store_true", help="of all processes of a run")
     options = parser.parse_args()
     roots = [ROOT] if options.against is None else [ROOT, options.against.resolve()]
+    if options.imports:
+        show_imports(roots, options.runs)
+        return
     with tempfile.TemporaryDirectory() as folder:
         capture = make_capture(Path(folder))
         checkouts = [

@@ -65,7 +65,7 @@ class MotionSearch:
         n_models: int = 0,
     ) -> None:
         self._shared = shared
-        # Asked once, because Python looks through all that such a search has.
+        # Asked once: Python looks through all that such a search has.
         self._steps = search if isinstance(search, ResidualSearch) else None
         self._n_models = 0 if self._steps is not None else n_models
         self._space, self._search, self._robot = space, search, robot
@@ -376,18 +376,13 @@ class MotionSearch:
 
     @property
     def _finer_outcome(self) -> FloatArray:
-        """The best plan's outcome at the finer step, shape (3,); NaN if it has not succeeded.
-
-        Of a search that goes on where it was ended it may have been tried before the end.
-        """
+        """The best plan's outcome at the finer step, shape (3,); NaN if it has not succeeded."""
         if not self.best_trial.success:
             return np.full(3, np.nan)
-        known = self._finer.get(self._best)
-        if known is None:
-            (known,) = (
-                one.outcome for one in try_finely(self._robot, self._task, [self.best_plan])
-            )
-        return known
+        if self._best not in self._finer:
+            (fine,) = try_finely(self._robot, self._task, [self.best_plan])
+            self._finer[self._best] = fine.outcome
+        return self._finer[self._best]
 
     @property
     def _shared_simulations(self) -> int:
