@@ -44,11 +44,10 @@ FloatArray = npt.NDArray[np.float64]
 HALF_WALL_M = 0.003
 """Half the thickness of a holder's wall, metres."""
 _PLATE_BIT = 2 * ARM_BIT
-# A stick that rattles in its tube touches it for a step or two at a time. Walls that are hard at
-# once make of that what the step makes of it; these are as hard from half a millimetre on, of the
-# four that the stick has: it lands as near to where it would with hard walls and a sixteenth of
-# the step, and a small change of a throw changes that by as much less as `benchmarks/README.md`
-# says.
+# A stick that rattles in its tube touches it for a step or two at a time, and what comes of walls
+# that are hard at once is up to the step. These harden over half a millimetre of the four that the
+# stick has: it lands as near to where it would with hard walls and a sixteenth of the step, and
+# smoothly (`benchmarks/contacts.py`).
 _IMPEDANCE = (0.5, 0.95, 0.0005, 0.5, 2.0)
 
 
@@ -120,7 +119,7 @@ def stick_throw_model(robot: Robot, task: StickThrowConfig) -> mujoco.MjModel:
     set_contact_options(spec)
     # Three contacts that slide most of the time: conjugate gradients get there in two thirds of
     # the time of Newton's method, whose Hessian changes with each of them. So solved the stick is
-    # within 3 um of where it would be if they were solved to 1e-12.
+    # 2 um (median) from where it would be if they were solved to 1e-12.
     spec.option.solver = mujoco.mjtSolver.mjSOL_CG
     spec.option.tolerance = 1e-5
     holder = add_tool_body(last, robot, "holder")
