@@ -16,7 +16,7 @@ import os
 import tempfile
 import time
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -131,7 +131,11 @@ def report(case: Case, method: str, models: int, work: Work) -> dict:
 
 @dataclass
 class _Planned:
+    """A motion of which the plan alone is known."""
+
     plan: object
+    outcome: np.ndarray = field(default_factory=lambda: np.full(3, np.nan))
+    finer_outcome: np.ndarray = field(default_factory=lambda: np.full(3, np.nan))
 
 
 def main() -> None:

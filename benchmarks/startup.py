@@ -1,10 +1,12 @@
 """How long commands take whose work is short, from their start to their end.
 
-    python benchmarks/startup.py [--against CHECKOUT] [--runs N]
+    python benchmarks/startup.py [--against CHECKOUT] [--runs N] [--imports]
 
 With another checkout both are run in turn, so that a machine that gets slower is slow for both; it
 is run by the Python of its `.venv` if it has one, else by this one. Times are medians of N runs
 after one that is not counted, of wall and of processor time; ratios are medians of the pairs'.
+``--imports`` tells instead in what processor time the processes of a default run start and load
+modules: the command, the process that workers are forked from, two workers until they begin.
 """
 
 from __future__ import annotations
@@ -50,6 +52,20 @@ class Checkout:
             env={**os.environ, "PYTHONPATH": str(self._root)},
         )
 
+    def imports(self) -> list[float]:
+        """Start the processes of a run; return the CPU time of loading modules, s.
+
+        Of the command itself, of what its workers are forked from, of all workers until they begin.
+        """
+        done = subprocess.run(
+            [self._command[0], "-c", _IMPORTS],
+            check=True,
+            stdout=subprocess.PIPE,
+            cwd=self._root,
+            env={**os.environ, "PYTHONPATH": str(self._root), "OPENBLAS_NUM_THREADS": "1"},
+        )
+        return [float(word) for word in done.stdout.split()]
+
     def make_run(self, capture: Path) -> None:
         """Make the small run to report on, by this checkout: few episodes."""
         settings = [word for one in SETTINGS for word in ("--set", one)]
@@ -74,6 +90,43 @@ class Checkout:
 
 
 COMMANDS = ("--help", "info", "segment", "check", "report", "report, drawn anew")
+
+
+# What the default run's processes load: the second half of each pair is where 58ea6d7 has it.
+_IMPORTS = """
+import os, time
+from functools import partial
+from importlib import import_module
+from multiprocessing import forkserver
+from pathlib import Path
+try:
+    import besman.cli.main
+    from besman.cli.run import _workers
+    workers = _workers(Path("/nowhere"), 2, None)
+    import besman.pipeline.pipeline
+    work = ["besman.stages.refine.search_loop", "mujoco.rollout"]
+    rest = ["besman.report.page"]
+except ImportError:
+    from besman.workers import Workers
+    workers = Workers(2)
+    import besman.cli, besman.pipeline
+    work = ["besman.refinement.pool", "besman.simulation.throw", "besman.robot.dynamics"]
+    work += ["besman.robot.collision", "mujoco.rollout"]
+    rest = ["besman.mapping.embodiment", *work, "besman.report.page", "matplotlib.figure"]
+    rest += ["matplotlib.backends.backend_svg"]
+for name in rest:
+    import_module(name)
+spent, server = time.process_time(), 0.0
+told = f"[__import__('importlib').import_module(m) for m in {work}]"
+told = f"({told}, __import__('time').sleep(0.5), __import__('time').process_time())[-1]"
+with workers:
+    begun = [one.value for _, one in workers.in_processes(partial(eval, told), [{}, {}])]
+    pid = forkserver._forkserver._forkserver_pid
+    if pid is not None:
+        ticks = Path(f"/proc/{pid}/stat").read_text().rsplit(")")[1].split()[11:13]
+        server = sum(map(int, ticks)) / os.sysconf("SC_CLK_TCK")
+print(spent, server, sum(begun))
+"""
 
 
 def _children_s() -> float:
@@ -110,12 +163,30 @@ def show(name: str, costs: list[tuple[Cost, ...]]) -> None:
     print(line, flush=True)
 
 
+def show_imports(checkouts: list[Checkout], runs: int) -> None:
+    """Print what processes' start and imports take, checkouts in turn."""
+    found = [[one.imports() for one in checkouts] for _ in range(runs)]
+    for at, name in enumerate(("this", "other")[: len(checkouts)]):
+        parts = [statistics.median(run[at][part] for run in found) for part in range(3)]
+        print(
+            f"{name}: command {parts[0]:.2f}, server {parts[1]:.2f}, workers {parts[2]:.2f} s of "
+            f"CPU, together {statistics.median(sum(run[at]) for run in found):.2f} s"
+        )
+    if len(checkouts) == 2:
+        ratio = statistics.median(sum(own) / sum(other) for own, other in found)
+        print(f"ratio {ratio:.2f}")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--against", type=Path, help="another checkout")
     parser.add_argument("--runs", type=int, default=5)
+    parser.add_argument("--imports", action="store_true", help="of the processes of a run")
     options = parser.parse_args()
     roots = [ROOT] if options.against is None else [ROOT, options.against.resolve()]
+    if options.imports:
+        show_imports([Checkout(root, root) for root in roots], options.runs)
+        return
     with tempfile.TemporaryDirectory() as folder:
         capture = make_capture(Path(folder))
         checkouts = [

@@ -13,6 +13,9 @@ from typing import Annotated, NoReturn, TextIO
 
 # Before numpy is loaded: the matrices here are small and many.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# Before MuJoCo is: windows are not opened here, and what would open them is looked for in a process
+# of its own. Pictures (`besman.pictures.rendering`) ask for EGL themselves.
+os.environ.setdefault("MUJOCO_GL", "disable")
 
 import typer
 

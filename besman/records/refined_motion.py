@@ -16,7 +16,7 @@ class RefinedMotion(
     Record,
     stored_as="besman.records:RefinedMotion",
     finite=("time", "positions", "velocities", "accelerations"),
-    later=("simulations", "handed_over", "shared_simulations"),
+    later=("simulations", "handed_over", "shared_simulations", "finer_outcome"),
 ):
     """A motion plan after the search, and what it does in simulation.
 
@@ -62,6 +62,8 @@ class RefinedMotion(
         Why CMA-ES had to go on where the search that was asked for did not; "" if it had not.
     shared_simulations : int
         What all motions shared took; told of the motion in their middle alone.
+    finer_outcome : array, shape (3,)
+        Outcome of the best plan at a quarter of the time step, metres; NaN if it was not tried.
     """
 
     plan: AnyPlan
@@ -86,6 +88,7 @@ class RefinedMotion(
     simulations: npt.NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
     handed_over: str = ""
     shared_simulations: int = 0
+    finer_outcome: FloatArray = field(default_factory=lambda: np.full(3, np.nan))
 
     def __post_init__(self) -> None:
         # What an older record does not have is not known of any episode.
@@ -112,13 +115,19 @@ class RefinedMotion(
                 "outcomes": ("E", 3),
                 "generations": ("E",),
                 "simulations": ("E",),
+                "finer_outcome": (3,),
             },
             generations=np.int64,
             simulations=np.int64,
         )
 
     def is_as_before(self, name: str) -> bool:
-        """Tell whether a field is what a file of before gives: every episode was one simulation."""
+        """Tell whether a field is what a file of before gives.
+
+        Every episode was one simulation, and nothing is known of a finer step.
+        """
         if name == "simulations":
             return bool(np.all(self.simulations == 1))
+        if name == "finer_outcome":
+            return bool(np.isnan(self.finer_outcome).all())
         return super().is_as_before(name)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import product
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +19,7 @@ FloatArray = npt.NDArray[np.float64]
 
 # A contact is as hard as it gets from a fifth of a millimetre on, not from one: the outcome of a
 # throw then depends half as much on the time step.
-_IMPEDANCE = [0.8, 0.95, 0.0002, 0.5, 2.0]
+_IMPEDANCE = (0.8, 0.95, 0.0002, 0.5, 2.0)
 
 
 def set_contact_options(spec: mujoco.MjSpec) -> None:
@@ -34,7 +35,9 @@ def set_contact_options(spec: mujoco.MjSpec) -> None:
     )
 
 
-def contact(time_s: float, friction: float) -> dict[str, list[float]]:
+def contact(
+    time_s: float, friction: float, impedance: Sequence[float] = _IMPEDANCE
+) -> dict[str, list[float]]:
     """Give the contact parameters of a geom.
 
     Parameters
@@ -43,8 +46,15 @@ def contact(time_s: float, friction: float) -> dict[str, list[float]]:
         Time constant of the contact, seconds.
     friction : float
         Coefficient of sliding friction.
+    impedance : sequence of 5 floats
+        MuJoCo's solimp: the contact's impedance at first touch and at a depth (m), that depth, and
+        the curve between.
     """
-    return {"solref": [time_s, 1.0], "solimp": _IMPEDANCE, "friction": [friction, 0.005, 0.0001]}
+    return {
+        "solref": [time_s, 1.0],
+        "solimp": list(impedance),
+        "friction": [friction, 0.005, 0.0001],
+    }
 
 
 def add_tool_body(last: Any, robot: Robot, name: str) -> Any:

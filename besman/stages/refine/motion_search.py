@@ -14,9 +14,9 @@ from besman.robot.kinematics import forward_kinematics
 from besman.robot.limits import check_limits
 from besman.robot.model import Robot
 from besman.search.protocol import ResidualSearch, Search
-from besman.simulation.perturbed_trials import finer_task, lenient_task
+from besman.simulation.perturbed_trials import try_finely
 from besman.simulation.task import Task
-from besman.simulation.trial import Trial, try_plans
+from besman.simulation.trial import Trial
 from besman.stages.refine.checkpoint import Generation
 from besman.stages.refine.class_model import ClassModel
 from besman.stages.refine.outcomes import cost_of, count_failures, holds, residual_of, succeeds
@@ -65,7 +65,9 @@ class MotionSearch:
         n_models: int = 0,
     ) -> None:
         self._shared = shared
-        self._n_models = 0 if isinstance(search, ResidualSearch) else n_models
+        # Asked once: Python looks through all that such a search has.
+        self._steps = search if isinstance(search, ResidualSearch) else None
+        self._n_models = 0 if self._steps is not None else n_models
         self._space, self._search, self._robot = space, search, robot
         self._task, self._episodes = task, episodes
         self._points: FloatArray = np.empty((0, space.dimension))
@@ -73,6 +75,7 @@ class MotionSearch:
         self._tried: list[FloatArray] = []
         self._trials: list[Trial] = []
         self._worlds: list[tuple[Trial, ...]] = []
+        self._finer: dict[int, FloatArray] = {}  # outcomes of episodes at the finer step
         self._generations: list[int] = []
         self._n_generations = 0
 
@@ -85,8 +88,7 @@ class MotionSearch:
     @property
     def in_worlds(self) -> bool:
         """Whether the plans proposed last are to be tried in all models of the world."""
-        search = self._search
-        return bool(self._trials) and isinstance(search, ResidualSearch) and search.in_worlds
+        return bool(self._trials) and self._steps is not None and self._steps.in_worlds
 
     def learn(
         self,
@@ -107,7 +109,8 @@ class MotionSearch:
         pairs = zip(verified, worlds or [()] * len(verified), strict=True)
         at = [row for row, pair in enumerate(pairs) if self._counts(*pair)]
         plans = [self._plans[row] for row in at]
-        for row, fine in zip(at, self._try_finely(plans), strict=True):
+        for row, fine in zip(at, try_finely(self._robot, self._task, plans), strict=True):
+            self._finer[len(self._trials) + row] = fine.outcome
             if not fine.success:
                 verified[row] = fine
         if self._n_models and attempt is not None:
@@ -140,35 +143,28 @@ class MotionSearch:
         while self._trials and self._best != settled and self.best_trial.success:
             settled = self._best
             if not self._counts(self.best_trial, self._worlds[settled]):
-                (fine,) = self._try_finely([self.best_plan]) or [self.best_trial]
+                (fine,) = try_finely(self._robot, self._task, [self.best_plan])
+                self._finer[settled] = fine.outcome
                 self._trials[settled] = self.best_trial if fine.success else fine
         over = self._trials and not self.best_trial.success and self._search.exhausted
-        if over and self._left > 0 and isinstance(self._search, ResidualSearch):
-            self._search.hand_over()
+        if over and self._left > 0 and self._steps is not None:
+            self._steps.hand_over()
 
     def _counts(self, trial: Trial, others: Sequence[Trial]) -> bool:
         """Tell whether a trial is one at the finer step too as soon as it has succeeded.
 
         Steps in the model as it is alone go on from what that finer step says.
         """
-        alone = isinstance(self._search, ResidualSearch) and self._search.n_worlds == 1
+        alone = self._steps is not None and self._steps.n_worlds == 1
         return trial.success if alone else self._may_end(trial, others)
 
     def _may_end(self, trial: Trial, others: Sequence[Trial]) -> bool:
         """Tell whether the search might end with a trial: then it is one at the finer step too."""
         if not trial.success:
             return False
-        if isinstance(self._search, ResidualSearch) and self._search.n_worlds > 1:
+        if self._steps is not None and self._steps.n_worlds > 1:
             return bool(others) and holds((trial, *others))
         return succeeds(trial, self._task, _MARGIN)
-
-    def _try_finely(self, plans: Sequence[AnyPlan]) -> list[Trial]:
-        """Try plans at a quarter of the time step; what comes of them counts, however they go.
-
-        Contacts are as much stiffer: how far they push an arm aside is no measure of the plan.
-        """
-        finer = lenient_task(finer_task(self._task))
-        return try_plans(self._robot, finer, plans) if plans else []
 
     def repeat(self, generations: Sequence[Generation]) -> bool:
         """Take what a search before this one, of the same config and seed, has tried.
@@ -203,10 +199,10 @@ class MotionSearch:
         worlds = generation.worlds or ((),) * len(trials)
         # A generation cut short by the budget is the last one: there is nothing to learn for.
         if len(trials) == len(points):
-            pairs = zip(trials, worlds, strict=True)
+            pairs = list(zip(trials, worlds, strict=True))
             returns = np.array([np.mean([t.reward for t in (one, *more)]) for one, more in pairs])
-            if isinstance(self._search, ResidualSearch):
-                self._tell_residuals(points, returns, trials, worlds)
+            if self._steps is not None:
+                self._tell_residuals(self._steps, points, returns, pairs)
             elif self._trials:
                 self._search.tell(points, returns)
         self._tried += list(points[: len(trials)])
@@ -218,21 +214,17 @@ class MotionSearch:
 
     def _tell_residuals(
         self,
+        steps: ResidualSearch,
         points: FloatArray,
         returns: FloatArray,
-        trials: Sequence[Trial],
-        worlds: Sequence[tuple[Trial, ...]],
+        pairs: Sequence[tuple[Trial, tuple[Trial, ...]]],
     ) -> None:
         """Tell a search of the outcomes; of the imitation's too, which it had not asked for."""
-        assert isinstance(self._search, ResidualSearch)
-        found = [
-            np.stack([residual_of(one) for one in (trial, *others)])
-            for trial, others in zip(trials, worlds, strict=True)
-        ]
+        found = [np.stack([residual_of(one) for one in (first, *more)]) for first, more in pairs]
         if self._trials:
-            self._search.tell(points, returns, np.stack(found))
+            steps.tell(points, returns, np.stack(found))
         else:
-            self._search.tell_start(points[0], found[0])
+            steps.tell_start(points[0], found[0])
 
     @property
     def n_episodes(self) -> int:
@@ -306,19 +298,19 @@ class MotionSearch:
     @property
     def newton_jacobian(self) -> FloatArray | None:
         """The Jacobian as the search has corrected it, shape (W, R, D)."""
-        return self._search.jacobian if isinstance(self._search, ResidualSearch) else None
+        return None if self._steps is None else self._steps.jacobian
 
     def look_at_all_worlds(self, point: FloatArray) -> None:
         """Have the search look at all worlds from the first step on, from a point (D,)."""
-        if isinstance(self._search, ResidualSearch):
-            self._search.enter_worlds(point)
+        if self._steps is not None:
+            self._steps.enter_worlds(point)
 
     @property
     def handed_over(self) -> str:
         """Why another search has had to go on; "" if none had to."""
         if self._shared is not None and self._shared.useless:
             return self._shared.useless
-        over = isinstance(self._search, ResidualSearch) and self._search.handed_over
+        over = self._steps is not None and self._steps.handed_over
         return "steps stalled" if over else ""
 
     @property
@@ -376,10 +368,21 @@ class MotionSearch:
             simulations=np.array([1 + len(others) for others in self._worlds]),
             handed_over=self.handed_over,
             shared_simulations=self._shared_simulations,
+            finer_outcome=self._finer_outcome,
             milestones=tuple(
                 (at, self._space.plan_at(self._tried[at])) for at in self._milestones()
             ),
         )
+
+    @property
+    def _finer_outcome(self) -> FloatArray:
+        """The best plan's outcome at the finer step, shape (3,); NaN if it has not succeeded."""
+        if not self.best_trial.success:
+            return np.full(3, np.nan)
+        if self._best not in self._finer:
+            (fine,) = try_finely(self._robot, self._task, [self.best_plan])
+            self._finer[self._best] = fine.outcome
+        return self._finer[self._best]
 
     @property
     def _shared_simulations(self) -> int:

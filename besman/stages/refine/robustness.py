@@ -31,6 +31,10 @@ _OF_THE_SEARCH = 1_000_000
 _EPISODES_FOR_PROCESSES = 200
 
 
+def _name_of_plan(tried: tuple[AnyPlan, float]) -> str:
+    return tried[0].name
+
+
 class RobustConfig(Config):
     """In which perturbed models a motion is searched, all motions in the same.
 
@@ -132,15 +136,19 @@ class RobustnessConfig(Stage):
         tuple of Robustness
             In the order of the motions.
         """
-        plans = [motion.plan for motion in motions]
+        tried = [
+            (motion.plan, float(np.linalg.norm(motion.finer_outcome - motion.outcome)))
+            for motion in motions
+        ]
         examine = partial(self._examine, robot=robot, task=task)
         processes = max(2, _EPISODES_FOR_PROCESSES // (self.models + 5))
-        return tuple(work.map(examine, plans, processes=processes, some=False))
+        return tuple(work.map(examine, tried, name=_name_of_plan, processes=processes, some=False))
 
-    def _examine(self, plan: AnyPlan, robot: Robot, task: Task) -> Robustness:
-        """Try one motion."""
+    def _examine(self, tried: tuple[AnyPlan, float], robot: Robot, task: Task) -> Robustness:
+        """Try one motion's plan, whose shift the search may know: NaN if it does not."""
         from besman.simulation.perturbed_trials import quarter_step_shift, try_perturbed
 
+        plan, shift = tried
         worlds = [
             draw_perturbation(self.spreads, robot, (self.seed, index))
             for index in range(self.models)
@@ -151,7 +159,7 @@ class RobustnessConfig(Stage):
             name=plan.name,
             success=np.array([trial.success for trial in trials], dtype=np.bool_),
             misses=np.array(misses, dtype=np.float64),
-            shift=quarter_step_shift(robot, task, plan),
+            shift=quarter_step_shift(robot, task, plan) if np.isnan(shift) else shift,
         )
 
 

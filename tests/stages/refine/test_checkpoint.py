@@ -11,7 +11,7 @@ import pytest
 from besman.pipeline.run_folder import Run
 from besman.records.files import save_record
 from besman.simulation.tasks.kinds import load_task
-from besman.simulation.trial import Trial
+from besman.simulation.trial import Trial, try_plans
 from besman.stages.refine.checkpoint import Checkpoint, Generation
 from besman.stages.refine.stage import CmaEsConfig
 from besman.work.work import Work
@@ -34,6 +34,7 @@ def assert_same(one, two):
     np.testing.assert_array_equal(one.returns, two.returns)
     np.testing.assert_array_equal(one.positions, two.positions)
     np.testing.assert_array_equal(one.object_path, two.object_path)
+    np.testing.assert_array_equal(one.finer_outcome, two.finer_outcome)
 
 
 def config_of(method, **more):
@@ -92,6 +93,17 @@ def test_what_another_search_has_kept_is_not_used(robot, make_plan, tmp_path):
     (whole,) = refined(config_of("cma_es"), plans, robot)
     (fresh,) = refined(config_of("cma_es"), plans, robot, tmp_path)
     assert_same(fresh, whole)
+
+
+def test_what_the_finer_step_said_before_the_end_is_known_after_it(robot, make_plan, tmp_path):
+    plan = make_plan(0.54)
+    (trial,) = try_plans(robot, THROW, [plan])
+    plans = (replace(plan, target=trial.outcome),)
+    config = CmaEsConfig(episodes=8)
+    (whole,) = refined(config, plans, robot, tmp_path)
+    assert np.isfinite(whole.finer_outcome).all()
+    (again,) = refined(config, plans, robot, tmp_path)
+    assert_same(again, whole)
 
 
 def test_two_plans_of_one_name_do_not_share_what_they_keep(robot, make_plan, tmp_path):

@@ -8,6 +8,7 @@ import pytest
 from besman.simulation.perturbation import Spreads, draw_two_level
 from besman.simulation.tasks.kinds import load_task
 from besman.simulation.trial import try_plans
+from besman.stages.refine import motion_search
 from besman.stages.refine.class_model import (
     ClassModel,
     load_class,
@@ -16,7 +17,6 @@ from besman.stages.refine.class_model import (
     moves_too_little,
 )
 from besman.stages.refine.gauss_newton import GaussNewtonConfig, RobustConfig
-from besman.stages.refine.motion_search import MotionSearch
 from besman.stages.refine.stage import refine_results
 from besman.work.work import Work
 
@@ -122,7 +122,7 @@ def test_steps_that_end_with_what_fails_the_finer_step_are_handed_over(
 ):
     """All success is that of a coarse simulation here: no budget may be left untried."""
     failed = replace(try_plans(robot, THROW, plans[:1])[0], success=False, failure="finer")
-    monkeypatch.setattr(MotionSearch, "_try_finely", lambda _, plans: [failed] * len(plans))
+    monkeypatch.setattr(motion_search, "try_finely", lambda *given: [failed] * len(given[-1]))
     config = config_of(robust=robust, measure=("goal",), episodes=70, population=4)
     (motion,) = config.run(plans[:1], robot, THROW, Work(checkpoints=tmp_path))
     assert not motion.success

@@ -52,7 +52,7 @@ def trial(robot, make_plan):
 def search(robot, make_plan, monkeypatch):
     # A success at a quarter of the time step is what it was before, and all limits are kept.
     monkeypatch.setattr(MotionSearch, "_verify", lambda self, plan, trial: trial)
-    monkeypatch.setattr(motion_search, "try_plans", lambda robot, task, plans: [])
+    monkeypatch.setattr(motion_search, "try_finely", lambda robot, task, plans: [])
     return MotionSearch(Space(make_plan()), Asker(), robot, THROW, 8)
 
 

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -6,6 +8,7 @@ from besman.records.files import load_record, save_record
 from besman.report.robustness import ROBUSTNESS_HEADER, robustness_cells, robustness_table
 from besman.report.terminal import robustness_line
 from besman.simulation.perturbation import Spreads
+from besman.simulation.perturbed_trials import quarter_step_shift
 from besman.simulation.tasks.kinds import load_task
 from besman.simulation.trial import try_plans
 from besman.stages.refine.robustness import Robustness, RobustnessConfig, robustness_results
@@ -17,8 +20,6 @@ NONE = dict.fromkeys(Spreads.model_fields, 0.0)
 
 @pytest.fixture(scope="module")
 def motions(robot, make_plan):
-    from dataclasses import replace
-
     plans = [make_plan(0.54, name="a"), make_plan(0.6, name="b")]
     trials = try_plans(robot, THROW, plans)
     plans = [replace(plan, target=trial.outcome) for plan, trial in zip(plans, trials, strict=True)]
@@ -45,6 +46,19 @@ def test_threads_and_company_change_nothing(robot, motions, found):
     for first, second in ((threaded[0], found[0]), (threaded[1], found[1]), (alone, found[1])):
         np.testing.assert_array_equal(first.misses, second.misses)
         assert first.shift == second.shift
+
+
+def test_the_shift_is_what_the_search_has_seen(robot, motions):
+    for motion, one in zip(
+        motions, RobustnessConfig(models=0).run(motions, robot, THROW), strict=True
+    ):
+        assert motion.success
+        assert one.shift == quarter_step_shift(robot, THROW, motion.plan)
+        assert one.shift == np.linalg.norm(motion.finer_outcome - motion.outcome)
+    # Of a motion whose search has said nothing of the finer step it is simulated.
+    unknown = replace(motions[0], finer_outcome=np.full(3, np.nan))
+    (found,) = RobustnessConfig(models=0).run((unknown,), robot, THROW)
+    assert found.shift == quarter_step_shift(robot, THROW, unknown.plan)
 
 
 def test_more_models_are_the_same_and_others(robot, motions, found):

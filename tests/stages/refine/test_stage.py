@@ -96,7 +96,7 @@ def test_a_success_of_the_usual_time_step_alone_is_none(robot, make_plan, monkey
     radius = THROW.success.model_copy(update={"success_radius_m": 1e-9})
     exact = THROW.model_copy(update={"success": radius})
     monkeypatch.setattr(
-        "besman.stages.refine.motion_search.finer_task", lambda _: finer_task(exact)
+        "besman.simulation.perturbed_trials.finer_task", lambda _: finer_task(exact)
     )
     plan = make_plan(0.54)
     usual, fine = (try_plans(robot, one, [plan])[0] for one in (THROW, finer_task(THROW)))
