@@ -31,6 +31,9 @@ def test_rows_are_those_of_the_three_searches(monkeypatch):
     rows = evaluate_refinement([problem], seeds=[0])["rows"]
     assert [asked for asked, _ in searches] == [(plan, row["method"], 0) for row in rows]
     assert tuple(row["method"] for row in rows) == WHOLE_TASK_SEARCHES
+    # The same seed gives the same search.
+    asked, found = searches[0]
+    np.testing.assert_array_equal(search(problem, *asked).rewards, found.rewards)
     for row, (_, found) in zip(rows, searches, strict=True):
         assert row["source"] == "simulation"
         assert row["success"].startswith("rearrange: within 2 cm and 10 degrees")
