@@ -64,7 +64,7 @@ def test_movements_after_which_nobody_rests_say_nothing_of_speeds():
 def test_only_what_ends_where_a_block_begins_says_how_that_begins():
     found = _blocks([True, False, False])
     assert [follows_at_once(found, k) for k in range(4)] == [False, True, False, True]
-    apart = replace(found, bounds=found.bounds + [[0, 0], [0, 0], [0, -1], [0, 0]])
+    apart = replace(found, bounds=found.bounds - np.array([[0, 0], [0, 0], [0, 1], [0, 0]]))
     assert not follows_at_once(apart, 3)
 
 

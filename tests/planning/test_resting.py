@@ -30,7 +30,7 @@ def box_at(rest):
 def test_rests_are_where_tasks_begin_and_end():
     for plan in BENCH.plans:
         for end in (plan.blocks[0].start, plan.blocks[-1].goal):
-            assert np.any(np.all(SHOWN == end, axis=1))
+            assert np.any(np.all(end == SHOWN, axis=1))
     assert len(SHOWN) <= 2 * len(BENCH.plans)
 
 

@@ -85,9 +85,7 @@ def lead_around(plan: TaskPlan, robot: Robot, around: Surroundings) -> TaskPlan 
     return replace(plan, blocks=tuple(blocks))
 
 
-def _lead_block(
-    block: BlockPlan, start_s: float, robot: Robot, course: Course
-) -> BlockPlan | None:
+def _lead_block(block: BlockPlan, start_s: float, robot: Robot, course: Course) -> BlockPlan | None:
     """Lead one block around what it touches; None if nothing is found."""
     x = np.linspace(0.0, 1.0, _N_SAMPLES)
     clock = start_s + x * block.duration
