@@ -64,7 +64,7 @@ def lead_around(plan: TaskPlan, robot: Robot, around: Surroundings) -> TaskPlan 
     Returns
     -------
     TaskPlan, or None
-        None if something else is touched, or no bump helps.
+        None if something else is touched, or no bumps free a block.
     """
     time, positions, _, _ = sample_task(plan, RATE_HZ)
     course = around.follow(plan)
@@ -75,9 +75,11 @@ def lead_around(plan: TaskPlan, robot: Robot, around: Surroundings) -> TaskPlan 
     if np.any(gaps[~np.isin(owner, free)] <= 0.0):
         return None
     blocks = list(plan.blocks)
-    for k in free:
-        if gaps[owner == k].min(initial=np.inf) >= _CLEAR_M:
-            continue
+    near = {k: float(gaps[owner == k].min(initial=np.inf)) for k in free}
+    # The deepest first: where that cannot be mended the others need not be.
+    for k in sorted(free, key=near.__getitem__):
+        if near[k] >= _CLEAR_M:
+            break
         found = _lead_block(blocks[k], float(starts[k]), robot, course)
         if found is None:
             return None
@@ -86,7 +88,7 @@ def lead_around(plan: TaskPlan, robot: Robot, around: Surroundings) -> TaskPlan 
 
 
 def _lead_block(block: BlockPlan, start_s: float, robot: Robot, course: Course) -> BlockPlan | None:
-    """Lead one block around what it touches; None if nothing is found."""
+    """Lead one block around what it touches; None if it touches something in any case."""
     x = np.linspace(0.0, 1.0, _N_SAMPLES)
     clock = start_s + x * block.duration
     shape = np.zeros((len(_PEAKS), robot.n))
@@ -106,7 +108,7 @@ def _lead_block(block: BlockPlan, start_s: float, robot: Robot, course: Course) 
         path, reached = tried[best], float(worth[best])
         if reached >= _CLEAR_M - _WORTH_M * size[best] - 1e-9:
             break
-    if not np.any(shape):
+    if _worth(course.gaps(clock, path)) <= 0.0:
         return None
     weights = block.weights + shape.T @ _bump_weights(block.weights.shape[1])
     return keep_block_range(replace(block, weights=weights, path_error=None), robot.limits)
