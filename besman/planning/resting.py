@@ -21,6 +21,9 @@ from besman.simulation.tasks.rearrange.ways import CLEAR_M
 
 FloatArray = npt.NDArray[np.float64]
 
+# Beside what stands there it is so far from everything, where it can, so that it comes away.
+_ROOM_M = 0.03
+
 
 def shown_rests(plans: Sequence[TaskPlan]) -> FloatArray:
     """Return where the arm has rested before and after tasks, each once, shape (R, n), rad."""
@@ -89,7 +92,8 @@ class ClearRests:
         aside = np.concatenate([rest + list_changes(rest, robot) for rest in shown])
         low, high = robot.limits.position_min, robot.limits.position_max
         aside = aside[np.all((aside >= low) & (aside <= high), axis=1)]
-        found: FloatArray = aside[around.gaps_before(aside) >= CLEAR_M]
+        room = around.gaps_before(aside)
+        found: FloatArray = aside[room >= min(_ROOM_M, max(CLEAR_M, room.max(initial=-np.inf)))]
         if not len(found):
             raise PlanError(
                 f"{self._name}: wherever the arm was shown to rest ({len(shown)} postures), and 30 "

@@ -201,7 +201,7 @@ class Surroundings:
             _least(edges, bare, standing, self._box),
             _least(inside, radii, np.eye(4)[None], self._box),
         ]
-        return np.min(near, axis=0)
+        return np.asarray(np.min(near, axis=0))
 
 
 class Course(NamedTuple):
@@ -242,7 +242,7 @@ class Course(NamedTuple):
         shut = [(time > hold.close_s) & (time < hold.open_s) for hold in self.holds]
         holding = np.any([np.zeros(len(time), dtype=np.bool_), *shut], axis=0)
         placed, radii, joints = _place(robot, around.task, positions, holding)
-        found = np.minimum(
+        found: FloatArray = np.minimum(
             distances(robot.chain, positions).min(axis=1), around.near_board(placed, radii)
         )
 

@@ -94,7 +94,7 @@ def _lead_block(block: BlockPlan, start_s: float, robot: Robot, course: Course) 
     shape = np.zeros((len(_PEAKS), robot.n))
     rows = np.array([_bump(x, peak) for peak in _PEAKS])
     path = _roll_out(block, x)
-    reached = _worth(course.gaps(clock, path))
+    reached = float(_worth(course.gaps(clock, path)))
     for _ in range(_N_BUMPS):
         peaks, changes = _list_bumps(path, x, robot)
         tried = path + rows[peaks][:, :, None] * changes[:, None]
