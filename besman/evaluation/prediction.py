@@ -14,8 +14,10 @@ import numpy.typing as npt
 
 from besman.evaluation.recognition_data import bridge_gaps, is_synthetic, name_parts
 from besman.exceptions import RecognitionError
+from besman.following.beginnings import end_rows
 from besman.following.foreseeing import BlockForeseer
 from besman.following.foresight import Foresight
+from besman.following.rests import follows_at_once
 from besman.records import LabelledRecording, LabelledSegments
 from besman.records.layers import IDLE
 from besman.stages.read.read_inputs import read_inputs
@@ -187,7 +189,11 @@ def _foresee(
         for k, (label, (start, end)) in enumerate(zip(blocks.labels, blocks.bounds, strict=True)):
             if label not in labels:
                 continue
-            expected = foresight.expect(blocks.labels[:k])
+            speed_m_s = float("nan")
+            if follows_at_once(blocks, k):
+                ended = recording.positions[:start][-end_rows(recording.rate_hz) :]
+                speed_m_s = parts.end_speed(ended, recording.rate_hz)
+            expected = foresight.expect(blocks.labels[:k], speed_m_s)
             pace = foresight.pace(
                 blocks.labels[:k], (blocks.bounds[:k, 0] / blocks.rate_hz).tolist()
             )

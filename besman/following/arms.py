@@ -155,10 +155,14 @@ class ArmStream:
         if n_rows <= start:
             return False
         blocks = [(piece.start, piece.end, piece.label) for piece in pieces]
-        positions = self._frames.cut(start, n_rows).positions
-        if self._frames.was_lost(start, n_rows, np.array(self.foreseer.columns)):
-            positions = positions[:0]
-        return self.foreseer.update(blocks, n_rows, positions, start)
+        columns, first = np.array(self.foreseer.columns), start
+        ahead = max(self._frames.first_row, start - self.foreseer.n_ahead)
+        if not self._frames.was_lost(ahead, start, columns):
+            first = ahead
+        positions = self._frames.cut(first, n_rows).positions
+        if self._frames.was_lost(start, n_rows, columns):
+            positions = positions[: start - first]
+        return self.foreseer.update(blocks, n_rows, positions, first)
 
     def _pending(self) -> list[int]:
         """Return borders that are not final, at least two rows apart and before the present."""

@@ -25,6 +25,9 @@ SHARES = tuple(k / 10 for k in range(1, 11))
 N_POINTS = 6
 """Points that a first part is looked at in: few, because it is looked at again and again."""
 
+END_S = 0.05
+"""Over how long it is looked at how fast a movement ends, seconds."""
+
 LEAST_SAMPLES = 3
 _MOST_EXAMPLES = 24
 # Of these shares an example is taken for a stretch to be told, when the sharpness is chosen.
@@ -103,6 +106,32 @@ class FirstParts:
         except LabellingError:
             return None
         return np.asarray(found[0])
+
+    def end_speed(self, positions: FloatArray, rate_hz: float) -> float:
+        """Return how fast the hand is at the end of a stretch; of several the fastest.
+
+        Parameters
+        ----------
+        positions : array, shape (n, M, 3)
+            As of `extract`; at least `end_rows` of them.
+        rate_hz : float
+
+        Returns
+        -------
+        float
+            Metres per second; NaN if the stretch is too short, or a hand is not seen.
+        """
+        n = end_rows(rate_hz)
+        if len(positions) < n:
+            return float("nan")
+        hands = [self.columns[self._names.index(arm.hand)] for arm in self._arms]
+        ways = np.linalg.norm(positions[-1, hands] - positions[-n, hands], axis=1)
+        return float(np.max(ways)) * rate_hz / (n - 1)
+
+
+def end_rows(rate_hz: float) -> int:
+    """Return how many samples `FirstParts.end_speed` looks at."""
+    return 1 + max(1, round(END_S * rate_hz))
 
 
 class Example(NamedTuple):

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from besman.following.beginnings import end_rows
 from besman.following.foresight import Foresight, Outlook
 
 FloatArray = npt.NDArray[np.float64]
@@ -81,6 +82,11 @@ class BlockForeseer:
         self.forecast: BlockForecast | None = None
 
     @property
+    def n_ahead(self) -> int:
+        """How many rows before a border are looked at."""
+        return end_rows(self._rate_hz)
+
+    @property
     def columns(self) -> list[int]:
         """Columns of the markers that are looked at."""
         return self._parts.columns
@@ -107,7 +113,8 @@ class BlockForeseer:
         positions : array, shape (k, M, 3)
             Rows `first` to `now` - 1, metres; NaN where a marker is not seen.
         first : int
-            Row of the first of them; not after the last border.
+            Row of the first of them; not after the last border, and `n_ahead` rows before it, if
+            they are there: they tell whether the hand has come to rest.
 
         Returns
         -------
@@ -117,13 +124,15 @@ class BlockForeseer:
         if not self.is_due(len(blocks), now):
             return False
         before = tuple(label for _, _, label in blocks)
+        self._start = blocks[-1][1] if blocks else 0
         if before != self._before:
-            self._expected = self._foresight.expect(before)
+            ending = positions[: max(0, self._start - first)]
+            speed_m_s = self._parts.end_speed(ending, self._rate_hz)
+            self._expected = self._foresight.expect(before, speed_m_s)
             starts_s = [start / self._rate_hz for start, _, _ in blocks]
             self._pace = self._foresight.pace(before, starts_s)
         self._before, self._due = before, now + self._every
-        self._start = blocks[-1][1] if blocks else 0
-        seen = self._parts.extract(positions[self._start - first :], self._rate_hz)
+        seen = self._parts.extract(positions[max(0, self._start - first) :], self._rate_hz)
         return self._keep(self._foresight.weigh(self._expected, seen), now)
 
     def _keep(self, outlook: Outlook, now: int) -> bool:

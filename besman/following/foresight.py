@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +12,8 @@ import numpy.typing as npt
 from besman.classifiers.block_order import BlockOrder
 from besman.classifiers.novelty import UNKNOWN
 from besman.exceptions import RecognitionError, nearest
-from besman.following.beginnings import Beginnings, Example, FirstParts
+from besman.following.beginnings import Beginnings, Example, FirstParts, end_rows
+from besman.following.rests import Rests
 from besman.records import LabelledRecording, LabelledSegments
 from besman.records.layers import IDLE
 from besman.stages.recognize.model import Recipe
@@ -23,10 +23,6 @@ FloatArray = npt.NDArray[np.float64]
 # Of times whose logarithms are normal; one alone says nothing of their spread.
 _LEAST_LOG_SPREAD = 0.1
 _USUAL_LOG_SPREAD = 0.3
-
-# Whether somebody rests is a habit: however often others did, it counts as half a sighting; each of
-# one's own counts as one, after whichever movement.
-_MOST_SIGHTINGS = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,9 +57,8 @@ class Outlook:
 class Foresight:
     """Learns from named blocks; foresees the block that has begun, and the next movement.
 
-    Movements follow each other by a Markov model of variable order; rests between them are habits
-    and stand beside it, with a probability that depends on the block before and on how often this
-    person has rested so far. What was seen of a block is told by
+    Movements follow each other by a Markov model of variable order; rests between them stand beside
+    it, see `besman.following.rests.Rests`. What was seen of a block is told by
     `besman.following.beginnings.Beginnings`; Bayes' rule joins both.
 
     Parameters
@@ -110,7 +105,7 @@ class Foresight:
         movements = {label for sequence in sequences for label in sequence} - {UNKNOWN}
         self._order = BlockOrder(sequences, tuple(movements), longest_context)
         self.labels = (*self._order.labels, IDLE)
-        self._rests = _count_rests(blocks)
+        self._rests = _learn_rests(by_source, blocks, recipe)
         self._gaps = _measure_gaps(blocks)
         self._beginnings = Beginnings(examples, recipe)
         self._columns = [self.labels.index(label) for label in self._beginnings.labels]
@@ -120,13 +115,17 @@ class Foresight:
         """Make what extracts the features of a block that has begun, see `FirstParts`."""
         return FirstParts(self.recipe, markers, source)
 
-    def expect(self, before: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+    def expect(
+        self, before: Sequence[str], speed_m_s: float = float("nan")
+    ) -> tuple[FloatArray, FloatArray]:
         """Return what the blocks so far say.
 
         Parameters
         ----------
         before : sequence of str
             Labels of the blocks so far, rests among them.
+        speed_m_s : float
+            Of the hand as the last of them ended, `FirstParts.end_speed`; NaN if not known.
 
         Returns
         -------
@@ -136,10 +135,7 @@ class Foresight:
             For each block that it may be, of the movement that follows it.
         """
         movements = [label for label in before if label != IDLE]
-        rests, n = self._rests.get(before[-1] if before else "", (0, 0))
-        weight = min(n, _MOST_SIGHTINGS)
-        own, chances = (0, 0) if before and before[-1] == IDLE else _own_rests(before)
-        rest = (weight * rests / max(n, 1) + own + 0.5) / (weight + chances + 1.0)
+        rest = self._rests.probability(before, speed_m_s)
         now = self._order.probabilities(movements)
         rows = [self._order.probabilities([*movements, label]) for label in self._order.labels]
         return np.append((1 - rest) * now, rest), np.stack([*rows, now])
@@ -220,20 +216,23 @@ class Foresight:
         return max(0.0, float(np.exp(centre + spread * median)) - elapsed_s)
 
 
-def _own_rests(before: Sequence[str]) -> tuple[int, int]:
-    """Return how often somebody rested after a movement so far, and how often that could be."""
-    after = [label for last, label in pairwise(before) if last != IDLE]
-    return after.count(IDLE), len(after)
+def _learn_rests(
+    recordings: Mapping[str, LabelledRecording],
+    blocks: Sequence[LabelledSegments],
+    recipe: Recipe,
+) -> Rests:
+    """Learn when somebody rests, from blocks and how fast the hand was as each began."""
+    parts = {
+        found.source: FirstParts(recipe, recordings[found.source].markers, found.source)
+        for found in blocks
+    }
 
+    def end_speed(found: LabelledSegments, row: int) -> float:
+        recording = recordings[found.source]
+        ending = recording.positions[max(0, row - end_rows(recording.rate_hz)) : row]
+        return parts[found.source].end_speed(ending, recording.rate_hz)
 
-def _count_rests(blocks: Sequence[LabelledSegments]) -> dict[str, tuple[int, int]]:
-    """Return for each label, "" for the beginning, how often a rest came next, and of how many."""
-    counts: defaultdict[str, list[int]] = defaultdict(lambda: [0, 0])
-    for found in blocks:
-        for before, label in zip(("", *found.labels), found.labels, strict=False):
-            counts[before][0] += label == IDLE
-            counts[before][1] += 1
-    return {label: (rests, n) for label, (rests, n) in counts.items()}
+    return Rests(blocks, end_speed)
 
 
 def _log_gaps(labels: Sequence[str], starts_s: Sequence[float]) -> list[tuple[str, float]]:

@@ -63,6 +63,11 @@ class FrameBuffer:
                 runs.append([self.n_rows, self.n_rows + 1])
         self.n_rows += 1
 
+    @property
+    def first_row(self) -> int:
+        """The first row that is held."""
+        return self._first
+
     def forget(self, before: int) -> None:
         """Drop the frames before a row, once they are most of what is held."""
         gone, held = before - self._first, self.n_rows - self._first

@@ -6,7 +6,7 @@ import heapq
 import itertools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +17,7 @@ from besman.geometry.frames import quaternion_to_rotation, rotation_to_quaternio
 from besman.motion.adapt_task import frame_matrix
 from besman.planning.block_effects import BlockUse, LearntBlock
 from besman.planning.chaining import Leg, chain_leg, join_legs
+from besman.planning.resting import ClearRests, nearest_rest, rest_clear, shown_rests
 from besman.records import TaskPlan
 from besman.records.task_trial import TaskTrial
 from besman.robot.model import Robot
@@ -57,6 +58,11 @@ class Bench:
     robot: Robot
     task: RearrangeConfig
     frame: BoxFrame
+
+    @cached_property
+    def rests(self) -> FloatArray:
+        """Where the arm has rested, shape (R, n), rad."""
+        return shown_rests(self.plans)
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,7 +157,8 @@ def try_legs(
         faults: list[tuple[int, PlanError]] = []
         tries, lost = 0, any(not one.trial.success for one in tried)
         places = _other_places(tried, goals[number:])
-        leg = _Leg(name, goal, objects, standing, wanted, tuple(tried), places, bench)
+        rests = ClearRests(name, bench.rests, places, bench.robot, bench.task)
+        leg = _Leg(name, goal, objects, standing, wanted, tuple(tried), places, bench, rests)
         ways = list_aimed(
             _ways(goal, standing, bench),
             leg.lead,
@@ -320,6 +327,7 @@ class _Leg(NamedTuple):
     tried: tuple[TriedLeg, ...]
     places: tuple[FloatArray, ...]
     bench: Bench
+    rests: ClearRests
 
     def after(self, way: _Way) -> FloatArray:
         """Return where objects are to stand afterwards, shape (O, 7)."""
@@ -333,10 +341,18 @@ class _Leg(NamedTuple):
         # What a plan says of objects is where their markers are.
         markers: FloatArray = np.asarray(np.linalg.inv(bench.frame.matrix), dtype=np.float64)
         poses = (_moved(self.standing, markers), _moved(self.after(way), markers))
-        start = self.tried[-1].plan.blocks[-1].goal if self.tried else None
         leg = Leg(way.uses, self.goal.thing)
+        start = self._start(way.uses[0])
         plan = chain_leg(self.name, leg, bench.plans, self.objects, poses, start)
+        plan = rest_clear(plan, self.rests.beside(self.after(way)), bench.robot)
         return bench.task.lead(plan, bench.robot, bench.frame, way.grasp, self.places)
+
+    def _start(self, use: BlockUse) -> FloatArray:
+        """Return where the arm is before the leg: as shown, if that is clear, or where it is."""
+        if self.tried:
+            return self.tried[-1].plan.blocks[-1].goal
+        shown = self.bench.plans[use.task].blocks[use.block].start
+        return nearest_rest(shown, self.rests.beside(self.standing))
 
     def simulate(self, way: _Way, plan: TaskPlan) -> TriedLeg:
         """Simulate all legs with this one as the last."""

@@ -8,7 +8,14 @@ from steps import ACTIONS, step_recording
 
 from besman.exceptions import RecognitionError
 from besman.following.arms import FollowedArm
-from besman.following.beginnings import N_POINTS, SHARES, Beginnings, Example, FirstParts
+from besman.following.beginnings import (
+    N_POINTS,
+    SHARES,
+    Beginnings,
+    Example,
+    FirstParts,
+    end_rows,
+)
 from besman.following.files import describe_forecast
 from besman.following.follower import Follower
 from besman.following.foreseeing import BlockForecast, BlockForeseer
@@ -74,6 +81,39 @@ def test_what_cannot_be_seen_has_no_features():
     in_line = recording.positions[:20].copy()
     in_line[:, :3] = in_line[:, :1]
     assert parts.extract(in_line, recording.rate_hz) is None
+
+
+def test_the_end_of_a_movement_is_as_fast_as_its_fastest_hand():
+    recording = RECORDINGS[0]
+    parts = FirstParts(RECIPE, recording.markers, recording.source)
+    n = end_rows(recording.rate_hz)
+    positions = np.repeat(recording.positions[:1], n + 2, axis=0)
+    # What was before does not count.
+    positions[:2] += 1.0
+    hand = recording.markers.index("hand_top")
+    positions[:, hand] += np.arange(n + 2)[:, None] * [0.003, 0.0, 0.004]
+    speed = parts.end_speed(positions, recording.rate_hz)
+    assert speed == pytest.approx(0.005 * recording.rate_hz)
+    assert np.isnan(parts.end_speed(positions[: n - 1], recording.rate_hz))
+    positions[-1, hand] = np.nan
+    assert np.isnan(parts.end_speed(positions, recording.rate_hz))
+
+
+def test_a_forecast_knows_how_fast_the_last_block_ended(foresight, monkeypatch):
+    recording, blocks, _ = step_recording(["step_up"], 5, "new.tsv")
+    rate_hz = recording.rate_hz
+    given = []
+    expect = foresight.expect
+    monkeypatch.setattr(foresight, "expect", lambda *asked: given.append(asked) or expect(*asked))
+    first = (*blocks.bounds[0].tolist(), blocks.labels[0])
+    end, now = first[1], first[1] + 4
+    for ahead in (end, end - end_rows(rate_hz)):
+        foreseer = BlockForeseer("right", foresight, recording.markers, rate_hz, "new.tsv")
+        foreseer.update([first], now, recording.positions[ahead:now], ahead)
+    parts = foresight.parts(recording.markers, "new.tsv")
+    (_, unknown), (_, known) = given
+    assert np.isnan(unknown)
+    assert known == parts.end_speed(recording.positions[:end], rate_hz)
 
 
 def test_densities_are_means_over_the_first_parts_of_the_examples():

@@ -23,7 +23,8 @@ from besman.simulation.tasks.rearrange.sections import RearrangeFields
 
 FloatArray = npt.NDArray[np.float64]
 
-_RATE_HZ = 50.0
+RATE_HZ = 50.0
+"""Samples a second at which a task is looked at."""
 # Pairs of corners of a box that an edge joins: they differ along one axis.
 _CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
 _EDGES = np.array(
@@ -103,7 +104,9 @@ class Surroundings:
         """
         before, after = (box_poses(each, frame) for each in (plan.object_poses, plan.target_poses))
         boards = np.stack([board_pose(pose, task) for pose in (*before, *after, *places)])
-        return cls(robot, task, before, after, boards)
+        # Most places are known twice.
+        _, once = np.unique(boards.round(6), axis=0, return_index=True)
+        return cls(robot, task, before, after, boards[np.sort(once)])
 
     def gaps(self, positions: FloatArray) -> FloatArray:
         """Return how far arm and open gripper are from themselves, the floor and all boards.
@@ -125,12 +128,25 @@ class Surroundings:
         found: FloatArray = np.minimum(near.min(axis=1), own.min(axis=1))
         return found.reshape(positions.shape[:-1])
 
+    def gaps_before(self, positions: FloatArray) -> FloatArray:
+        """Return `gaps`, or how far the arm is from boxes where they stand before, if that is less.
+
+        Parameters
+        ----------
+        positions : array, shape (T, n)
+            rad.
+
+        Returns
+        -------
+        array, shape (T,)
+            Metres.
+        """
+        placed, radii, _ = _place(self.robot, self.task, positions)
+        boxes = [self.near_box(placed, radii, pose) for pose in self.before]
+        return np.asarray(np.min([self.gaps(positions), *boxes], axis=0))
+
     def clearance(self, plan: TaskPlan) -> float:
         """Tell how near a task brings the arm to what it must not touch. Nothing is simulated.
-
-        Besides `gaps`: arm and open gripper against boxes where they stand; what is carried against
-        the boards, other boxes, and the arm without its last two links. Fingers are where they hold
-        a box while they do.
 
         Parameters
         ----------
@@ -142,26 +158,14 @@ class Surroundings:
         float
             Metres; below zero where something overlaps.
         """
-        time, positions, _, _ = sample_task(plan, _RATE_HZ)
+        time, positions, _, _ = sample_task(plan, RATE_HZ)
+        return float(self.follow(plan).gaps(time, positions).min())
+
+    def follow(self, plan: TaskPlan) -> Course:
+        """Return what there is to be touched in the course of a task."""
         holds = list_holds(plan)
-        holding = np.any([(time > h.close_s) & (time < h.open_s) for h in holds], axis=0)
-        placed, radii, joints = _place(self.robot, self.task, positions, holding)
-        own = distances(self.robot.chain, positions).min()
-        gaps = [float(own), _least(placed, radii, self.boards, self._board)]
-        for thing in range(len(self.before)):
-            held = [hold for hold in holds if hold.thing == thing]
-            stands = time < held[0].close_s if held else np.full(len(time), True)
-            gaps.append(self._near_box(placed[stands], radii, self.before[thing]))
-            if held:
-                stands = time > held[-1].open_s
-                gaps.append(self._near_box(placed[stands], radii, self.after[thing]))
-        arm = joints < self.robot.n - 2
-        for hold in holds:
-            carried = (time >= hold.lifted_s) & (time <= hold.lowering_s)
-            taken_at = positions[np.searchsorted(time, hold.close_s)]
-            rows = np.vstack([taken_at, positions[carried]])
-            gaps.append(self._carried(hold.thing, rows, placed[carried][:, arm], radii[arm]))
-        return min(gaps)
+        closed = np.array([hold.close_s for hold in holds])
+        return Course(self, tuple(holds), _positions_at(plan, closed))
 
     @property
     def _board(self) -> FloatArray:
@@ -172,11 +176,17 @@ class Surroundings:
     def _box(self) -> FloatArray:
         return np.array(self.task.box.size_m) / 2
 
-    def _near_box(self, placed: FloatArray, radii: FloatArray, pose: FloatArray) -> float:
-        """Return how near capsules come to a box that stands."""
+    def near_board(self, placed: FloatArray, radii: FloatArray) -> FloatArray:
+        """Return how near capsules (B, C, 2, 3) come to a board, shape (B,)."""
+        return _least(placed, radii, self.boards, self._board)
+
+    def near_box(self, placed: FloatArray, radii: FloatArray, pose: FloatArray) -> FloatArray:
+        """Return how near capsules (B, C, 2, 3) come to a box that stands, shape (B,)."""
         return _least(placed, radii, frame_matrix(pose)[None], self._box)
 
-    def _carried(self, thing: int, rows: FloatArray, arm: FloatArray, radii: FloatArray) -> float:
+    def near_carried(
+        self, thing: int, rows: FloatArray, arm: FloatArray, radii: FloatArray
+    ) -> FloatArray:
         """Return how near a box comes to anything, held as in the first row, in all others."""
         tools = forward_kinematics(self.robot.chain, rows)
         boxes = tools[1:] @ np.linalg.inv(tools[0]) @ frame_matrix(self.before[thing])
@@ -186,11 +196,81 @@ class Surroundings:
         others = np.delete(self.before, thing, axis=0)
         standing = np.array([frame_matrix(pose) for pose in others]).reshape(-1, 4, 4)
         inside = np.einsum("bji,bckj->bcki", turns, arm - middles[:, None])
-        return min(
+        near = [
             _least(edges, bare, self.boards, self._board),
             _least(edges, bare, standing, self._box),
             _least(inside, radii, np.eye(4)[None], self._box),
+        ]
+        return np.asarray(np.min(near, axis=0))
+
+
+class Course(NamedTuple):
+    """What there is to be touched in the course of a task.
+
+    Attributes
+    ----------
+    around : Surroundings
+    holds : tuple of Hold
+    taken_at : array, shape (H, n)
+        The arm where each box is taken, rad.
+    """
+
+    around: Surroundings
+    holds: tuple[Hold, ...]
+    taken_at: FloatArray
+
+    def gaps(self, time: FloatArray, positions: FloatArray) -> FloatArray:
+        """Return how near the arm, wherever it may be at a time, is to what it must not touch.
+
+        Besides `Surroundings.gaps`: arm and open gripper against boxes where they stand; what is
+        carried against the boards, other boxes, and the arm without its last two links. Fingers are
+        where they hold a box while they do.
+
+        Parameters
+        ----------
+        time : array, shape (T,)
+            On the clock of the task, seconds.
+        positions : array, shape (T, n)
+            rad.
+
+        Returns
+        -------
+        array, shape (T,)
+            Metres; below zero where something overlaps.
+        """
+        around, robot = self.around, self.around.robot
+        shut = [(time > hold.close_s) & (time < hold.open_s) for hold in self.holds]
+        holding = np.any([np.zeros(len(time), dtype=np.bool_), *shut], axis=0)
+        placed, radii, joints = _place(robot, around.task, positions, holding)
+        found: FloatArray = np.minimum(
+            distances(robot.chain, positions).min(axis=1), around.near_board(placed, radii)
         )
+
+        def lessen(rows: npt.NDArray[np.bool_], gaps: FloatArray) -> None:
+            found[rows] = np.minimum(found[rows], gaps)
+
+        for thing in range(len(around.before)):
+            held = [hold for hold in self.holds if hold.thing == thing]
+            stands = time < held[0].close_s if held else np.full(len(time), True)
+            lessen(stands, around.near_box(placed[stands], radii, around.before[thing]))
+            if held:
+                stands = time > held[-1].open_s
+                lessen(stands, around.near_box(placed[stands], radii, around.after[thing]))
+        arm = joints < robot.n - 2
+        for hold, taken_at in zip(self.holds, self.taken_at, strict=True):
+            carried = (time >= hold.lifted_s) & (time <= hold.lowering_s)
+            rows = np.vstack([taken_at, positions[carried]])
+            lessen(
+                carried,
+                around.near_carried(hold.thing, rows, placed[carried][:, arm], radii[arm]),
+            )
+        return found
+
+
+def _positions_at(plan: TaskPlan, time_s: FloatArray) -> FloatArray:
+    """Return the joints at the ends of blocks, shape (T, n)."""
+    ends = np.cumsum([block.duration for block in plan.blocks])
+    return np.array([plan.blocks[int(np.abs(ends - at).argmin())].goal for at in time_s])
 
 
 def _place(
@@ -225,8 +305,10 @@ def _place_gripper(
     return placed, radii[moving], joints[moving]
 
 
-def _least(placed: FloatArray, radii: FloatArray, boxes: FloatArray, half: FloatArray) -> float:
-    """Return the least distance of capsules to boxes of one size; infinite if there are none."""
+def _least(
+    placed: FloatArray, radii: FloatArray, boxes: FloatArray, half: FloatArray
+) -> FloatArray:
+    """Return the least distances to boxes of one size, shape (B,); infinite if there are none."""
     halves = np.tile(half, (len(boxes), 1))
     gaps = box_gaps(np.ascontiguousarray(placed), radii, boxes, halves)
-    return float(np.min(gaps, initial=np.inf))
+    return np.asarray(np.min(gaps, axis=1, initial=np.inf))

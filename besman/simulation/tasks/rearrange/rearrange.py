@@ -22,8 +22,9 @@ from besman.simulation.episodes import Movements, Playback
 from besman.simulation.tasks.rearrange.arm_way import ArmWay
 from besman.simulation.tasks.rearrange.boxes import BoxFrame, box_poses, frame_of_grasps
 from besman.simulation.tasks.rearrange.clearance import Surroundings
+from besman.simulation.tasks.rearrange.detours import lead_around
 from besman.simulation.tasks.rearrange.sections import GraspConfig, RearrangeFields
-from besman.simulation.tasks.rearrange.ways import Led, list_aimed
+from besman.simulation.tasks.rearrange.ways import CLEAR_M, Led, list_aimed
 
 _RATE_HZ = 1000.0
 
@@ -206,7 +207,12 @@ class RearrangeConfig(RearrangeFields):
         around = Surroundings.of(plan, robot, self, frame, places)
         postures = postures or Postures(plan, robot, around.gaps)
         led = lead_grasps(plan, robot, self.grasp_way(frame, grasp), postures)
-        return Led(led, around.clearance(led))
+        clearance_m = around.clearance(led)
+        if clearance_m < CLEAR_M:
+            led_around = lead_around(led, robot, around)
+            if led_around is not None:
+                led, clearance_m = led_around, around.clearance(led_around)
+        return Led(led, clearance_m)
 
     def way(self, plan: TaskPlan) -> ArmWay:
         """Roll a task out, with the time that the gripper takes: the arm stands still meanwhile."""

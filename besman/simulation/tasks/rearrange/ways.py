@@ -12,8 +12,9 @@ from besman.robot.model import Robot
 
 Way = TypeVar("Way")
 
-# The arm follows a movement to within a millimetre or two.
-_CLEAR_M = 0.002
+CLEAR_M = 0.002
+"""What touches nothing is so far from it: the arm follows a movement to a millimetre or two."""
+
 # Of ways that touch something so many are simulated: a fingertip may push a box a little.
 _MOST_TOUCHING = 12
 # A way that is so much slower than it was shown leads past a singularity.
@@ -59,7 +60,7 @@ def list_aimed(
     for number, way in enumerate(ways):
         try:
             led = lead(way)
-            if led.clearance_m < _CLEAR_M:
+            if led.clearance_m < CLEAR_M:
                 touching.append((-led.clearance_m, number, way, led.plan))
                 continue
             kept = keep_task_limits(led.plan, robot)

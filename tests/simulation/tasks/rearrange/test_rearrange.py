@@ -14,9 +14,10 @@ from besman.records.files import load_record, save_record
 from besman.records.task_trial import RefinedTask
 from besman.robot.model import load_robot
 from besman.simulation.tasks.kinds import WHOLE_KINDS, is_whole_task, load_task, load_whole_task
-from besman.simulation.tasks.rearrange import rearranging
+from besman.simulation.tasks.rearrange import rearrange, rearranging
 from besman.simulation.tasks.rearrange.arm_way import ArmWay
 from besman.simulation.tasks.rearrange.boxes import BoxFrame, box_poses, frame_of_grasps
+from besman.simulation.tasks.rearrange.clearance import Surroundings
 from besman.simulation.tasks.rearrange.rearrange import RearrangeConfig
 from besman.simulation.tasks.rearrange.rearrange_scene import rearrange_model
 from besman.simulation.tasks.rearrange.rearranging import judge, simulate_task
@@ -179,8 +180,9 @@ def test_the_steps_count_what_is_out_of_reach_as_no_success():
     assert frame.thumb in (-1.0, 1.0)
 
 
-def test_other_ways_are_tried_until_one_succeeds():
+def test_other_ways_are_tried_until_one_succeeds(monkeypatch):
     """A gripper that hardly leaves the box takes it along; the first of the ways is good."""
+    monkeypatch.setattr(rearrange, "lead_around", lambda *task: None)
     robot, plan, frame, aimed = aimed_plan()
     near = changed(grasp={"after_m": 0.005})
     shown = aim_grasps(plan, robot, near.grasp_way(frame))
@@ -199,7 +201,21 @@ def test_other_ways_are_tried_until_one_succeeds():
     assert same.tries == 1
 
 
-def test_a_way_that_touches_nothing_comes_before_one_that_was_asked_for_and_does():
+def test_what_was_asked_for_and_touches_something_is_led_around_it():
+    """A gripper that hardly leaves the box goes aside first."""
+    robot, plan, frame, aimed = aimed_plan()
+    near = changed(grasp={"after_m": 0.005})
+    (found,) = AimTasks(CmaEsConfig()).run((plan,), robot, near)
+    assert not is_same(found, aimed)
+    around = Surroundings.of(plan, robot, near, frame)
+    assert around.clearance(aim_grasps(plan, robot, near.grasp_way(frame))) < 0.0
+    assert around.clearance(found) > 0.0
+    (trial,) = SimulateTasks(CmaEsConfig()).run((found,), (plan,), robot, near)
+    assert trial.success, trial.failure
+
+
+def test_a_way_that_touches_nothing_comes_before_one_that_was_asked_for_and_does(monkeypatch):
+    monkeypatch.setattr(rearrange, "lead_around", lambda *task: None)
     robot, plan, _, aimed = aimed_plan()
     near = changed(grasp={"after_m": 0.005})
     (found,) = AimTasks(CmaEsConfig()).run((plan,), robot, near)
