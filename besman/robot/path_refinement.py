@@ -344,9 +344,8 @@ def _refine(
             damping = max(damping * 0.2, 1e-9)
             _copy(trial, angles)
             _copy(trial_errors, errors)
-            for index in range(n_poses):
-                shorts[index] = trial_shorts[index]
-                parts[index, 0], parts[index, 1] = trial_parts[index, 0], trial_parts[index, 1]
+            shorts[:] = trial_shorts
+            parts[:] = trial_parts
             if gain <= tolerance * cost:
                 break
             for here in range(n_poses * n):

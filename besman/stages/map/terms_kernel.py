@@ -108,6 +108,18 @@ def _fill_free(
 
 
 @compiled
+def _way_of(targets: FloatArray) -> float:
+    """Return how long the way through poses (P, 4, 4) is, metres."""
+    total = 0.0
+    for index in range(1, len(targets)):
+        way = 0.0
+        for row in range(3):
+            way += (targets[index, row, 3] - targets[index - 1, row, 3]) ** 2
+        total += np.sqrt(way)
+    return total
+
+
+@compiled
 def fill_terms(
     placements: FloatArray,
     axes: FloatArray,
@@ -166,12 +178,7 @@ def fill_terms(
     bodies = group_pairs(joints, ends, radii, pairs)
     found, costs = np.empty((n_branches, 6)), np.empty(n_branches)
     for path in range(n_paths):
-        asked = 0.0
-        for index in range(1, n_poses):
-            way = 0.0
-            for row in range(3):
-                way += (targets[path, index, row, 3] - targets[path, index - 1, row, 3]) ** 2
-            asked += np.sqrt(way)
+        asked = _way_of(targets[path])
         for branch in range(n_branches):
             row_of, off, turned = found[branch], 0.0, 0.0
             used = _fill_free(placements, axes, tip, usable, positions[path, branch], row_of)
