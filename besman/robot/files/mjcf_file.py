@@ -77,8 +77,13 @@ def read_mjcf(path: Path, allowed: Collection[Path] = ()) -> CompiledArm:
         model, notes = compile_bare(path)
     except ValueError as error:
         raise RobotError(f"{path}: cannot be used as MJCF: {in_one_line(error)}") from None
-    name = ElementTree.fromstring(path.read_bytes()).get("model", path.stem)  # noqa: S314
-    arm = _Writer(model, name).write()
+    root = ElementTree.fromstring(path.read_bytes())  # noqa: S314
+    if model.nbody == 1 and root.find("body") is not None:
+        raise RobotError(
+            f"{path}: its bodies stand outside <worldbody>, where MuJoCo passes over them: a part "
+            "of another file; expected the one that includes it"
+        )
+    arm = _Writer(model, root.get("model", path.stem)).write()
     arm.notes += notes
     arm.parts += [one.stem for one in parts]
     return arm

@@ -231,6 +231,16 @@ def test_motors_tell_speeds_and_torques(tmp_path):
     assert given == [[0, 16], [3, 0], [0, 0], [0, 0]]
 
 
+def test_a_part_of_a_scene_is_told_as_such(tmp_path):
+    part = tmp_path / "part.xml"
+    part.write_text('<mujoco><body name="a"><joint/><geom size="0.1"/></body></mujoco>')
+    with pytest.raises(RobotError, match=r"outside <worldbody>, .* expected the one that includes"):
+        add_robot(part)
+    whole = '<mujoco><worldbody><include file="part.xml"/></worldbody></mujoco>'
+    (tmp_path / "whole.xml").write_text(whole)
+    assert len(read_mjcf(tmp_path / "whole.xml").tree.findall("link")) == 3
+
+
 def test_nothing_is_overwritten_and_nothing_of_it_stays(tmp_path):
     path = write(tmp_path)
     (tmp_path / "bench.urdf").write_text("mine")
