@@ -21,6 +21,8 @@ FloatArray = npt.NDArray[np.float64]
 
 _ROOT = re.compile(rb"<\s*(?:robot|mujoco)(?=[\s>/])")
 # Sites that stand for a flange.
+# Things have fewer: what floats and has as many is a robot.
+_FEWEST_HINGES = 3
 _FLANGE_SITE = re.compile(r"attachment|flange|tool0|(^|_)ee(_|$)|end_effector|grip_site", re.I)
 
 
@@ -103,9 +105,12 @@ class _Writer:
         left_out = set[int]()
         arms = [b for b in range(1, self.model.nbody) if self.model.body_parentid[b] == 0]
         fixed = [b for b in arms if not self._is_free(b)]
+        stands = any(self._hinges(b) >= _FEWEST_HINGES for b in fixed)
         for body in range(1, self.model.nbody):
             parent = int(self.model.body_parentid[body])
-            is_loose = parent == 0 and bool(fixed) and self._is_free(body)
+            # What floats is no thing but a robot where nothing else has as many hinges.
+            is_thing = stands or self._hinges(body) < _FEWEST_HINGES
+            is_loose = parent == 0 and bool(fixed) and self._is_free(body) and is_thing
             if is_loose or parent in left_out:
                 left_out.add(body)
                 continue
@@ -121,6 +126,11 @@ class _Writer:
         """Tell whether a body floats."""
         first, count = int(self.model.body_jntadr[body]), int(self.model.body_jntnum[body])
         return any(int(self.model.jnt_type[first + one]) == 0 for one in range(count))
+
+    def _hinges(self, root: int) -> int:
+        """Count the hinges of a body that hangs on the world, and of all that hangs on it."""
+        own = self.model.body_rootid[self.model.jnt_bodyid] == root
+        return int(np.sum(own & (np.array(self.model.jnt_type) == 3)))
 
     def _name(self, kind: str, index: int) -> str:
         """Return the name of a body, joint or site, or one that it gets."""
