@@ -88,6 +88,7 @@ def distances_between(
         first.capsule_radii[moving[0]],
         placed[1][:, moving[1]],
         second.capsule_radii[moving[1]],
+        np.inf,
     )
     return result.reshape(shape)
 
@@ -107,13 +108,26 @@ def place_all(
 
 @compiled
 def least_gaps(
-    first: FloatArray, first_radii: FloatArray, second: FloatArray, second_radii: FloatArray
+    first: FloatArray,
+    first_radii: FloatArray,
+    second: FloatArray,
+    second_radii: FloatArray,
+    beyond: float,
 ) -> FloatArray:
-    """Return the least distance between two sets of capsules at every moment, shape (B,)."""
-    result = np.full(len(first), np.inf)
+    """Return the least distance of two sets of placed capsules (B, C, 2, 3) in every pose (B,).
+
+    What is further apart than `beyond`, metres, is that: to look for less is quicker.
+    """
+    result = np.full(len(first), beyond)
+    one_ball, other_ball = np.empty((len(first_radii), 4)), np.empty((len(second_radii), 4))
     for index in range(len(first)):
+        _fill_balls(first[index], first_radii, one_ball)
+        _fill_balls(second[index], second_radii, other_ball)
         for one in range(len(first_radii)):
             for other in range(len(second_radii)):
+                reach = result[index] + one_ball[one, 3] + other_ball[other, 3]
+                if are_far(one_ball[one], other_ball[other], reach):
+                    continue
                 distance = segment_distance(
                     first[index, one, 0],
                     first[index, one, 1],
@@ -123,6 +137,18 @@ def least_gaps(
                 gap = distance - first_radii[one] - second_radii[other]
                 result[index] = min(result[index], gap)
     return result
+
+
+@compiled
+def _fill_balls(placed: FloatArray, radii: FloatArray, balls: FloatArray) -> None:
+    """Write middles and radii (C, 4) of the balls that enclose placed capsules, metres."""
+    for capsule in range(len(radii)):
+        square = 0.0
+        for row in range(3):
+            low, high = placed[capsule, 0, row], placed[capsule, 1, row]
+            balls[capsule, row] = 0.5 * (low + high)
+            square += (high - low) ** 2
+        balls[capsule, 3] = 0.5 * np.sqrt(square) + radii[capsule]
 
 
 @compiled

@@ -34,6 +34,7 @@ Surface = tuple[str, int, FloatArray, IntArray]
 Progress = Callable[[float], None]
 
 # Meshes so far apart should be called clear.
+_CLEAR_M = 1e-6
 _APART_M = 0.01
 # Where they are nearer, but do not touch, an overlap counts less.
 _NEAR_SHARE = 0.3
@@ -237,16 +238,19 @@ def _place(robot: Robot, joint: int, capsules: list[Capsule], poses: FloatArray)
 
 
 def _gaps(links: dict[str, _Pieces], first: str, second: str) -> FloatArray:
-    """Return the least distance of two links' capsules in all poses, shape (B,)."""
+    """Return the least distance of two links' capsules in all poses, `_least`'s, shape (B,)."""
     one, other = links[first], links[second]
     return _least(one.placed, one.radii, other)
 
 
 def _least(placed: FloatArray, radii: FloatArray, other: _Pieces) -> FloatArray:
-    """Return the least distance of some capsules to another link in all poses, shape (B,)."""
+    """Return the least distance of some capsules to another link in all poses, shape (B,).
+
+    How far apart what does not overlap is does not matter: that is `_CLEAR_M`.
+    """
     sides = (np.ascontiguousarray(np.swapaxes(side, 0, 1)) for side in (placed, other.placed))
     first, second = sides
-    gaps: FloatArray = least_gaps(first, radii, second, other.radii)
+    gaps: FloatArray = least_gaps(first, radii, second, other.radii, _CLEAR_M)
     return gaps
 
 
