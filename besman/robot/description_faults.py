@@ -152,7 +152,10 @@ def _inertias(robot: Robot) -> list[Doubt]:
         moments = np.linalg.eigvalsh(body.inertia)
         if moments[0] <= 0 or moments[2] > moments[0] + moments[1] + 1e-9:
             values = ", ".join(f"{moment:.3g}" for moment in moments)
-            doubts.append(Doubt("doubtful", f"{what}: no body has the moments {values} kg m^2"))
+            said = (
+                f"{what}: no body has the moments {values} kg m^2; the nearest possible are taken"
+            )
+            doubts.append(Doubt("doubtful", said))
         size, gyration = _size(robot, index), float(np.sqrt(max(moments[2], 0.0) / body.mass))
         if gyration > _GYRATION_SHARE * size:
             doubts.append(

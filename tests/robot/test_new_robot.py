@@ -171,6 +171,13 @@ def test_what_is_doubtful(tmp_path, changes, kind, message):
     assert any(doubt.kind == kind and message in doubt.text for doubt in doubts), doubts
 
 
+def test_an_inertia_that_no_body_has_is_said_and_can_be_simulated(tmp_path):
+    path = add_robot(write_urdf(tmp_path, IXX="0.5"), "hand")
+    assert "inertia of what joint a moves: no body has the file's" in path.read_text()
+    spec, _ = arm_spec(load_robot(path), 0.001)
+    assert spec.compile().njnt == 2
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
