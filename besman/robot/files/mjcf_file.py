@@ -110,8 +110,10 @@ class _Writer:
             parent = int(self.model.body_parentid[body])
             # What floats is no thing but a robot where nothing else has as many hinges.
             is_thing = stands or self._hinges(body) < _FEWEST_HINGES
-            is_loose = parent == 0 and bool(fixed) and self._is_free(body) and is_thing
-            if is_loose or parent in left_out:
+            is_loose = bool(fixed) and self._is_free(body) and is_thing
+            # A puck on rails: to be pushed by the robot that stands there.
+            slides = int(self.model.body_jntnum[body]) > 0 and self._hinges(body) == 0
+            if (parent == 0 and (is_loose or (stands and slides))) or parent in left_out:
                 left_out.add(body)
                 continue
             self._body(body, self._body_name(parent))

@@ -237,6 +237,16 @@ def nested(name, hinges):
     return text + (nested(name, hinges - 1) if hinges > 1 else "") + "</body>"
 
 
+def test_what_slides_beside_a_robot_is_a_thing(tmp_path):
+    path = tmp_path / "scene.xml"
+    puck = '<body name="puck"><joint name="x" type="slide"/><geom size="0.1"/></body>'
+    for arm, kept in ((nested("a", 4), False), ("", True)):
+        path.write_text(f"<mujoco><worldbody>{puck}{arm}</worldbody></mujoco>")
+        found = read_mjcf(path)
+        assert ("puck" in {one.get("name") for one in found.tree.findall("link")}) == kept
+        assert any("lie loose" in note for note in found.notes) != kept
+
+
 @pytest.mark.parametrize(
     ("standing", "floating", "links"),
     [
