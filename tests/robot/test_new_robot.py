@@ -172,6 +172,15 @@ def test_what_is_doubtful(tmp_path, changes, kind, message):
     assert any(doubt.kind == kind and message in doubt.text for doubt in doubts), doubts
 
 
+def test_an_arm_whose_joints_are_all_slow_is_doubted(tmp_path):
+    path = add_robot(write_urdf(tmp_path), "hand")
+    content = yaml.safe_load(path.read_text())
+    for joint in content["joints"]:
+        joint["velocity_deg_s"] = 17
+    path.write_text(yaml.safe_dump(content))
+    assert any("no joint is faster than 17 deg" in doubt.text for doubt in check_robot(path))
+
+
 def test_an_inertia_that_no_body_has_is_said_and_can_be_simulated(tmp_path):
     path = add_robot(write_urdf(tmp_path, IXX="0.5"), "hand")
     assumed = yaml.safe_load(path.read_text())["assumed"]
