@@ -67,7 +67,7 @@ APART_M = 0.01
 _LEAST_ARM = 4
 _NO_ARM = re.compile(
     r"more than one chain|longest chain has|no hinge|no joint moves|expected <robot>|not valid XML"
-    r"|only macros"
+    r"|only macros|part of another file"
     r"|only hinges and sliding|hinge moves more|Undefined parameters"
 )
 
