@@ -12,7 +12,7 @@ import yaml
 
 from besman.config.resources import resource_folder
 from besman.person.marker_set import load_marker_set
-from besman.robot.doubts import check_robot
+from besman.robot.description_faults import check_robot
 from besman.robot.model import load_robot
 from besman.robot.new_robot import add_robot
 from besman.simulation.tasks.kinds import load_task
