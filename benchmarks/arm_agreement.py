@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import logging
+import re
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -215,8 +216,12 @@ def _by_mujoco(file: Path, config: RobotConfig, poses: FloatArray) -> FloatArray
         mujoco.mj_kinematics(model, data)
         at = np.eye(4)
         name = config.tip.removesuffix(" (site)")
-        kind = "site" if name != config.tip or _no_body(model, name) else "body"
-        what = data.site(name) if kind == "site" else data.body(name)
+        # What has no name of its own is called by its number.
+        unnamed = re.fullmatch(r"body(\d+)", name)
+        if name != config.tip or (_no_body(model, name) and not unnamed):
+            what = data.site(name)
+        else:
+            what = data.body(int(unnamed[1]) if unnamed and _no_body(model, name) else name)
         at[:3, 3], at[:3, :3] = what.xpos, what.xmat.reshape(3, 3)
         placed.append(at)
     return np.array(placed)

@@ -1,7 +1,7 @@
 """How many arms of public packages come in by their file alone, how long that takes, and what for.
 
     python benchmarks/robots.py [FOLDER_OR_FILE...] [--all] [--packages FOLDER] [--throws] [--table]
-                                [--only WORD]
+                                [--only WORD] [--rows FILE]
 
 URDFs, xacros and MJCFs of arms are brought in with no option but the file: five arms of the
 installed example-robot-data; with ``--all`` all of it; with FOLDERs what is below these; with
@@ -13,12 +13,14 @@ capsules against the meshes (coal) in 1000 random poses, or ``--poses``. ``--thr
 the 16 embedded throws (synthetic) to every arm, smaller ones to arms that are shorter than a
 person's; then of arms as URDF and MJCF: how far apart their hands are on the path of one throw.
 ``--table`` does so, too, and has inverse kinematics compared (`inverse_kinematics.py`): the whole
-table with its bars, at the end.
+table with its bars, at the end. With ``--rows`` what is measured of each file is kept in another,
+and files that stand there are not measured again: a long run can be stopped and gone on with.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import re
 import subprocess
 import sys
@@ -65,7 +67,7 @@ APART_M = 0.01
 _LEAST_ARM = 4
 _NO_ARM = re.compile(
     r"more than one chain|longest chain has|no hinge|no joint moves|expected <robot>|not valid XML"
-    r"|only macros"
+    r"|only macros|part of another file"
     r"|only hinges and sliding|hinge moves more|Undefined parameters"
 )
 
@@ -260,6 +262,42 @@ def measure(
     return found | (throws.try_on(path) if throws is not None else {})
 
 
+def is_refused_arm(file: Path, error: str) -> bool:
+    """Tell whether what was refused is an arm after all."""
+    if _NO_ARM.search(error):
+        return False
+    return is_mjcf(file.read_bytes()[:20_000]) or hinges_in_a_row(file) >= _LEAST_ARM
+
+
+def measure_all(
+    files: list[Path], place: Path, throws: Throws | None, poses: int, kept: Path | None
+) -> list[dict[str, object]]:
+    """Measure files that are not among those kept, say and keep what is found; return all rows."""
+    known: dict[str, dict[str, object]] = {}
+    if kept is not None and kept.exists():
+        known = {row["file"]: row for row in map(json.loads, kept.read_text().splitlines())}
+    rows = []
+    for number, file in enumerate(files):
+        found = known.get(str(file))
+        if found is None:
+            found = measure(file, place / str(number), number, throws, poses)
+            found = {"file": str(file)} | found
+            if kept is not None:
+                with kept.open("a") as lines:
+                    lines.write(json.dumps(found) + "\n")
+        rows.append(found)
+        name = f"{file.parent.name}/{file.name}"
+        if "error" in found:
+            found["refused"] = is_refused_arm(file, str(found["error"]))
+            said = "REFUSED" if found["refused"] else "no arm"
+            print(f"{name:45} {said}: {str(found['error'])[:90]}", flush=True)
+        else:
+            figures = {key: value for key, value in found.items() if key != "file"}
+            print(f"{name:45} " + ", ".join(f"{key} {value:.3g}" for key, value in figures.items()),  # type: ignore[str-format]
+                  flush=True)  # fmt: skip
+    return rows
+
+
 def main() -> None:
     """Print a line for each arm and the figures of all."""
     parser = argparse.ArgumentParser()
@@ -270,6 +308,7 @@ def main() -> None:
     parser.add_argument("--throws", action="store_true")
     parser.add_argument("--table", action="store_true")
     parser.add_argument("--poses", type=int, default=POSES)
+    parser.add_argument("--rows", type=Path)
     options = parser.parse_args()
     share = Path(str(metadata.distribution("example-robot-data").locate_file("cmeel.prefix/share")))
     share = share / "example-robot-data" / "robots"
@@ -278,23 +317,11 @@ def main() -> None:
     if options.packages:
         folders = [*folders, *fetch(options.packages)]
     files = [one for one in find_files(folders, words) if options.only in str(one)]
-    rows: list[dict[str, object]] = []
-    refused: list[str] = []
     with tempfile.TemporaryDirectory() as place:
         throws = Throws(Path(place) / "run") if options.throws or options.table else None
-        for number, file in enumerate(files):
-            found = measure(file, Path(place) / str(number), number, throws, options.poses)
-            name = f"{file.parent.name}/{file.name}"
-            if "error" in found:
-                is_arm = not _NO_ARM.search(str(found["error"]))
-                if is_arm and not is_mjcf(file.read_bytes()[:20_000]):
-                    is_arm = hinges_in_a_row(file) >= _LEAST_ARM
-                refused += [name] if is_arm else []
-                print(f"{name:45} {'REFUSED' if is_arm else 'no arm'}: {str(found['error'])[:90]}")
-                continue
-            rows.append(found)
-            print(f"{name:45} " + ", ".join(f"{key} {value:.3g}" for key, value in found.items()),  # type: ignore[str-format]
-                  flush=True)  # fmt: skip
+        found = measure_all(files, Path(place), throws, options.poses, options.rows)
+        rows = [row for row in found if "error" not in row]
+        refused = [str(row["file"]) for row in found if row.get("refused")]
         apart = compare_formats(share, Path(place) / "both", throws) if throws else []
         entries = (
             [*robots_table.throws(rows), *robots_table.shapes(rows, options.poses)] if rows else []

@@ -57,7 +57,7 @@ def _compile_branches() -> None:
     from besman.robot.dynamics import inverse_dynamics
     from besman.robot.model import load_robot
     from besman.stages.label.pair_distances import compile_average
-    from besman.stages.map.terms import compiled_terms
+    from besman.stages.map.terms import cheapest_terms
     from besman.stages.segment.valley_vmci import find_movements
 
     robot = load_robot("ur5")
@@ -68,7 +68,7 @@ def _compile_branches() -> None:
     poses[:, :3, 3] = 0.4, 0.2, 1.0
     choose_candidates(robot, poses, IkWeights(), False, 0.1, 0)
     branch, errors = resting[None, None], np.zeros((1, 1, 4, 2))
-    compiled_terms(robot, branch, errors, poses[None], np.ones(1))
+    cheapest_terms(robot, branch, errors, poses[None], np.ones(1), np.ones(6))
     time = np.linspace(0.0, 1.0, 100)
     path = np.sin(2 * np.pi * time)[:, None, None] * np.ones((1, 2, 3))
     find_movements(time, path)

@@ -85,6 +85,7 @@ def rate_paths(
     weights: IkWeights,
     step_s: float | None,
     gaps: Gaps | None = None,
+    near: FloatArray | None = None,
 ) -> FloatArray:
     """Return what paths cost: pose errors first, then time, way, collisions and home.
 
@@ -97,6 +98,8 @@ def rate_paths(
         Position (m) and orientation (rad).
     weights, step_s, gaps
         As in `besman.robot.inverse_kinematics.solve_path`.
+    near : array, shape (K, T), optional
+        What `nearness` says of them, where that is known.
 
     Returns
     -------
@@ -104,7 +107,7 @@ def rate_paths(
         Like metres of position error (root mean square and greatest).
     """
     steps = np.diff(positions, axis=1)
-    near = _nearness(distances(robot.chain, positions, _SAFE_DISTANCE_M).min(axis=-1))
+    near = nearness(robot, positions) if near is None else near
     costs: FloatArray = (
         np.sqrt(np.mean(_squared_errors(errors, weights), axis=1))
         + 0.2 * weights.position * errors[:, :, 0].max(axis=1)
@@ -113,7 +116,7 @@ def rate_paths(
         + np.mean(near, axis=1)
     )
     if gaps is not None:
-        costs += _BESIDE_M * np.mean(_nearness(gaps(positions)), axis=1)
+        costs += _BESIDE_M * np.mean(_shortfall(gaps(positions)), axis=1)
     if step_s is not None and steps.shape[1] > 1:
         rates = steps / step_s, np.diff(steps, axis=1) / step_s**2
         stretch = [time_stretch(robot.limits, *both) for both in zip(*rates, strict=True)]
@@ -121,7 +124,12 @@ def rate_paths(
     return costs
 
 
-def _nearness(distance: FloatArray) -> FloatArray:
+def nearness(robot: Robot, positions: FloatArray) -> FloatArray:
+    """Return by what share of a safe distance to itself and the floor an arm falls short of it."""
+    return _shortfall(distances(robot.chain, positions, _SAFE_DISTANCE_M).min(axis=-1))
+
+
+def _shortfall(distance: FloatArray) -> FloatArray:
     """Return by what share of a safe distance each falls short of it."""
     near: FloatArray = np.maximum(0.0, 1.0 - distance / _SAFE_DISTANCE_M)
     return near
@@ -220,8 +228,9 @@ def _choose_followed(
                 paths.append(path)
                 errors.append(error)
     states, missed = np.stack(paths, axis=1), np.stack(errors, axis=1)
-    chosen = _choose(robot, states, _squared_errors(missed, weights), 1, step_s, gaps)
-    rated = rate_paths(robot, np.array(paths), np.array(errors), weights, step_s, gaps)
+    near = nearness(robot, states)
+    chosen = _choose(robot, states, _squared_errors(missed, weights), 1, step_s, gaps, near)
+    rated = rate_paths(robot, np.array(paths), np.array(errors), weights, step_s, gaps, near.T)
     order = np.argsort(rated, kind="stable")[:_SEQUENCES]
     # Most of those that are followed are among the sequences already.
     further = [paths[at] for at in order if is_new(paths[at], list(chosen), SAME_BRANCH_RAD)]
@@ -235,8 +244,12 @@ def _choose(
     stride: float,
     step_s: float | None,
     gaps: Gaps | None,
+    near: FloatArray | None = None,
 ) -> FloatArray:
-    """Choose different sequences (K, T, n) from states (T, S, n) of these squared pose errors."""
+    """Choose different sequences (K, T, n) from states (T, S, n) of these squared pose errors.
+
+    `near` (T, S) is what `nearness` says of them, where that is known.
+    """
     low, high = joint_box(robot)
     costs = squares.copy()
     here = np.isfinite(costs)
@@ -245,11 +258,11 @@ def _choose(
     singular = np.maximum(0.0, 1.0 - manipulability(robot.chain, some) / usable)
     room = np.minimum(some - low, high - some).min(axis=1)
     tight = np.maximum(0.0, 1.0 - room / _WIDE_RAD)
-    near = _nearness(distances(robot.chain, some, _SAFE_DISTANCE_M).min(axis=1))
+    close = nearness(robot, some) if near is None else near[here]
     away = np.mean((some - robot.home) ** 2, axis=1)
-    costs[here] += _CLOSE_M**2 * (singular**2 + tight**2 + 0.1 * away) + 0.1 * near
+    costs[here] += _CLOSE_M**2 * (singular**2 + tight**2 + 0.1 * away) + 0.1 * close
     if gaps is not None:
-        costs[here] += _BESIDE_M**2 * _nearness(gaps(some))
+        costs[here] += _BESIDE_M**2 * _shortfall(gaps(some))
     # Without a time the arm is thought to need a second from one end of the path to the other.
     pace = (step_s or 1.0 / len(states)) * stride
     found = choose_sequences(

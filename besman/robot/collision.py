@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.exceptions import RobotError
+from besman.robot.body_balls import Bodies, group_pairs, place_balls
 from besman.robot.kinematics import as_rows, compiled, fill_frames
 from besman.robot.parts import Chain
 
@@ -87,6 +88,7 @@ def distances_between(
         first.capsule_radii[moving[0]],
         placed[1][:, moving[1]],
         second.capsule_radii[moving[1]],
+        np.inf,
     )
     return result.reshape(shape)
 
@@ -106,13 +108,26 @@ def place_all(
 
 @compiled
 def least_gaps(
-    first: FloatArray, first_radii: FloatArray, second: FloatArray, second_radii: FloatArray
+    first: FloatArray,
+    first_radii: FloatArray,
+    second: FloatArray,
+    second_radii: FloatArray,
+    beyond: float,
 ) -> FloatArray:
-    """Return the least distance between two sets of capsules at every moment, shape (B,)."""
-    result = np.full(len(first), np.inf)
+    """Return the least distance of two sets of placed capsules (B, C, 2, 3) in every pose (B,).
+
+    What is further apart than `beyond`, metres, is that: to look for less is quicker.
+    """
+    result = np.full(len(first), beyond)
+    one_ball, other_ball = np.empty((len(first_radii), 4)), np.empty((len(second_radii), 4))
     for index in range(len(first)):
+        _fill_balls(first[index], first_radii, one_ball)
+        _fill_balls(second[index], second_radii, other_ball)
         for one in range(len(first_radii)):
             for other in range(len(second_radii)):
+                reach = result[index] + one_ball[one, 3] + other_ball[other, 3]
+                if are_far(one_ball[one], other_ball[other], reach):
+                    continue
                 distance = segment_distance(
                     first[index, one, 0],
                     first[index, one, 1],
@@ -122,6 +137,18 @@ def least_gaps(
                 gap = distance - first_radii[one] - second_radii[other]
                 result[index] = min(result[index], gap)
     return result
+
+
+@compiled
+def _fill_balls(placed: FloatArray, radii: FloatArray, balls: FloatArray) -> None:
+    """Write middles and radii (C, 4) of the balls that enclose placed capsules, metres."""
+    for capsule in range(len(radii)):
+        square = 0.0
+        for row in range(3):
+            low, high = placed[capsule, 0, row], placed[capsule, 1, row]
+            balls[capsule, row] = 0.5 * (low + high)
+            square += (high - low) ** 2
+        balls[capsule, 3] = 0.5 * np.sqrt(square) + radii[capsule]
 
 
 @compiled
@@ -194,20 +221,6 @@ def segment_distance(p0: FloatArray, p1: FloatArray, q0: FloatArray, q1: FloatAr
 
 
 @compiled
-def fill_balls(
-    placed: FloatArray, radii: FloatArray, middles: FloatArray, reaches: FloatArray
-) -> None:
-    """Write middles (C, 3) and radii (C,) of the balls that enclose placed capsules, metres."""
-    for capsule in range(len(placed)):
-        square = 0.0
-        for row in range(3):
-            low, high = placed[capsule, 0, row], placed[capsule, 1, row]
-            middles[capsule, row] = 0.5 * (low + high)
-            square += (high - low) ** 2
-        reaches[capsule] = 0.5 * np.sqrt(square) + radii[capsule]
-
-
-@compiled
 def are_far(first: FloatArray, second: FloatArray, reach: float) -> bool:
     """Tell whether two points are further apart than this, metres."""
     if reach <= 0.0:
@@ -239,35 +252,41 @@ def nearest_parts(
     placed: FloatArray,
     radii: FloatArray,
     pairs: IntArray,
+    bodies: Bodies,
     guess: int,
     beyond: float,
     falling: int,
 ) -> tuple[float, float, int, int]:
     """Compute self-distance and floor distance, metres, and which pair and capsule have them.
 
-    Both are -1 where there is none. Pairs whose enclosing balls are further apart than the nearest
-    so far are passed over, those that are further apart than `beyond` (metres) at once: its
-    self-distance is then `beyond`. Only capsules of the joint `falling` and later ones are measured
-    against the floor. The pair `guess` comes first (-1: none), by choice that of the
-    pose before.
+    Both are -1 where there is none. What is further apart than the nearest so far is passed over:
+    first whole bodies, by balls around them, then pairs of capsules; what is further apart than
+    `beyond` (metres) at once: the self-distance is then `beyond`. Only capsules of the joint
+    `falling` and later ones are measured against the floor. The pair `guess` comes first (-1:
+    none), by choice that of the pose before. `bodies` are those of `group_pairs`.
     """
-    middles, reaches = np.empty((len(joints), 3)), np.empty(len(joints))
-    fill_balls(placed, radii, middles, reaches)
     nearest, pair, lowest, down = beyond, -1, np.inf, -1
-    for count in range(-1, len(pairs)):
-        index = count if count >= 0 else guess
-        if index < 0 or count == guess:
+    middles, reaches, runs = bodies.middles, bodies.reaches, bodies.runs
+    place_balls(placed, bodies)
+    own = len(joints)
+    for count in range(-1, len(runs)):
+        first, last = guess, guess + 1
+        if count >= 0:
+            one, other, first, last = runs[count, 0], runs[count, 1], runs[count, 2], runs[count, 3]
+            far = nearest + reaches[own + one] + reaches[own + other]
+            if are_far(middles[own + one], middles[own + other], far):
+                continue
+        elif guess < 0:
             continue
-        first, second = pairs[index, 0], pairs[index, 1]
-        far = nearest + reaches[first] + reaches[second]
-        if are_far(middles[first], middles[second], far):
-            continue
-        gap = segment_distance(
-            placed[first, 0], placed[first, 1], placed[second, 0], placed[second, 1]
-        )
-        gap -= radii[first] + radii[second]
-        if gap < nearest:
-            nearest, pair = gap, index
+        for index in range(first, last):
+            a, b = pairs[index, 0], pairs[index, 1]
+            far = nearest + reaches[a] + reaches[b]
+            if are_far(middles[a], middles[b], far) or (count >= 0 and index == guess):
+                continue
+            gap = segment_distance(placed[a, 0], placed[a, 1], placed[b, 0], placed[b, 1])
+            gap -= radii[a] + radii[b]
+            if gap < nearest:
+                nearest, pair = gap, index
     for capsule in range(len(joints)):
         if joints[capsule] >= falling:
             low = min(placed[capsule, 0, 2], placed[capsule, 1, 2])
@@ -326,12 +345,12 @@ def _distances(
     rotations, origins = np.empty((n, 3, 3)), np.empty((n, 3))
     placed = np.empty((len(joints), 2, 3))
     result, nearest = np.empty((len(rows), 2)), -1
-    falling = first_falling(placements, axes)
+    falling, bodies = first_falling(placements, axes), group_pairs(joints, ends, radii, pairs)
     for index in range(len(rows)):
         fill_frames(placements, axes, rows[index], rotations, origins)
         place_capsules(joints, ends, rotations, origins, placed)
         own, floor, nearest, _ = nearest_parts(
-            joints, placed, radii, pairs, nearest, beyond, falling
+            joints, placed, radii, pairs, bodies, nearest, beyond, falling
         )
         result[index, 0], result[index, 1] = own, floor
     return result

@@ -27,6 +27,7 @@ Kind = Literal["missing", "doubtful", "assumed"]
 _GYRATION_SHARE = 0.75
 _LEAST_SIZE_M = 0.15
 _LEAST_MANIPULABILITY = 1e-4
+_SLOWEST_RAD_S = 0.5
 _FASTEST_RAD_S = 10.0
 # Radians of two digits in a URDF, degrees in a data sheet.
 _ROUNDING = 0.02
@@ -77,7 +78,7 @@ def check_robot(name_or_path: str | Path) -> list[Doubt]:
         robot = load_robot(path)
     except BesmanError as error:
         return [*missing, *([] if missing else [Doubt("missing", str(error))]), *doubts]
-    found = missing + _fast_limits(robot) + _beyond_published(robot, config)
+    found = missing + _odd_speeds(robot) + _beyond_published(robot, config)
     found += _inertias(robot) + _capsules(robot)
     found += _shapes(robot, config, path) + _home(robot)
     return found + doubts
@@ -111,8 +112,12 @@ def _missing_meshes(config: RobotConfig, path: Path) -> list[Doubt]:
     return [Doubt(kind, text) for _, text in sorted(unusable.items())]
 
 
-def _fast_limits(robot: Robot) -> list[Doubt]:
-    """Find speeds beyond those of any arm."""
+def _odd_speeds(robot: Robot) -> list[Doubt]:
+    """Find speeds beyond those of any arm, and an arm whose joints are all slower than those."""
+    fastest = float(robot.limits.velocity.max())
+    if fastest < _SLOWEST_RAD_S:
+        said = f"no joint is faster than {np.degrees(fastest):.0f} degrees/s; slower than arms are"
+        return [Doubt("doubtful", said)]
     return [
         Doubt("doubtful", f"joint {name}: a speed of {np.degrees(speed):.0f} degrees/s")
         for name, speed in zip(robot.joint_names, robot.limits.velocity, strict=True)
@@ -152,7 +157,10 @@ def _inertias(robot: Robot) -> list[Doubt]:
         moments = np.linalg.eigvalsh(body.inertia)
         if moments[0] <= 0 or moments[2] > moments[0] + moments[1] + 1e-9:
             values = ", ".join(f"{moment:.3g}" for moment in moments)
-            doubts.append(Doubt("doubtful", f"{what}: no body has the moments {values} kg m^2"))
+            said = (
+                f"{what}: no body has the moments {values} kg m^2; the nearest possible are taken"
+            )
+            doubts.append(Doubt("doubtful", said))
         size, gyration = _size(robot, index), float(np.sqrt(max(moments[2], 0.0) / body.mass))
         if gyration > _GYRATION_SHARE * size:
             doubts.append(

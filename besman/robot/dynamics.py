@@ -13,6 +13,8 @@ from besman.robot.parts import GRAVITY
 
 FloatArray = npt.NDArray[np.float64]
 
+_ROUNDING, _LEAST_GYRATION_M = 1e-9, 1e-3
+
 
 @dataclass(frozen=True, eq=False)
 class BodyInertias:
@@ -34,13 +36,53 @@ class BodyInertias:
 
 
 def body_inertias(robot: Robot) -> BodyInertias:
-    """Take the inertias out of a robot's Pinocchio model."""
+    """Take the inertias out of a robot's Pinocchio model, as bodies can have them."""
     inertias = list(robot.model.inertias)[1:]
+    masses = np.array([inertia.mass for inertia in inertias])
     return BodyInertias(
-        masses=np.array([inertia.mass for inertia in inertias]),
+        masses=masses,
         centres=np.array([inertia.lever for inertia in inertias]),
-        tensors=np.array([inertia.inertia for inertia in inertias]),
+        tensors=possible_tensors(masses, np.array([inertia.inertia for inertia in inertias])),
     )
+
+
+def possible_tensors(masses: FloatArray, tensors: FloatArray) -> FloatArray:
+    """Return inertia tensors that bodies can have, each the one that is nearest.
+
+    No principal moment is greater than the sum of the others, and none is below that of a mass 1 mm
+    from its centre. Descriptions break this where numbers were rounded, left out or made up, and
+    simulators refuse them.
+
+    Parameters
+    ----------
+    masses : array, shape (n,)
+        kg; those of what has none are left alone.
+    tensors : array, shape (n, 3, 3)
+        About the centre of mass, kg m^2.
+
+    Returns
+    -------
+    array, shape (n, 3, 3)
+        The same array where there is nothing to change.
+    """
+    moments = np.linalg.eigvalsh(tensors)
+    lack = moments[:, 2] * (1.0 + _ROUNDING) - moments[:, 0] - moments[:, 1]
+    wrong = (masses > 0) & ((moments[:, 0] <= 0) | (lack > 0))
+    if not wrong.any():
+        return tensors
+    mended = tensors.copy()
+    for index in np.flatnonzero(wrong):
+        moment, axes = np.linalg.eigh(tensors[index])
+        lack = max(moment[2] - moment[0] - moment[1], 0.0)
+        # The nearest in the sum of squares.
+        moment = moment + lack / 3.0 * np.array([1.0, 1.0, -1.0])
+        if moment[0] < 0:
+            moment = np.array([0.0, *[moment[1:].mean()] * 2])
+        moment = np.maximum(moment, masses[index] * _LEAST_GYRATION_M**2)
+        # A little beyond, so that rounding breaks nothing.
+        moment[:2] *= 1.0 + 2.0 * _ROUNDING
+        mended[index] = (axes * moment) @ axes.T
+    return mended
 
 
 def true_inertias(robot: Robot) -> BodyInertias:

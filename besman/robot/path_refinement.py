@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.robot.band_system import solve_band
+from besman.robot.body_balls import Bodies, group_pairs
 from besman.robot.collision import (
     add_motion,
     first_falling,
@@ -43,6 +44,7 @@ def refine_path(
     free_spin: bool,
     paces: tuple[FloatArray, FloatArray],
     *,
+    pace_of: FloatArray | None = None,
     rounds: int = 60,
     tolerance: float = 1e-3,
 ) -> tuple[FloatArray, FloatArray]:
@@ -69,6 +71,8 @@ def refine_path(
         The rotation about the tool's z axis does not matter.
     paces : (speed, pull), arrays of shape (n,)
         First and second differences between poses at the limits of speed and acceleration, rad.
+    pace_of : array, shape (T, n), optional
+        The path whose speed tells what is a jump; the one to start with if it is left out.
     rounds, tolerance : int, float
         Greatest number of steps, and the relative improvement below which the search ends.
 
@@ -80,8 +84,9 @@ def refine_path(
         Position (m) and orientation (rad).
     """
     answer = np.clip(positions, *box)
+    usual = answer if pace_of is None else np.clip(pace_of, *box)
     rush = np.array(
-        [_greatest_needed(np.diff(answer, k, axis=0), pace) for k, pace in enumerate(paces, 1)]
+        [_greatest_needed(np.diff(usual, k, axis=0), pace) for k, pace in enumerate(paces, 1)]
     )
     scales = np.stack([1.0 / paces[0], 1.0 / paces[1]])
     errors = _refine(
@@ -136,14 +141,21 @@ def _evaluate(
     ends: FloatArray,
     radii: FloatArray,
     pairs: IntArray,
+    bodies: Bodies,
     weights: FloatArray,
     home: FloatArray,
     free_spin: bool,
     targets: FloatArray,
     angles: FloatArray,
     errors: FloatArray,
+    shorts: FloatArray,
+    parts: IntArray,
 ) -> float:
-    """Write the pose errors (T, 6); return their cost with that of distances and home."""
+    """Write the pose errors (T, 6); return their cost with that of distances and home.
+
+    By which share the distances to itself and the floor fall short of the safe one is written to
+    `shorts` (T,), which pair or capsule does to `parts` (T, 2), as `fill_slope` takes them.
+    """
     n_poses, n = angles.shape
     rotations, origins, pose = np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((4, 4))
     placed, pair = np.empty((len(joints), 2, 3)), -1
@@ -154,11 +166,13 @@ def _evaluate(
         fill_tip(tip, rotations, origins, pose)
         pose_error(pose, targets[index], free_spin, errors[index])
         place_capsules(joints, ends, rotations, origins, placed)
-        own, floor, pair, _ = nearest_parts(
-            joints, placed, radii, pairs, pair, _SAFE_DISTANCE_M, falling
+        own, floor, pair, down = nearest_parts(
+            joints, placed, radii, pairs, bodies, pair, _SAFE_DISTANCE_M, falling
         )
-        # By which share the distances to itself and the floor fall short of the safe one.
         short = max(0.0, 1.0 - min(own, floor) / _SAFE_DISTANCE_M)
+        shorts[index] = short
+        parts[index, 0] = pair if short > 0.0 and own <= floor else -1
+        parts[index, 1] = down if short > 0.0 and own > floor else -1
         total += _pose_cost(errors[index], weights) + (_TOUCH_M * short) ** 2
         for j in range(n):
             total += (weights[2] * (angles[index, j] - home[j])) ** 2
@@ -169,29 +183,25 @@ def _evaluate(
 def fill_slope(
     axes: FloatArray,
     joints: IntArray,
-    radii: FloatArray,
     pairs: IntArray,
     rotations: FloatArray,
     origins: FloatArray,
     placed: FloatArray,
-    falling: int,
+    part: IntArray,
     slope: FloatArray,
-) -> float:
-    """Return the shortfall of placed capsules, and write its slope (n,) per rad.
+) -> None:
+    """Write the slope (n,), per rad, of what placed capsules lack to the safe distance.
 
-    `falling` is what `besman.robot.collision.first_falling` returns.
+    `part` has the pair that is nearest and falls short of it, or -1, and the capsule that is near
+    the floor, or -1.
     """
-    own, floor, pair, down = nearest_parts(
-        joints, placed, radii, pairs, -1, _SAFE_DISTANCE_M, falling
-    )
     for j in range(len(slope)):
         slope[j] = 0.0
-    nearest = min(own, floor)
-    if not nearest < _SAFE_DISTANCE_M:
-        return 0.0
+    if part[0] < 0 and part[1] < 0:
+        return
     along, one, other = np.zeros(3), np.empty(3), np.empty(3)
-    if own <= floor:
-        first, second = pairs[pair, 0], pairs[pair, 1]
+    if part[0] >= 0:
+        first, second = pairs[part[0], 0], pairs[part[0], 1]
         p, q = placed[first], placed[second]
         s, t = segment_shares(p[0], p[1], q[0], q[1])
         square = 0.0
@@ -208,10 +218,10 @@ def fill_slope(
             along[row] = -along[row]
         add_motion(axes, rotations, origins, joints[second], other, along, slope)
     else:
+        down = part[1]
         lower = 0 if placed[down, 0, 2] <= placed[down, 1, 2] else 1
         along[2] = -1.0 / _SAFE_DISTANCE_M
         add_motion(axes, rotations, origins, joints[down], placed[down, lower], along, slope)
-    return 1.0 - nearest / _SAFE_DISTANCE_M
 
 
 @compiled
@@ -221,13 +231,14 @@ def _add_poses(
     tip: FloatArray,
     joints: IntArray,
     ends: FloatArray,
-    radii: FloatArray,
     pairs: IntArray,
     weights: FloatArray,
     home: FloatArray,
     free_spin: bool,
     angles: FloatArray,
     errors: FloatArray,
+    shorts: FloatArray,
+    parts: IntArray,
     band: FloatArray,
     downhill: FloatArray,
 ) -> None:
@@ -235,7 +246,7 @@ def _add_poses(
     n_poses, n = angles.shape
     rotations, origins, pose = np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((4, 4))
     jacobian, slope = np.empty((6, n)), np.empty(n)
-    placed, falling = np.empty((len(joints), 2, 3)), first_falling(placements, axes)
+    placed = np.empty((len(joints), 2, 3))
     for index in range(n_poses):
         fill_frames(placements, axes, angles[index], rotations, origins)
         fill_tip(tip, rotations, origins, pose)
@@ -243,7 +254,7 @@ def _add_poses(
         if free_spin:
             remove_spin(jacobian, pose)
         place_capsules(joints, ends, rotations, origins, placed)
-        short = fill_slope(axes, joints, radii, pairs, rotations, origins, placed, falling, slope)
+        fill_slope(axes, joints, pairs, rotations, origins, placed, parts[index], slope)
         place, turn = weights[0] ** 2, weights[1] ** 2
         off = _norm(errors[index], 3)
         if off > LINEAR_RAD:
@@ -253,7 +264,7 @@ def _add_poses(
             total = weights[2] ** 2 * (home[j] - angles[index, j])
             for row in range(6):
                 total += (place if row < 3 else turn) * jacobian[row, j] * errors[index, row]
-            downhill[here] += total - _TOUCH_M**2 * short * slope[j]
+            downhill[here] += total - _TOUCH_M**2 * shorts[index] * slope[j]
             for k in range(j + 1):
                 total = weights[2] ** 2 if j == k else 0.0
                 for row in range(6):
@@ -319,11 +330,13 @@ def _refine(
     n_poses, n = angles.shape
     band, downhill = np.empty((n_poses * n, 2 * n + 1)), np.empty(n_poses * n)
     trial, trial_errors, errors = angles.copy(), np.empty((n_poses, 6)), np.empty((n_poses, 6))
-    cost, damping = np.inf, 1e-3
+    trial_shorts, shorts = np.empty(n_poses), np.empty(n_poses)
+    trial_parts, parts = np.empty((n_poses, 2), np.int64), np.empty((n_poses, 2), np.int64)
+    cost, damping, bodies = np.inf, 1e-3, group_pairs(joints, ends, radii, pairs)
     for _ in range(rounds + 1):
         new_cost = time_cost(trial, scales, rush) + _evaluate(
-            placements, axes, tip, joints, ends, radii, pairs, weights, home, free_spin,
-            targets, trial, trial_errors,
+            placements, axes, tip, joints, ends, radii, pairs, bodies, weights, home, free_spin,
+            targets, trial, trial_errors, trial_shorts, trial_parts,
         )  # fmt: skip
         if new_cost < cost:
             gain = cost - new_cost
@@ -331,6 +344,8 @@ def _refine(
             damping = max(damping * 0.2, 1e-9)
             _copy(trial, angles)
             _copy(trial_errors, errors)
+            shorts[:] = trial_shorts
+            parts[:] = trial_parts
             if gain <= tolerance * cost:
                 break
             for here in range(n_poses * n):
@@ -338,8 +353,8 @@ def _refine(
                 for k in range(2 * n + 1):
                     band[here, k] = 0.0
             _add_poses(
-                placements, axes, tip, joints, ends, radii, pairs, weights, home, free_spin,
-                angles, errors, band, downhill,
+                placements, axes, tip, joints, ends, pairs, weights, home, free_spin,
+                angles, errors, shorts, parts, band, downhill,
             )  # fmt: skip
             add_time(angles, scales, rush, band, downhill)
         else:

@@ -282,7 +282,7 @@ def build_chain(
 
 
 def _pairs(links: list[str], joints: list[int], config: RobotConfig) -> list[tuple[int, int]]:
-    """List the pairs of capsules that can collide and must not."""
+    """List the pairs of capsules that can collide and must not, those of two bodies in a row."""
     ignored = {frozenset(pair) for pair in config.ignored_pairs}
     parts = [capsule_part(links, index) for index in range(len(links))]
     last = max(joints, default=-1)
@@ -297,4 +297,4 @@ def _pairs(links: list[str], joints: list[int], config: RobotConfig) -> list[tup
             left_out = names in ignored or their_parts in ignored
             if far - near > 1 and not left_out and not wrist:
                 pairs.append((first, second))
-    return pairs
+    return sorted(pairs, key=lambda pair: (joints[pair[0]], joints[pair[1]]))

@@ -12,6 +12,7 @@ from besman.robot.description_faults import check_robot
 from besman.robot.dynamics import inverse_dynamics
 from besman.robot.kinematics import forward_kinematics, manipulability
 from besman.robot.model import find_robot, find_urdf, load_robot
+from besman.robot.mujoco_model import arm_spec
 from besman.robot.new_robot import add_robot
 
 BODY = """<inertial><origin xyz="0 0 0.1" rpy="0 0 0"/><mass value="MASS"/>
@@ -169,6 +170,23 @@ def test_a_hinge_without_end(tmp_path):
 def test_what_is_doubtful(tmp_path, changes, kind, message):
     doubts = check_robot(add_robot(write_urdf(tmp_path, **changes), "hand"))
     assert any(doubt.kind == kind and message in doubt.text for doubt in doubts), doubts
+
+
+def test_an_arm_whose_joints_are_all_slow_is_doubted(tmp_path):
+    path = add_robot(write_urdf(tmp_path), "hand")
+    content = yaml.safe_load(path.read_text())
+    for joint in content["joints"]:
+        joint["velocity_deg_s"] = 17
+    path.write_text(yaml.safe_dump(content))
+    assert any("no joint is faster than 17 deg" in doubt.text for doubt in check_robot(path))
+
+
+def test_an_inertia_that_no_body_has_is_said_and_can_be_simulated(tmp_path):
+    path = add_robot(write_urdf(tmp_path, IXX="0.5"), "hand")
+    assumed = yaml.safe_load(path.read_text())["assumed"]
+    assert any("inertia of what joint a moves: no body has the file's" in one for one in assumed)
+    spec, _ = arm_spec(load_robot(path), 0.001)
+    assert spec.compile().njnt == 2
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from besman.robot.collision import distances, first_falling, place_capsules
+from besman.robot.body_balls import group_pairs
+from besman.robot.collision import distances, first_falling, nearest_parts, place_capsules
 from besman.robot.kinematics import fill_frames
 from besman.robot.model import load_robot
 from besman.robot.path_refinement import fill_slope
@@ -16,9 +17,17 @@ def shortfall_and_slope(robot, angles):
     fill_frames(chain.placements, chain.axes, angles, rotations, origins)
     place_capsules(chain.capsule_joints, chain.capsule_ends, rotations, origins, placed)
     slope = np.full(n, np.nan)
-    short = fill_slope(
-        chain.axes, chain.capsule_joints, chain.capsule_radii, chain.capsule_pairs,
-        rotations, origins, placed, first_falling(chain.placements, chain.axes), slope,
+    capsules = chain.capsule_joints, chain.capsule_radii, chain.capsule_pairs
+    bodies = group_pairs(capsules[0], chain.capsule_ends, *capsules[1:])
+    falling = first_falling(chain.placements, chain.axes)
+    own, floor, pair, down = nearest_parts(
+        capsules[0], placed, *capsules[1:], bodies, -1, SAFE_M, falling
+    )
+    short = max(0.0, 1.0 - min(own, floor) / SAFE_M)
+    part = np.array([pair, -1] if own <= floor else [-1, down]) if short > 0 else np.array([-1, -1])
+    fill_slope(
+        chain.axes, chain.capsule_joints, chain.capsule_pairs, rotations, origins, placed, part,
+        slope,
     )  # fmt: skip
     return short, slope
 

@@ -88,16 +88,36 @@ def mobile_base_joints(tree: ElementTree.Element) -> set[str]:
         return set()
     joints = tree.findall("joint")
     children = {joint_ends(joint)[1] for joint in joints}
-    waiting = [name for name in link_names(tree) if name not in children]
-    drives: list[ElementTree.Element] = []
-    for link in waiting:
-        if link not in shaped:
-            below = [joint for joint in joints if joint_ends(joint)[0] == link]
-            drives += below
-            waiting += [joint_ends(joint)[1] for joint in below]
-    moving = [joint for joint in drives if joint.get("type") in (*SLIDES, *HINGES)]
-    # A base has three degrees of freedom on a plane, six in space; what moves behind is the arm's.
-    for most, least in ((2 * _DEGREES_ON_A_PLANE, _DEGREES_ON_A_PLANE), (_DEGREES_ON_A_PLANE, 1)):
-        if sum(joint.get("type") in SLIDES for joint in moving[:most]) >= least:
-            return {str(joint.get("name")) for joint in moving[:most]}
-    return set()
+    drives = set[str]()
+    for root in link_names(tree):
+        if root not in children:
+            drives |= _driving(_bare_rows(joints, root, shaped))
+    return drives
+
+
+def _bare_rows(
+    joints: list[ElementTree.Element], root: str, shaped: set[str]
+) -> list[list[ElementTree.Element]]:
+    """Return the rows of joints that lead from a root to the first links that have a shape."""
+    rows, waiting = [], [(root, list[ElementTree.Element]())]
+    for link, row in waiting:
+        below = [] if link in shaped else [one for one in joints if joint_ends(one)[0] == link]
+        waiting += [(joint_ends(one)[1], [*row, one]) for one in below]
+        if not below:
+            rows.append(row)
+    return rows
+
+
+def _driving(rows: list[list[ElementTree.Element]]) -> set[str]:
+    """Return the names of the joints of rows by which a base drives."""
+    drives = set[str]()
+    for row in rows:
+        moving = [joint for joint in row if joint.get("type") in (*SLIDES, *HINGES)]
+        # A base has three degrees of freedom on a plane, six in space; what moves behind is the
+        # arm's.
+        most = _DEGREES_ON_A_PLANE
+        for number, least in ((2 * most, most), (most, 1)):
+            if sum(joint.get("type") in SLIDES for joint in moving[:number]) >= least:
+                drives |= {str(joint.get("name")) for joint in moving[:number]}
+                break
+    return drives

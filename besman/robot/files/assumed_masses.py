@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio
 
 from besman.robot.config import RobotConfig
+from besman.robot.dynamics import possible_tensors
 from besman.robot.files.fitted_shapes import moved_link
 from besman.robot.files.joint_limits import borne_share
 
@@ -18,6 +19,8 @@ _DENSITY_KG_M3 = 900.0
 _LEAST_MASS_KG = 1e-3
 _ROUNDS = 8
 _LEAST_SHARE = 0.05
+# What differs by less is rounded.
+_SAME_SHARE = 1e-4
 
 
 def assume_masses(model: Any, config: RobotConfig) -> tuple[dict[str, dict[str, Any]], list[str]]:
@@ -37,7 +40,8 @@ def assume_masses(model: Any, config: RobotConfig) -> tuple[dict[str, dict[str, 
     notes : list of str
         What was assumed, in words.
     """
-    inertia, notes = {}, []
+    inertia: dict[str, dict[str, Any]] = {}
+    notes = _impossible(model, config)
     for joint in range(model.nv):
         link = moved_link(model, joint)
         if model.inertias[joint + 1].mass >= _LEAST_MASS_KG or link is None:
@@ -64,6 +68,22 @@ def assume_masses(model: Any, config: RobotConfig) -> tuple[dict[str, dict[str, 
             "volume of its capsules, none is given"
         )
     return inertia, notes
+
+
+def _impossible(model: Any, config: RobotConfig) -> list[str]:
+    """Say of which joints the file's inertias are those of no body."""
+    bodies = list(model.inertias)[1:]
+    tensors = np.array([body.inertia for body in bodies])
+    possible = possible_tensors(np.array([body.mass for body in bodies]), tensors)
+    off = np.abs(possible - tensors).max(axis=(1, 2)) > _SAME_SHARE * np.abs(tensors).max(
+        axis=(1, 2)
+    )
+    return [
+        f"inertia of what joint {joint.name} moves: no body has the file's, the nearest that one "
+        "can have is taken"
+        for joint, one in zip(config.joints, off, strict=True)
+        if one
+    ]
 
 
 def _parent(model: Any, link: str) -> int:

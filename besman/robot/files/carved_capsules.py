@@ -34,6 +34,7 @@ Surface = tuple[str, int, FloatArray, IntArray]
 Progress = Callable[[float], None]
 
 # Meshes so far apart should be called clear.
+_CLEAR_M = 1e-6
 _APART_M = 0.01
 # Where they are nearer, but do not touch, an overlap counts less.
 _NEAR_SHARE = 0.3
@@ -42,8 +43,9 @@ _NEAR_SHARE = 0.3
 _FINE, _FINE_PAIR = 0.03, 0.004
 _MOST_SPLITS = 24
 _MOST_PIECES, _MOST_PIECES_OF_MUCH, _MUCH = 6, 12, 0.1
-# A split must save this share of what the pair costs.
-_WORTH = 0.08
+# A split must save this share of what the pair costs; of a pair that costs much less: where two
+# links enclose each other one split shows little before the next ones do.
+_WORTH, _WORTH_OF_MUCH = 0.08, 0.02
 _CUTS = (0.3, 0.5, 0.7)
 # An overlap costs this much, and its depth up to the greatest.
 _TOUCH_M, _DEEPEST_M = 0.005, 0.05
@@ -237,16 +239,19 @@ def _place(robot: Robot, joint: int, capsules: list[Capsule], poses: FloatArray)
 
 
 def _gaps(links: dict[str, _Pieces], first: str, second: str) -> FloatArray:
-    """Return the least distance of two links' capsules in all poses, shape (B,)."""
+    """Return the least distance of two links' capsules in all poses, `_least`'s, shape (B,)."""
     one, other = links[first], links[second]
     return _least(one.placed, one.radii, other)
 
 
 def _least(placed: FloatArray, radii: FloatArray, other: _Pieces) -> FloatArray:
-    """Return the least distance of some capsules to another link in all poses, shape (B,)."""
+    """Return the least distance of some capsules to another link in all poses, shape (B,).
+
+    How far apart what does not overlap is does not matter: that is `_CLEAR_M`.
+    """
     sides = (np.ascontiguousarray(np.swapaxes(side, 0, 1)) for side in (placed, other.placed))
     first, second = sides
-    gaps: FloatArray = least_gaps(first, radii, second, other.radii)
+    gaps: FloatArray = least_gaps(first, radii, second, other.radii, _CLEAR_M)
     return gaps
 
 
@@ -281,8 +286,9 @@ def _split_best(
     links: dict[str, _Pieces], pair: _Pair, pairs: Sequence[_Pair], robot: Robot, poses: FloatArray
 ) -> str | None:
     """Split one capsule of a pair where that helps most; return its link, None if nothing does."""
-    most, best = _WORTH * _cost(pair.gaps, pair.counts), None
-    pieces = _MOST_PIECES_OF_MUCH if pair.lost > _MUCH else _MOST_PIECES
+    much = pair.lost > _MUCH
+    most = (_WORTH_OF_MUCH if much else _WORTH) * _cost(pair.gaps, pair.counts)
+    pieces, best = _MOST_PIECES_OF_MUCH if much else _MOST_PIECES, None
     for name in pair.names:
         own = links[name]
         if len(own.capsules) >= pieces:

@@ -21,6 +21,8 @@ FloatArray = npt.NDArray[np.float64]
 
 _ROOT = re.compile(rb"<\s*(?:robot|mujoco)(?=[\s>/])")
 # Sites that stand for a flange.
+# Things have fewer: what floats and has as many is a robot.
+_FEWEST_HINGES = 3
 _FLANGE_SITE = re.compile(r"attachment|flange|tool0|(^|_)ee(_|$)|end_effector|grip_site", re.I)
 
 
@@ -77,8 +79,13 @@ def read_mjcf(path: Path, allowed: Collection[Path] = ()) -> CompiledArm:
         model, notes = compile_bare(path)
     except ValueError as error:
         raise RobotError(f"{path}: cannot be used as MJCF: {in_one_line(error)}") from None
-    name = ElementTree.fromstring(path.read_bytes()).get("model", path.stem)  # noqa: S314
-    arm = _Writer(model, name).write()
+    root = ElementTree.fromstring(path.read_bytes())  # noqa: S314
+    if model.nbody == 1 and root.find("body") is not None:
+        raise RobotError(
+            f"{path}: its bodies stand outside <worldbody>, where MuJoCo passes over them: a part "
+            "of another file; expected the one that includes it"
+        )
+    arm = _Writer(model, root.get("model", path.stem)).write()
     arm.notes += notes
     arm.parts += [one.stem for one in parts]
     return arm
@@ -98,10 +105,15 @@ class _Writer:
         left_out = set[int]()
         arms = [b for b in range(1, self.model.nbody) if self.model.body_parentid[b] == 0]
         fixed = [b for b in arms if not self._is_free(b)]
+        stands = any(self._hinges(b) >= _FEWEST_HINGES for b in fixed)
         for body in range(1, self.model.nbody):
             parent = int(self.model.body_parentid[body])
-            is_loose = parent == 0 and bool(fixed) and self._is_free(body)
-            if is_loose or parent in left_out:
+            # What floats is no thing but a robot where nothing else has as many hinges.
+            is_thing = stands or self._hinges(body) < _FEWEST_HINGES
+            is_loose = bool(fixed) and self._is_free(body) and is_thing
+            # A puck on rails: to be pushed by the robot that stands there.
+            slides = int(self.model.body_jntnum[body]) > 0 and self._hinges(body) == 0
+            if (parent == 0 and (is_loose or (stands and slides))) or parent in left_out:
                 left_out.add(body)
                 continue
             self._body(body, self._body_name(parent))
@@ -116,6 +128,11 @@ class _Writer:
         """Tell whether a body floats."""
         first, count = int(self.model.body_jntadr[body]), int(self.model.body_jntnum[body])
         return any(int(self.model.jnt_type[first + one]) == 0 for one in range(count))
+
+    def _hinges(self, root: int) -> int:
+        """Count the hinges of a body that hangs on the world, and of all that hangs on it."""
+        own = self.model.body_rootid[self.model.jnt_bodyid] == root
+        return int(np.sum(own & (np.array(self.model.jnt_type) == 3)))
 
     def _name(self, kind: str, index: int) -> str:
         """Return the name of a body, joint or site, or one that it gets."""

@@ -259,10 +259,9 @@ def why_not(trajectory: JointTrajectory, report: LimitReport, settings: MappingS
     if report.position:
         return f"a joint exceeds its position limit by {report.position_excess:.3f} rad"
     if report.torque:
-        return (
-            "the weight of arm and tool alone asks for more torque than a joint has "
-            f"({report.torque_ratio:.2f} of its limit)"
-        )
+        ratio = report.torque_ratio
+        share = f"{ratio:.2f} of its limit" if ratio >= 1.005 else "just beyond its limit"
+        return f"the weight of arm and tool alone asks for more torque than a joint has ({share})"
     if report.violations:
         return f"limits of speed or acceleration are exceeded in {report.violations} samples"
     return ""

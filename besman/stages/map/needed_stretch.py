@@ -26,6 +26,8 @@ COARSE_HZ = 1000.0
 
 # Nearer to the limit than this share the arm's own weight leaves no torque to move.
 _GREATEST_STATIC_SHARE = 0.999
+# What exceeds a limit by more will not be mended by a small change of the path.
+_HOPELESS_SHARE = 1.02
 
 
 @dataclass(frozen=True)
@@ -97,7 +99,7 @@ def torque_stretch(
     -------
     float
         Smallest stretch, 0 if nothing moves. Samples at which gravity alone reaches a limit do not
-        count.
+        count; 0 where no stretch beyond 1 helps, as a limit is exceeded both in motion and at rest.
 
     References
     ----------
@@ -107,7 +109,10 @@ def torque_stretch(
     limit = robot.limits.torque
     still = np.zeros_like(positions)
     gravity = inverse_dynamics(robot, positions, still, still)
-    moving = inverse_dynamics(robot, positions, velocities, accelerations) - gravity
+    torques = inverse_dynamics(robot, positions, velocities, accelerations)
+    if np.any(np.minimum(torques * np.sign(gravity), np.abs(gravity)) > _HOPELESS_SHARE * limit):
+        return 0.0
+    moving = torques - gravity
     room = limit - np.sign(moving) * gravity
     carried = np.abs(gravity) < _GREATEST_STATIC_SHARE * limit
     squares = np.abs(moving[carried]) / room[carried]

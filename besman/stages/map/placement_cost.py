@@ -13,7 +13,14 @@ from besman.robot.kinematics import forward_kinematics
 from besman.robot.model import Robot
 from besman.simulation.tasks.rearrange.shown_scene import ShownScene
 from besman.stages.map.surroundings import AROUND_WEIGHT, Around, thin_among
-from besman.stages.map.terms import HEIGHT_SCALE_M, SCALE_SCALE, TermWeights, compiled_terms
+from besman.stages.map.terms import (
+    HEIGHT_SCALE_M,
+    SCALE_SCALE,
+    TermWeights,
+    cheapest_terms,
+    heaviness,
+    is_weak,
+)
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -95,6 +102,7 @@ class ArmCost:
     starts: FloatArray
     back_height: float | None
     around: Around | None = None
+    weak: bool = False
 
     @property
     def weight_array(self) -> FloatArray:
@@ -155,14 +163,18 @@ class ArmCost:
                 for part in (positions, errors)
             )
             targets = np.take_along_axis(targets, own[:, :, None, None], axis=1)
-        terms = compiled_terms(self.robot, positions, errors, targets, self.steps_s)
+        slow = heaviness(self.robot, positions) if self.weak else np.zeros(positions.shape[:2])
+        besides = 0.0 if beside is None else AROUND_WEIGHT * beside
+        terms, branches = cheapest_terms(
+            self.robot, positions, errors, targets, self.steps_s, self.weights.as_array()[:6],
+            self.weights.speed * slow + besides,
+        )  # fmt: skip
+        terms[:, 4] += slow[np.arange(len(terms)), branches]
         height = placement[2, 3] if self.back_height is None else self.back_height
-        off = np.full((*terms.shape[:-1], 1), abs(placement[2, 3] - height) / HEIGHT_SCALE_M)
+        off = np.full((len(terms), 1), abs(placement[2, 3] - height) / HEIGHT_SCALE_M)
         shrunk = np.full_like(off, abs(np.log(parameters[4])) / SCALE_SCALE)
-        more = () if beside is None else (beside[:, :, None],)
-        terms = np.concatenate([terms, off, shrunk, *more], axis=-1)
-        branches = np.argmin(terms @ self.weight_array, axis=1)
-        return terms[np.arange(len(branches)), branches], branches
+        more = () if beside is None else (beside[np.arange(len(terms)), branches][:, None],)
+        return np.concatenate([terms, off, shrunk, *more], axis=1), branches
 
     def __call__(self, parameters: FloatArray) -> float:
         """Return the mean cost over the demonstrations."""
@@ -219,8 +231,9 @@ class ArmPaths:
             paths, steps_s = thin_out(self.paths)
         starts = find_starts(self.robot, paths, ik, free_spin, seed)
         return ArmCost(
-            self.robot, paths, steps_s, centre, weights, ik, free_spin, starts, back_height, around
-        )
+            self.robot, paths, steps_s, centre, weights, ik, free_spin, starts, back_height, around,
+            is_weak(self.robot),
+        )  # fmt: skip
 
 
 def find_starts(

@@ -8,11 +8,13 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.robot.collision import distances
+from besman.robot.dynamics import inverse_dynamics
 from besman.robot.kinematics import forward_kinematics, manipulability
 from besman.robot.model import Robot
 from besman.stages.map.terms_kernel import fill_terms
 
 FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
 
 # What makes a term 1.
 POSITION_SCALE_M = 0.01
@@ -21,6 +23,8 @@ SAFE_DISTANCE_M = 0.03
 HEIGHT_SCALE_M = 0.1
 SCALE_SCALE = 0.1  # natural logarithm of the factor
 SINGULAR_SHARE = 0.3  # of the manipulability at home
+EASY_SHARE = 0.9  # of a torque limit, to stand still
+_WEAK_POSES, _MOST_HEAVY = 200, 2.0
 
 
 @dataclass(frozen=True)
@@ -38,7 +42,8 @@ class TermWeights:
     collision : float
         Mean shortfall of the distance to itself, pedestal and floor below 3 cm.
     speed : float
-        By how much the movement must be stretched to keep velocity and acceleration limits.
+        By how much the movement must be stretched to keep velocity and acceleration limits, and
+        by how much more where the arm can hardly hold itself.
     workspace : float
         Share of the demonstrated path length that the arm does not use.
     height : float
@@ -112,14 +117,16 @@ def path_terms(
     )
 
 
-def compiled_terms(
+def cheapest_terms(
     robot: Robot,
     positions: FloatArray,
     errors: FloatArray,
     targets: FloatArray,
     steps_s: FloatArray,
-) -> FloatArray:
-    """Compute the same for D demonstrations in K branches each, by a kernel.
+    weights: FloatArray,
+    more: FloatArray | None = None,
+) -> tuple[FloatArray, IntArray]:
+    """Compute the same for the cheapest of K branches of D demonstrations, by a kernel.
 
     Parameters
     ----------
@@ -132,21 +139,66 @@ def compiled_terms(
         Poses asked for, metres.
     steps_s : array, shape (D,)
         Seconds between poses.
+    weights : array, shape (6,)
+        Of the terms.
+    more : array, shape (D, K), optional
+        What each branch costs besides.
 
     Returns
     -------
-    array, shape (D, K, 6)
+    terms : array, shape (D, 6)
+    branches : int array, shape (D,)
     """
     chain, limits = robot.chain, robot.limits
     usable = SINGULAR_SHARE * max(float(manipulability(chain, robot.home)), 1e-6)
-    terms = np.empty((*positions.shape[:2], 6))
+    n_paths, n_branches = positions.shape[:2]
+    terms, chosen = np.empty((n_paths, 6)), np.empty(n_paths, dtype=np.int64)
     fill_terms(
         chain.placements, chain.axes, chain.tip, chain.capsule_joints, chain.capsule_ends,
         chain.capsule_radii, chain.capsule_pairs, limits.velocity, limits.acceleration, usable,
         SAFE_DISTANCE_M, np.array([POSITION_SCALE_M, ORIENTATION_SCALE_RAD]), positions, errors,
-        np.array(targets, order="C"), np.array(steps_s), terms,
+        np.array(targets, order="C"), np.array(steps_s), np.array(weights),
+        np.zeros((n_paths, n_branches)) if more is None else np.array(more), terms, chosen,
     )  # fmt: skip
-    return terms
+    return terms, chosen
+
+
+def static_loads(robot: Robot, positions: FloatArray) -> FloatArray:
+    """Return the shares of the torque limits that standing still takes, shape (..., n)."""
+    still = np.zeros_like(positions)
+    loads: FloatArray = np.abs(inverse_dynamics(robot, positions, still, still))
+    return loads / robot.limits.torque
+
+
+def is_weak(robot: Robot) -> bool:
+    """Tell whether there are poses that an arm can hardly hold."""
+    limits = robot.limits
+    share = np.random.default_rng(0).random((_WEAK_POSES, robot.n))
+    poses = limits.position_min + share * (limits.position_max - limits.position_min)
+    return bool(static_loads(robot, poses).max() > EASY_SHARE)
+
+
+def heaviness(robot: Robot, positions: FloatArray) -> FloatArray:
+    """Return by how much paths are taken to be slower where a joint can hardly hold the arm.
+
+    What gravity leaves of a torque is what moves; where it leaves nothing no stretch of time helps.
+
+    Parameters
+    ----------
+    robot : Robot
+    positions : array, shape (..., P, n)
+        rad.
+
+    Returns
+    -------
+    array, shape (...)
+        Added to the speed's term; below 2, so that an arm that cannot hold itself anywhere is not
+        sent where it cannot reach.
+    """
+    most = static_loads(robot, positions).max(axis=(-2, -1))
+    heavy = np.maximum(0.0, most - EASY_SHARE) / (1.0 - EASY_SHARE)
+    slower: FloatArray = heavy / (1.0 + heavy / _MOST_HEAVY)
+    return slower
 
 
 def _length(points: FloatArray) -> FloatArray:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from besman.robot.body_balls import Bodies, group_pairs
 from besman.robot.collision import first_falling, nearest_parts, place_capsules
 from besman.robot.kinematics import compiled, fill_frames, fill_jacobian, fill_tip
 
@@ -50,6 +51,75 @@ def _fastest(
 
 
 @compiled
+def _nearness(
+    placements: FloatArray,
+    axes: FloatArray,
+    joints: IntArray,
+    ends: FloatArray,
+    radii: FloatArray,
+    pairs: IntArray,
+    bodies: Bodies,
+    safe_m: float,
+    path: FloatArray,
+) -> float:
+    """Return by what share of a safe distance a path (P, n) falls short of it, on average."""
+    n_poses, n = path.shape
+    rotations, origins = np.empty((n, 3, 3)), np.empty((n, 3))
+    placed, pair, near = np.empty((len(joints), 2, 3)), -1, 0.0
+    falling = first_falling(placements, axes)
+    for index in range(n_poses):
+        fill_frames(placements, axes, path[index], rotations, origins)
+        place_capsules(joints, ends, rotations, origins, placed)
+        own, floor, pair, _ = nearest_parts(
+            joints, placed, radii, pairs, bodies, pair, safe_m, falling
+        )
+        near += max(0.0, 1.0 - min(own, floor) / safe_m)
+    return float(near / n_poses)
+
+
+@compiled
+def _fill_free(
+    placements: FloatArray,
+    axes: FloatArray,
+    tip: FloatArray,
+    usable: float,
+    path: FloatArray,
+    row_of: FloatArray,
+) -> float:
+    """Write a path's term of singularity; return the length of the tool's way, metres."""
+    n_poses, n = path.shape
+    rotations, origins, pose = np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((4, 4))
+    jacobian, square, last = np.empty((6, n)), np.empty((6, 6)), np.empty(3)
+    singular = used = 0.0
+    for index in range(n_poses):
+        fill_frames(placements, axes, path[index], rotations, origins)
+        fill_tip(tip, rotations, origins, pose)
+        fill_jacobian(axes, rotations, origins, pose, jacobian)
+        lack = max(0.0, 1.0 - manipulability_of(jacobian, square) / usable)
+        singular += lack * lack
+        way = 0.0
+        for row in range(3):
+            if index > 0:
+                way += (pose[row, 3] - last[row]) ** 2
+            last[row] = pose[row, 3]
+        used += np.sqrt(way)
+    row_of[2] = singular / n_poses
+    return used
+
+
+@compiled
+def _way_of(targets: FloatArray) -> float:
+    """Return how long the way through poses (P, 4, 4) is, metres."""
+    total = 0.0
+    for index in range(1, len(targets)):
+        way = 0.0
+        for row in range(3):
+            way += (targets[index, row, 3] - targets[index - 1, row, 3]) ** 2
+        total += np.sqrt(way)
+    return total
+
+
+@compiled
 def fill_terms(
     placements: FloatArray,
     axes: FloatArray,
@@ -67,9 +137,15 @@ def fill_terms(
     errors: FloatArray,
     targets: FloatArray,
     steps_s: FloatArray,
+    weights: FloatArray,
+    more: FloatArray,
     terms: FloatArray,
+    chosen: IntArray,
 ) -> None:
-    """Write the terms of paths.
+    """Write which branch is cheapest, and its terms.
+
+    How near a path comes to itself costs as much to tell as all else: it is only looked at where
+    a branch may still be the cheapest.
 
     Parameters
     ----------
@@ -89,46 +165,47 @@ def fill_terms(
         Poses asked for, metres.
     steps_s : array, shape (D,)
         Seconds between poses.
-    terms : array, shape (D, K, 6)
+    weights : array, shape (6,)
+        Of the terms, none below 0.
+    more : array, shape (D, K)
+        What a branch costs besides.
+    terms : array, shape (D, 6)
         Written: position, orientation, singularity, collision, speed, workspace.
+    chosen : int array, shape (D,)
+        Written.
     """
-    n_paths, n_branches, n_poses, n = positions.shape
-    falling = first_falling(placements, axes)
-    rotations, origins, pose = np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((4, 4))
-    jacobian, square = np.empty((6, n)), np.empty((6, 6))
-    placed, last, pair = np.empty((len(joints), 2, 3)), np.empty(3), -1
+    n_paths, n_branches, n_poses, _ = positions.shape
+    bodies = group_pairs(joints, ends, radii, pairs)
+    found, costs = np.empty((n_branches, 6)), np.empty(n_branches)
     for path in range(n_paths):
-        asked = 0.0
-        for index in range(1, n_poses):
-            way = 0.0
-            for row in range(3):
-                way += (targets[path, index, row, 3] - targets[path, index - 1, row, 3]) ** 2
-            asked += np.sqrt(way)
+        asked = _way_of(targets[path])
         for branch in range(n_branches):
-            off = turned = singular = near = used = 0.0
+            row_of, off, turned = found[branch], 0.0, 0.0
+            used = _fill_free(placements, axes, tip, usable, positions[path, branch], row_of)
             for index in range(n_poses):
-                fill_frames(placements, axes, positions[path, branch, index], rotations, origins)
-                fill_tip(tip, rotations, origins, pose)
-                fill_jacobian(axes, rotations, origins, pose, jacobian)
-                lack = max(0.0, 1.0 - manipulability_of(jacobian, square) / usable)
-                singular += lack * lack
-                place_capsules(joints, ends, rotations, origins, placed)
-                own, floor, pair, _ = nearest_parts(
-                    joints, placed, radii, pairs, pair, safe_m, falling
-                )
-                near += max(0.0, 1.0 - min(own, floor) / safe_m)
                 off += errors[path, branch, index, 0] ** 2
                 turned += errors[path, branch, index, 1] ** 2
-                way = 0.0
-                for row in range(3):
-                    if index > 0:
-                        way += (pose[row, 3] - last[row]) ** 2
-                    last[row] = pose[row, 3]
-                used += np.sqrt(way)
-            row_of = terms[path, branch]
             row_of[0] = np.sqrt(off / n_poses) / scales[0]
             row_of[1] = np.sqrt(turned / n_poses) / scales[1]
-            row_of[2] = singular / n_poses
-            row_of[3] = near / n_poses
+            row_of[3] = 0.0
             row_of[4] = _fastest(positions[path, branch], steps_s[path], velocity, acceleration)
             row_of[5] = max(0.0, 1.0 - used / max(asked, 1e-9))
+            costs[branch] = more[path, branch]
+            for term in range(6):
+                costs[branch] += weights[term] * row_of[term]
+        least, best = np.inf, -1
+        for _ in range(n_branches):
+            branch = int(np.argmin(costs))
+            if best >= 0 and not costs[branch] < least:
+                break
+            found[branch, 3] = _nearness(
+                placements, axes, joints, ends, radii, pairs, bodies, safe_m,
+                positions[path, branch],
+            )  # fmt: skip
+            total = costs[branch] + weights[3] * found[branch, 3]
+            costs[branch] = np.inf
+            if best < 0 or total < least:
+                least, best = total, branch
+        chosen[path] = best
+        for term in range(6):
+            terms[path, term] = found[best, term]

@@ -115,6 +115,16 @@ def test_what_drives_a_base_about_is_held():
     assert mobile_base_joints(tree_of(*joints, bare=links)) == set()
 
 
+def test_what_slides_beside_an_arm_is_no_base_of_it():
+    # A scene: the arm and what it is to push hang on the same world.
+    pushed = [("x", "base", "rail", "prismatic"), ("y", "rail", "ball", "prismatic")]
+    for joints in ([*pushed, *row(6)], [*row(6), *pushed]):
+        tree = tree_of(*joints, bare=("base", "rail"))
+        assert mobile_base_joints(tree) == {"x", "y"}
+        assert found(*joints, bare=("base", "rail")) == ("l6", 6)
+        assert held_joints(tree, "l6", FILE) == []
+
+
 def test_a_base_that_is_given():
     torso = [("lift", "floor", "torso", "prismatic"), ("waist", "torso", "base")]
     two = [*torso, *row(6, "left"), *row(6, "right")]

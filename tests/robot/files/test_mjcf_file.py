@@ -231,6 +231,53 @@ def test_motors_tell_speeds_and_torques(tmp_path):
     assert given == [[0, 16], [3, 0], [0, 0], [0, 0]]
 
 
+def nested(name, hinges):
+    """Bodies in a row, each on a hinge of its own."""
+    text = f'<body name="{name}{hinges}" pos="0 0 0.2"><joint/><geom size="0.05"/>'
+    return text + (nested(name, hinges - 1) if hinges > 1 else "") + "</body>"
+
+
+def test_what_slides_beside_a_robot_is_a_thing(tmp_path):
+    path = tmp_path / "scene.xml"
+    puck = '<body name="puck"><joint name="x" type="slide"/><geom size="0.1"/></body>'
+    for arm, kept in ((nested("a", 4), False), ("", True)):
+        path.write_text(f"<mujoco><worldbody>{puck}{arm}</worldbody></mujoco>")
+        found = read_mjcf(path)
+        assert ("puck" in {one.get("name") for one in found.tree.findall("link")}) == kept
+        assert any("lie loose" in note for note in found.notes) != kept
+
+
+@pytest.mark.parametrize(
+    ("standing", "floating", "links"),
+    [
+        # A robot that drives about in front of a table, an arm and a door that lies about.
+        (0, 5, {"robot", "a5", "a1", "table"}),
+        (4, 2, {"b4", "b1", "table"}),
+        (4, 4, {"b4", "b1", "table"}),
+    ],
+)
+def test_what_floats_is_a_thing_unless_it_is_the_robot(tmp_path, standing, floating, links):
+    path = tmp_path / "scene.xml"
+    path.write_text(
+        '<mujoco><worldbody><body name="table"><geom size="0.3"/></body>'
+        f'<body name="robot"><freejoint/><geom size="0.1"/>{nested("a", floating)}</body>'
+        f"{nested('b', standing) if standing else ''}</worldbody></mujoco>"
+    )
+    names = {one.get("name") for one in read_mjcf(path).tree.findall("link")}
+    assert links <= names
+    assert ("robot" in names) == ("robot" in links)
+
+
+def test_a_part_of_a_scene_is_told_as_such(tmp_path):
+    part = tmp_path / "part.xml"
+    part.write_text('<mujoco><body name="a"><joint/><geom size="0.1"/></body></mujoco>')
+    with pytest.raises(RobotError, match=r"outside <worldbody>, .* expected the one that includes"):
+        add_robot(part)
+    whole = '<mujoco><worldbody><include file="part.xml"/></worldbody></mujoco>'
+    (tmp_path / "whole.xml").write_text(whole)
+    assert len(read_mjcf(tmp_path / "whole.xml").tree.findall("link")) == 3
+
+
 def test_nothing_is_overwritten_and_nothing_of_it_stays(tmp_path):
     path = write(tmp_path)
     (tmp_path / "bench.urdf").write_text("mine")

@@ -2,6 +2,7 @@ import json
 import os
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,7 +15,13 @@ from besman.exceptions import ConfigError, MappingError
 from besman.records import Failure, HandTrajectory, LabelledSegments
 from besman.robot.limits import check_limits, resample_trajectory
 from besman.robot.model import load_robot
-from besman.stages.map.demonstration import place_target, pose_errors, tool_poses
+from besman.stages.map.demonstration import (
+    MappingSettings,
+    place_target,
+    pose_errors,
+    tool_poses,
+    why_not,
+)
 from besman.stages.map.placement import PlacementSearch, find_placement
 from besman.stages.map.placement_cost import ArmPaths, pose_of
 from besman.stages.map.stage import MapConfig, map_results
@@ -252,3 +259,12 @@ def test_selected_demonstrations_are_named_by_recording_and_segment():
     segments = LabelledSegments([[0, 40], [40, 90]], ("idle", "reach"), [0, 0], 100.0, "b.tsv")
     (hand,) = SelectConfig(label="reach").run((recording,), (segments,))
     assert (hand.name, hand.label) == ("b.tsv:1", "reach")
+
+
+@pytest.mark.parametrize(
+    ("ratio", "said"), [(1.0004, "(just beyond its limit)"), (2.034, "(2.03 of its limit)")]
+)
+def test_a_weight_that_is_just_too_great_is_not_said_to_be_all_of_the_limit(ratio, said):
+    trajectory = SimpleNamespace(position_error=np.zeros(3))
+    report = SimpleNamespace(self_collisions=0, position=0, torque=1, torque_ratio=ratio)
+    assert why_not(trajectory, report, MappingSettings()).endswith(said)

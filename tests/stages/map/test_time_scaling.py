@@ -191,6 +191,20 @@ def test_torques_stretch_time_exactly():
     assert report.torque_ratio > 0.9
 
 
+def test_no_time_is_looked_for_where_none_helps():
+    # Stretched out, and upright.
+    positions = np.array([[0.0, 0, 0, 0, 0, 0], [0.0, -np.pi / 2, 0, 0, 0, 0]])
+    still, moving = np.zeros((2, 6)), np.array([np.zeros(6), np.ones(6)])
+    gravity = inverse_dynamics(UR5, positions, still, still)
+    robot = weak(UR5, 0.9 * np.max(np.abs(gravity) / UR5.limits.torque))
+    assert torque_stretch(robot, positions, still, moving) == 0.0
+    # Where it lets itself fall it needs no torque, and the rest says how fast it may be.
+    columns = [inverse_dynamics(UR5, positions[0], still[0], one) - gravity[0] for one in np.eye(6)]
+    falling = moving.copy()
+    falling[0] = np.linalg.solve(np.array(columns).T, -gravity[0])
+    assert torque_stretch(robot, positions, still, falling) > 0.0
+
+
 def test_an_arm_too_weak_for_its_own_weight():
     time, path = swing(UR5, 6.0)
     scaled = scale_path(weak(UR5, 0.01), time, path)
