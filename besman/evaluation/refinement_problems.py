@@ -79,6 +79,9 @@ class TaskProblem:
         search, started = running.search, time.thread_time()
         while not search.done:
             running.advance()
+            if search.done:
+                # What does not hold at the finer step is no success; steps may then go on.
+                search.settle()
         spent += time.thread_time() - started
         before = 0 if shared is None else round(shared.simulations / models.count(shared))
         rewards = np.concatenate([np.repeat(search.rewards[:1], before), search.rewards])

@@ -7,6 +7,7 @@ import pytest
 from whole_task import carry_box
 
 from besman.motion.grasp_goals import lead_grasps
+from besman.motion.grasp_postures import Postures
 from besman.motion.task_rollout import sample_task
 from besman.records.layers import IDLE
 from besman.robot.kinematics import forward_kinematics
@@ -23,7 +24,8 @@ FRAME = TASK.box_frame([PLAN], ROBOT)
 def led():
     """A task that touches nothing, and what is around it."""
     around = Surroundings.of(PLAN, ROBOT, TASK, FRAME)
-    return around, lead_grasps(PLAN, ROBOT, TASK.grasp_way(FRAME), around.gaps)
+    postures = Postures(PLAN, ROBOT, around.gaps)
+    return around, lead_grasps(PLAN, ROBOT, TASK.grasp_way(FRAME), postures)
 
 
 def in_the_way(around, plan, share, block):
