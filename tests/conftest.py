@@ -30,11 +30,27 @@ def pytest_collection_finish(session):
     gc.freeze()
 
 
+class Unfreezing:
+    """Knows whether what was frozen is looked through again; to count it takes a tenth of a second."""
+
+    def __init__(self):
+        self.unfreeze, self.done = gc.unfreeze, False
+        gc.unfreeze = self
+
+    def __call__(self):
+        self.done = True
+        self.unfreeze()
+
+
+UNFREEZING = Unfreezing()
+
+
 @pytest.hookimpl(trylast=True)
 def pytest_runtest_teardown():
     """Leave it so: after a test that has what was frozen looked through, all others would pay."""
-    if not gc.get_freeze_count():
+    if UNFREEZING.done:
         gc.freeze()
+        UNFREEZING.done = False
 
 
 @pytest.hookimpl(trylast=True)
