@@ -31,7 +31,7 @@ def pytest_collection_finish(session):
 
 
 class Unfreezing:
-    """Knows whether what was frozen is looked through again; to count it takes a tenth of a second."""
+    """Knows whether what was frozen is looked through again; to count it takes a tenth of a s."""
 
     def __init__(self):
         self.unfreeze, self.done = gc.unfreeze, False
