@@ -173,7 +173,7 @@ def soak(plan, minutes: float) -> None:
     session = Session(minutes)
     twin = Mirror(session, plan, by_frames=True, take=auditor.take)
     twin.open()
-    process, before, begun = psutil.Process(), 0, time.process_time()
+    process, before, begun = psutil.Process(), float("nan"), time.process_time()
     for row, _ in enumerate(twin.run()):
         if row == 12_000:
             before = process.memory_info().rss
