@@ -136,21 +136,25 @@ def _primitive_mesh(geometry: Any, pose: Any) -> tuple[FloatArray, IntArray]:
         return corners, np.empty((0, 3), np.int64)
     from scipy.spatial import ConvexHull
 
-    triangles = ConvexHull(corners).simplices.astype(np.int64)
+    # As wide as high: which corners make a triangle does not depend on it, and Qhull's errors do.
+    triangles = ConvexHull(corners / np.ptp(corners, axis=0)).simplices.astype(np.int64)
     return corners @ pose.rotation.T + pose.translation, triangles
 
 
 def _corners(geometry: Any) -> FloatArray:
     """Return points whose hull is a little larger than a primitive, in its own frame, metres."""
     if hasattr(geometry, "halfSide"):
-        # A plate without thickness would have no hull.
         box: FloatArray = _CORNERS * np.maximum(geometry.halfSide, _ROUNDING_M)
         return box
     if not hasattr(geometry, "radius"):
         return np.zeros((0, 3))
+    # What has no thickness would have no hull.
     half, radius = float(getattr(geometry, "halfLength", 0.0)), float(geometry.radius)
+    radius = max(radius, _ROUNDING_M)
     ends = np.array([[0.0, 0.0, -half], [0.0, 0.0, half]])
     if type(geometry).__name__ in ("Cylinder", "Cone"):
+        half = max(half, _ROUNDING_M)
+        ends[:, 2] = -half, half
         turn = 2 * np.pi * np.arange(_SIDES) / _SIDES
         rim = np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1)
         rim *= radius / np.cos(np.pi / _SIDES)

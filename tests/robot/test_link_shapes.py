@@ -1,11 +1,14 @@
 """Shapes of links: scaled and mirrored meshes are where the URDF puts them."""
 
+import coal
 import numpy as np
+import pinocchio
 import pytest
 from scipy.spatial import ConvexHull
 
 from besman.pictures.arm_visuals import robot_meshes
 from besman.robot.capsules import fit_capsule
+from besman.robot.link_shapes import link_surfaces
 from besman.robot.model import load_robot
 from besman.robot.new_robot import add_robot
 
@@ -80,3 +83,26 @@ def test_a_mirrored_mesh_keeps_its_outside(tmp_path):
         volumes.append(np.einsum("fi,fi->", a, np.cross(b, c)) / 6)
     assert volumes[0] > 0
     assert volumes[1] == pytest.approx(volumes[0])
+
+
+@pytest.mark.parametrize(
+    ("shape", "volume_m3"),
+    [
+        (coal.Cylinder(1e-9, 15.0), None),
+        (coal.Cylinder(0.05, 0.0), None),
+        (coal.Cylinder(5.0, 1e-7), None),
+        (coal.Cylinder(0.05, 0.4), np.pi * 0.05**2 * 0.4),
+        (coal.Sphere(0.0), None),
+        (coal.Capsule(1e-9, 12.0), None),
+        (coal.Box(1e-12, 18.0, 1e-12), None),
+        (coal.Box(0.2, 0.3, 0.4), 0.024),
+    ],
+    ids=str,
+)
+def test_any_primitive_has_a_closed_surface(shape, volume_m3):
+    """Needles, plates and points too: Qhull has no hull of those as they are."""
+    ((_, _, corners, faces),) = link_surfaces([("l", 0, pinocchio.SE3.Identity(), shape, False)])
+    edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
+    assert set(np.unique(edges, axis=0, return_counts=True)[1]) == {2}
+    if volume_m3 is not None:
+        assert volume_m3 <= ConvexHull(corners[np.unique(faces)]).volume < 1.03 * volume_m3 + 1e-12
