@@ -38,7 +38,7 @@ class _LandingFile(Config):
     origin_m: Axis3 = (0.0, 0.0, 0.0)
     x_axis: Axis3 = (1.0, 0.0, 0.0)
     y_axis: Axis3 = (0.0, 1.0, 0.0)
-    landings: dict[str, Place | tuple[Place, ...]]
+    landings: dict[str, Place | Annotated[tuple[Place, ...], Field(min_length=1)]]
 
     @field_validator("landings")
     @classmethod

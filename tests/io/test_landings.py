@@ -81,6 +81,11 @@ def test_a_landing_is_that_of_its_recording_with_or_without_ending():
         ("a.yaml", "units: m\nlandings: {a: [2000, 1]}\n", r"a\.yaml: a comes down at .* within"),
         ("a.yaml", "units: m\nlandings: {}\n", r"a\.yaml.*expected a place \[x, y\]"),
         ("a.yaml", "units: m\nx_axis: [2, 0, 0]\nlandings: {a: [1, 2]}\n", "direction of length 1"),
+        (
+            "a.yaml",
+            "units: m\nlandings: {a: []}\n",
+            r"a\.yaml:2: landings\.a: got \[\]; tuple should",
+        ),
         ("a.yaml", "units: miles\nlandings: {a: [1, 2]}\n", r"a\.yaml:1: units"),
     ],
 )

@@ -211,10 +211,8 @@ def _from_labels(labels: Sequence[str], names: Sequence[str]) -> list[_Body]:
     bodies: list[_Body] = []
     for at, label in enumerate(labels):
         before, _, last = label.rpartition(" ")
-        if last.upper() == "X" and [one[-1:].upper() for one in labels[at + 1 : at + 3]] == [
-            "Y",
-            "Z",
-        ]:
+        following = [one.rpartition(" ")[2].upper() for one in labels[at + 1 : at + 3]]
+        if last.upper() == "X" and following == ["Y", "Z"]:
             name = before or (names[len(bodies)] if len(bodies) < len(names) else "")
             bodies.append(_Body(name, {}))
         if bodies and last:

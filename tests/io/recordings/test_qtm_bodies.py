@@ -110,6 +110,10 @@ def test_na_in_cells_of_markers(tmp_path):
             "no bodies with X, Y and Z",
         ),
         (
+            lambda lines: ["NO_OF_BODIES\t1", "FREQUENCY\t100", "a X\taY\tZ", "1\t2\t3"],
+            "no bodies with X, Y and Z",
+        ),
+        (
             lambda lines: lines[:-2],
             r"NO_OF_FRAMES is 12 and 10 .*is the file cut\? --partial takes",
         ),
