@@ -97,7 +97,7 @@ def test_a_mirrored_mesh_keeps_its_outside(tmp_path):
         (coal.Box(1e-12, 18.0, 1e-12), None),
         (coal.Box(0.2, 0.3, 0.4), 0.024),
     ],
-    ids=str,
+    ids=["needle", "no length", "plate", "cylinder", "point", "wire", "rod", "box"],
 )
 def test_any_primitive_has_a_closed_surface(shape, volume_m3):
     """Needles, plates and points too: Qhull has no hull of those as they are."""
