@@ -167,9 +167,7 @@ def _key_path(
         options = _follow(model, location[:index])
         is_field = str(part) in _fields(options)
         is_tag = any(part in _tags_of(option) for option in options)
-        is_type = "[" in str(part) or (
-            bool(lines) and 0 < index < len(location) - 1 and part not in written
-        )
+        is_type = bool(lines) and 0 < index < len(location) - 1 and part not in written
         if is_field or not (is_tag or is_type):
             at.append(part)
     return tuple(at)

@@ -113,6 +113,7 @@ def test_what_is_no_section_has_no_paths(tmp_path):
         ),
         ("recordings=[1]", r"--set recordings: recordings\.0: got 1; input"),
         ("refine.method=nix", r"--set refine\.method: got 'nix'; allowed: cem, cma_es, gauss_n"),
+        ("select.a[b=1", r"--set select\.a\[b: unknown key 'select\.a\[b'; .*allowed: action"),
         ("robot=3", r"--set robot: got 3; input should be a valid string"),
     ],
 )
