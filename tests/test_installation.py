@@ -137,6 +137,23 @@ def f():
     assert imports(source) == ({"a", "c", "h", "i"}, {"e", "g"})
 
 
+def test_types_of_what_an_extra_brings_are_not_looked_at():
+    """``make lint`` installs none of it: mypy says the same wherever it is called."""
+    settings = tomllib.loads((TOP / "pyproject.toml").read_text())["tool"]["mypy"]["overrides"]
+    skipped = {
+        name.removesuffix(".*")
+        for one in settings
+        if one.get("follow_imports") == "skip"
+        for name in one["module"]
+    }
+    of_extras = declared(FOR_USERS) - declared(())
+    found: set[str] = set()
+    for path in (TOP / "besman").rglob("*.py"):
+        found |= set.union(*imports(path.read_text()))
+    optional = {n for n in found if canonicalize_name(DISTRIBUTIONS.get(n, n)) in of_extras}
+    assert optional == skipped, "[[tool.mypy.overrides]] of pyproject.toml"
+
+
 @needs_make
 @pytest.mark.parametrize(
     ("folder", "target"), [(folder, target) for folder in TARGETS for target in TARGETS[folder]]

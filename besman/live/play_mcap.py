@@ -78,7 +78,7 @@ def play_as_mcap(
                 writer.add_message(channel, logged, messages[row][1], logged, row)
                 # What is written can be read at once.
                 file.flush()
-            writer.finish()  # type: ignore[no-untyped-call]
+            writer.finish()
     except FileExistsError:
         raise FileError(f"{path}: is there already; expected a new name") from None
     except OSError as error:
