@@ -12,31 +12,40 @@ from besman.person.marker_set import load_marker_set
 from besman.pipeline.clock import Clock
 from besman.pipeline.config import (
     PipelineConfig,
+    SecondArmConfig,
     check_whole_task,
     learn_from,
-    needs_no_examples,
     pipeline_yaml,
 )
-from besman.pipeline.finished_run import trained_model
-from besman.pipeline.known_classes import count_examples, count_model
+from besman.pipeline.learning import (
+    LabelledTakes,
+    find_examples,
+    learn_levels,
+    learn_names,
+    read_examples,
+)
 from besman.pipeline.preload import PRELOAD
 from besman.pipeline.run_folder import Run
 from besman.pipeline.usable_inputs import keep_usable
-from besman.records import JointTrajectory, LabelledRecording, LabelledSegments, TaskPlan
+from besman.records import (
+    BlockDemonstration,
+    HandTrajectory,
+    JointTrajectory,
+    LabelledRecording,
+    LabelledSegments,
+    Segments,
+    TaskPlan,
+)
 from besman.records.layers import actions_of, side_of
 from besman.robot.model import Robot, find_tool, load_robot
 from besman.simulation.tasks.kinds import is_whole_task, load_task, load_whole_task
-from besman.stages.compose.actions import LevelModel
 from besman.stages.compose.stage import leave_out_actions, pick_level
 from besman.stages.export.task_exports import write_task_exports
 from besman.stages.imitate.task_plans import ImitateTasks
 from besman.stages.map.stage import MapBothArms
 from besman.stages.map.whole_tasks import MapAmongBoards, MapTasks
 from besman.stages.read.read_inputs import Inputs, read_inputs
-from besman.stages.recognize.model import RecognitionModel
-from besman.stages.recognize.model_files import load_model
 from besman.stages.recognize.one_throw import OneThrowConfig
-from besman.stages.recognize.stage import RecognizeMethod
 from besman.stages.refine.stage import check_tool_name
 from besman.stages.refine.whole_tasks import AimTasks, RefineTasks, SimulateTasks
 from besman.stages.select.block_steps import DivideActions, FindActions
@@ -100,7 +109,7 @@ def run_pipeline(
         inputs = read_inputs(
             config.recordings, learn_from(config), config.read, config.select.landing
         )
-        taught = _read_examples(config, inputs, trained_in)
+        taught = read_examples(config, inputs, trained_in)
         run = Run(folder, config.name, jobs=jobs, fresh=fresh, display=display, workers=workers)
         with _ends_in_order(run):
             run.start(pipeline_yaml(config), inputs.checksums)
@@ -160,7 +169,7 @@ def _run_stages(
     taught: Inputs | None,
     trained_in: Path | None,
 ) -> None:
-    """Run the stages in their order."""
+    """Run the stages in their order, from what was read to what an arm takes."""
     markers = load_marker_set(config.label.markers)
     inputs, left_out = keep_usable(config.label, inputs, markers)
     run.know(_known_truth(config, inputs))
@@ -168,50 +177,91 @@ def _run_stages(
     if left_out:
         run.results["label"]["left_out"] = left_out
     segments = run.step("segment", config.segment, labelled)
-    examples = _find_examples(config, run, inputs, taught, labelled)
-    if isinstance(config.recognize, OneThrowConfig):
-        found = run.step("recognize", config.recognize, labelled, segments)
-    else:
-        model = _learn_blocks(config, config.recognize, run, examples, trained_in)
-        found = run.step("recognize", config.recognize, labelled, segments, model)
-    if config.compose is not None:
-        levels = _learn_actions(config, run, examples, trained_in)
-        actions = run.step("compose", config.compose, labelled, found, levels)
-    whole = found
-    if config.select.action is not None:
-        name = config.select.wanted[0]
-        if config.compose is not None and name not in config.select.actions:
-            whole = pick_level(actions, config.compose, name)
-        else:
-            whole = run.step(
-                "actions", FindActions(config.select), labelled, found, _by_hand(inputs)
-            )
+    examples = find_examples(config, run, inputs, taught, labelled)
+    found = _recognize(config, run, labelled, segments, examples, trained_in)
+    whole = _find_actions(config, run, labelled, found, examples, trained_in, inputs)
     hands = run.step("select", config.select, labelled, whole, inputs.landings)
     if config.select.as_ == "blocks":
         divide = DivideActions(config.select)
         divided = run.step("blocks", divide, labelled, found, whole, hands, markers)
-        hands = tuple(one.hand for one in divided)
-    robot = load_robot(config.robot, config.tool)
-    if config.second_arm is None:
-        if config.select.as_ == "blocks" and is_whole_task(config.task):
-            among = MapAmongBoards(config.map)
-            mapping = run.step("map", among, divided, robot, load_whole_task(config.task))
-        else:
-            mapping = run.step("map", config.map, hands, robot)
-        if config.select.as_ == "blocks":
-            tasks = run.step("tasks", MapTasks(config.map), mapping, divided, robot)
-            plans = run.step("task_plans", ImitateTasks(config.imitate), tasks, robot)
-            if is_whole_task(config.task):
-                _try_tasks(config, run, plans, robot)
-                return
-            run.export("exports_tasks", plans, robot, write_task_exports)
+        _learn_tasks(config, run, divided)
+    elif config.second_arm is not None:
+        others = run.step("select_second", config.select.other_arm, labelled, whole, ())
+        _learn_both_arms(config, run, hands, others, config.second_arm)
+    else:
+        robot = load_robot(config.robot, config.tool)
+        mapping = run.step("map", config.map, hands, robot)
         _learn_motions(config, run, mapping.trajectories, robot)
-        return
 
-    others = run.step("select_second", config.select.other_arm, labelled, whole, ())
-    second = load_robot(config.second_arm.robot, config.second_arm.tool)
-    both = run.step("map", MapBothArms(config.map), hands, others, robot, second)
-    for mapping, arm, name in zip(both, (robot, second), ("", "_second"), strict=True):
+
+def _recognize(
+    config: PipelineConfig,
+    run: Run,
+    labelled: tuple[LabelledRecording, ...],
+    segments: tuple[Segments, ...],
+    examples: LabelledTakes,
+    trained_in: Path | None,
+) -> tuple[LabelledSegments, ...]:
+    """Name the segments."""
+    if isinstance(config.recognize, OneThrowConfig):
+        return run.step("recognize", config.recognize, labelled, segments)
+    model = learn_names(config, config.recognize, run, examples, trained_in)
+    return run.step("recognize", config.recognize, labelled, segments, model)
+
+
+def _find_actions(
+    config: PipelineConfig,
+    run: Run,
+    labelled: tuple[LabelledRecording, ...],
+    found: tuple[LabelledSegments, ...],
+    examples: LabelledTakes,
+    trained_in: Path | None,
+    inputs: Inputs,
+) -> tuple[LabelledSegments, ...]:
+    """Return the segments of the action that is asked for; the blocks themselves if none is."""
+    if config.compose is not None:
+        levels = learn_levels(config, run, examples, trained_in)
+        actions = run.step("compose", config.compose, labelled, found, levels)
+    if config.select.action is None:
+        return found
+    name = config.select.wanted[0]
+    if config.compose is not None and name not in config.select.actions:
+        return pick_level(actions, config.compose, name)
+    return run.step("actions", FindActions(config.select), labelled, found, _by_hand(inputs))
+
+
+def _learn_tasks(config: PipelineConfig, run: Run, divided: tuple[BlockDemonstration, ...]) -> None:
+    """Map movements that are divided into blocks, imitate them block by block, and go on.
+
+    A whole task is tried in simulation; of any other, the movements are refined as one.
+    """
+    robot = load_robot(config.robot, config.tool)
+    whole = is_whole_task(config.task)
+    if whole:
+        among = MapAmongBoards(config.map)
+        mapping = run.step("map", among, divided, robot, load_whole_task(config.task))
+    else:
+        mapping = run.step("map", config.map, tuple(one.hand for one in divided), robot)
+    tasks = run.step("tasks", MapTasks(config.map), mapping, divided, robot)
+    plans = run.step("task_plans", ImitateTasks(config.imitate), tasks, robot)
+    if whole:
+        _try_tasks(config, run, plans, robot)
+    else:
+        run.export("exports_tasks", plans, robot, write_task_exports)
+        _learn_motions(config, run, mapping.trajectories, robot)
+
+
+def _learn_both_arms(
+    config: PipelineConfig,
+    run: Run,
+    hands: tuple[HandTrajectory, ...],
+    others: tuple[HandTrajectory, ...],
+    other: SecondArmConfig,
+) -> None:
+    """Map a person's two hands to two arms at once, and go on with each arm."""
+    arms = load_robot(config.robot, config.tool), load_robot(other.robot, other.tool)
+    both = run.step("map", MapBothArms(config.map), hands, others, *arms)
+    for mapping, arm, name in zip(both, arms, ("", "_second"), strict=True):
         _learn_motions(config, run, mapping.trajectories, arm, name)
 
 
@@ -269,75 +319,3 @@ def _known_truth(config: PipelineConfig, inputs: Inputs) -> Truth:
     side = side_of(config.segment.markers)
     blocks = leave_out_actions(inputs.truth, config.compose, side)
     return Truth(blocks, inputs.names, config.margin_s)
-
-
-Examples = tuple[tuple[LabelledRecording, ...], tuple[LabelledSegments, ...]]
-"""Recordings, and the manual segments of those that have some."""
-
-
-def _read_examples(
-    config: PipelineConfig, inputs: Inputs, trained_in: Path | None
-) -> Inputs | None:
-    """Return the recordings to learn from, if there is anything to learn.
-
-    A class to select that is not known is refused.
-    """
-    if config.recognize.model is not None:
-        count_model(config)
-    if trained_in is not None or needs_no_examples(config):
-        return None
-    if config.training:
-        inputs = read_inputs(config.training, learn_from(config), config.read)
-    count_examples(config, inputs)
-    return inputs
-
-
-def _find_examples(
-    config: PipelineConfig,
-    run: Run,
-    inputs: Inputs,
-    taught: Inputs | None,
-    labelled: tuple[LabelledRecording, ...],
-) -> Examples:
-    """Return what can be learnt from; nothing where all that is to be learnt is known."""
-    if taught is None:
-        return (), ()
-    if config.training:
-        markers = load_marker_set(config.label.markers)
-        known = (taught.recordings, markers, taught.teacher)
-        labelled = run.prepare("label_training", config.label, *known)
-    else:
-        # Those that are usable; none of them may have examples.
-        taught = inputs
-        count_examples(config, inputs)
-    return labelled, tuple(segments for segments in taught.truth if segments is not None)
-
-
-def _learn_blocks(
-    config: PipelineConfig,
-    recognize: RecognizeMethod,
-    run: Run,
-    examples: Examples,
-    trained_in: Path | None,
-) -> RecognitionModel:
-    """Return the trained model: a file's, another run's, or one of the labelled examples."""
-    if recognize.model is not None:
-        return load_model(Path(recognize.model))
-    if trained_in is not None:
-        model: RecognitionModel = trained_model(trained_in)
-        return model
-    labelled, manual = examples
-    blocks = leave_out_actions(manual, config.compose, side_of(config.segment.markers))
-    known = tuple(one for one in blocks if one is not None)
-    return run.prepare("train", recognize.training, labelled, known)
-
-
-def _learn_actions(
-    config: PipelineConfig, run: Run, examples: Examples, trained_in: Path | None
-) -> tuple[LevelModel, ...]:
-    """Return the actions of every level: another run's, or those of the labelled examples."""
-    if trained_in is not None:
-        levels: tuple[LevelModel, ...] = trained_model(trained_in, "train_actions")
-        return levels
-    assert config.compose is not None
-    return run.prepare("train_actions", config.compose.training, *examples)

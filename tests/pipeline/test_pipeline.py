@@ -58,10 +58,9 @@ def stranger(tmp_path_factory):
 
 
 def test_every_stage_that_runs_can_be_computed_anew():
-    said = re.findall(
-        r'run\.(?:step|prepare)\(\s*f?"([a-z_]+)(\{arm\})?"',
-        (TOP / "besman/pipeline/pipeline.py").read_text(),
-    )
+    files = [TOP / "besman/pipeline" / name for name in ("pipeline.py", "learning.py")]
+    text = "".join(path.read_text() for path in files)
+    said = re.findall(r'run\.(?:step|prepare)\(\s*f?"([a-z_]+)(\{arm\})?"', text)
     names = {name + arm for name, second in said for arm in (("", "_second") if second else ("",))}
     assert len(said) > 15
     assert sorted(names) == sorted(STAGES)
