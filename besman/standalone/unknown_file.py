@@ -29,7 +29,28 @@ _OTHERS = (
         "a robot (URDF, xacro, MJCF): besman robots try FILE",
     ),
     (rb"(#[^\n]*\n|\s)*name:[^\n]*\nrecordings:", "a pipeline: besman check FILE"),
+    (
+        rb'\s*\{.{0,200}"people"\s*:|\s*[{\[].{0,3000}"(annotations|image_id)"\s*:',
+        "points in a picture (OpenPose, COCO), not in space: give what was triangulated from two "
+        "cameras or more, for one a TRC of Pose2Sim",
+    ),
+    (
+        rb"(?i)[^\0]{0,3000}^\s*endheader\s*$",
+        "OpenSim's angles or forces (.mot, .sto), without positions: give the TRC they are from",
+    ),
+    (rb"(#[^\n]*\n)*:(FULLY|DEGREES)", "Acclaim's motion (AMC), angles of an ASF: convert to BVH"),
 )
+# And by how its name ends: what only the maker's own program reads.
+_OF_PROGRAMS = {
+    ".tak": "a take of Motive: export CSV or C3D there",
+    ".qtm": "a measurement of Qualisys Track Manager: export TSV or C3D there",
+    ".mvn": "a session of Xsens MVN: export MVNX there",
+    ".x1d": "camera data of Vicon: reconstruct, then export C3D or CSV",
+    ".x2d": "camera data of Vicon: reconstruct, then export C3D or CSV",
+    ".vc": "camera data of Motion Analysis: track, then export TRC",
+    ".cap": "tracked data of Motion Analysis: export TRC",
+    ".trb": "a binary track file of Motion Analysis: export TRC",
+}
 
 
 def describe_unknown(path: Path) -> str:
@@ -48,8 +69,10 @@ def describe_unknown(path: Path) -> str:
     with path.open("rb") as file:
         head = file.read(_HEAD_BYTES)
     for pattern, what in _OTHERS:
-        if re.match(pattern, head, re.DOTALL):
+        if re.match(pattern, head, re.DOTALL | re.MULTILINE):
             return f"it looks like {what}"
+    if path.suffix.lower() in _OF_PROGRAMS:
+        return f"by its ending it is {_OF_PROGRAMS[path.suffix.lower()]}"
     if b"\0" in head and head[:2] not in (b"\xff\xfe", b"\xfe\xff"):
         return f"it is binary, begins with {head[:8].hex(' ')}{_by_ending(path)}"
     lines = [line for line in head.decode("utf-8", "replace").splitlines() if line.strip()]
