@@ -207,7 +207,7 @@ def of_robot(folder, robot):
     if not all(0 <= mass <= 1e4 for mass in masses):
         problems.append("masses out of all sense")
     inertias = np.abs([inertia.inertia for inertia in robot.model.inertias])
-    if not (inertias < 1e6).all():
+    if not (inertias <= 1e6).all():
         problems.append("inertias out of all sense")
     radii = robot.chain.capsule_radii
     if not ((radii > 0) & (radii <= 10)).all():
