@@ -14,7 +14,7 @@ from pathlib import Path
 
 from besman.exceptions import RecordingError, why_not_there
 from besman.io.recordings.conventions import turn
-from besman.io.recordings.lengths import UNIT_M
+from besman.io.recordings.lengths import UNIT_M, in_metres
 from besman.io.ros_messages import RawMessage
 from besman.live.growing_bag import GrowingBag
 from besman.live.ros_frames import RosFrames, Timed
@@ -171,4 +171,5 @@ class BagSource:
     def _put(self, frames: Iterator[Timed], now: float) -> None:
         for stamp_ns, positions, number in frames:
             places = turn(positions, self._up) if self._up != "z" else positions
-            self._packets.append(Packet(stamp_ns * 1e-9, places * self._scale, now, number))
+            places = in_metres(places, self._scale)
+            self._packets.append(Packet(stamp_ns * 1e-9, places, now, number))

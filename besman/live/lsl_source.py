@@ -16,7 +16,7 @@ import numpy as np
 
 from besman.exceptions import RecordingError, in_one_line, why_not_there
 from besman.io.recordings.conventions import turn
-from besman.io.recordings.lengths import UNIT_M, parse_unit
+from besman.io.recordings.lengths import UNIT_M, in_metres, parse_unit
 from besman.live.stream import Inbox, Packet, StreamFormat
 from besman.records import Axis
 
@@ -191,7 +191,7 @@ class LslSource:
                 sample, stamp = inlet.pull_sample(_PULL_S)
                 if stamp is None:
                     continue
-                positions = np.asarray(sample, np.float64)[columns] * scale
+                positions = in_metres(np.asarray(sample, np.float64)[columns], scale)
             except LostError:
                 # A stream without an id is not found again by liblsl.
                 self._inbox.put(None)

@@ -62,6 +62,12 @@ class Length(NamedTuple):
     told_by: str
 
 
+def in_metres(values: FloatArray, unit_m: float) -> FloatArray:
+    """Return lengths in metres; what is no number at all, signalling or not, is NaN."""
+    with np.errstate(invalid="ignore"):
+        return np.asarray(values * unit_m)
+
+
 def parse_unit(word: str) -> str | None:
     """Return the name of a unit as in `UNIT_M`, None if the word is no unit of length."""
     word = word.strip(" .()[]\0")

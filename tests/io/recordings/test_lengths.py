@@ -12,6 +12,7 @@ from besman.io.recordings.lengths import (
     UNIT_M,
     body_length,
     find_length,
+    in_metres,
     parse_unit,
     typical_extent,
 )
@@ -76,3 +77,11 @@ def test_a_frame_in_which_nothing_is_seen_tells_no_height():
     ) as said:
         assert body_length(positions, None, "a/b.csv").name == "m"
     assert [one.category for one in said] == [RecordingWarning]
+
+
+def test_what_is_no_number_is_nan_in_metres_without_a_warning():
+    signalling = np.frombuffer(b"\1\0\0\0\0\0\xf0\x7f" + np.float64(20.0).tobytes())
+    with np.errstate(all="raise"):
+        found = in_metres(signalling, 0.01)
+    assert np.isnan(found[0])
+    assert found[1] == 0.2
