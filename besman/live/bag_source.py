@@ -170,6 +170,6 @@ class BagSource:
 
     def _put(self, frames: Iterator[Timed], now: float) -> None:
         for stamp_ns, positions, number in frames:
-            places = turn(positions, self._up) if self._up != "z" else positions
-            places = in_metres(places, self._scale)
+            places = in_metres(positions, self._scale)
+            places = turn(places, self._up) if self._up != "z" else places
             self._packets.append(Packet(stamp_ns * 1e-9, places, now, number))
