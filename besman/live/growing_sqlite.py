@@ -77,7 +77,8 @@ class GrowingSqlite:
             return []
         try:
             found = self._query(how)
-        except sqlite3.Error as error:
+        except (sqlite3.Error, UnicodeDecodeError) as error:
+            # The text of an error may hold what the file says, which need not be UTF-8.
             self._wait(in_one_line(error))
             return []
         if self._find_way(head) != how or (

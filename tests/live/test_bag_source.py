@@ -392,6 +392,11 @@ def test_a_database_that_is_none_or_spoilt_is_one_line(tmp_path, monkeypatch):
     spoilt.write_bytes(whole[:4096] + bytes(len(whole) - 4096))
     with pytest.raises(RecordingError, match="cannot be read while it is written: "):
         BagSource(spoilt).open()
+    # The error's text quotes what is in the file.
+    odd = tmp_path / "d.db3"
+    odd.write_bytes(whole.replace(b"CREATE TABLE topics", b"CREATE TABL\x9d topics"))
+    with pytest.raises(RecordingError, match="cannot be read while it is written: 'utf-8' codec"):
+        BagSource(odd).open()
     with pytest.raises(sqlite3.Error):
         sqlite3.connect(spoilt).execute("SELECT data FROM messages").fetchall()
     other = tmp_path / "c.db3"
