@@ -9,8 +9,9 @@ what other recordings of the same people would do; two people say little about a
 
 Then rests are tried anew: slower than a share of peak^own typical^(1 - own), for so many seconds.
 What is best on one person (mean F1 of both margins, as recorded and of the stand-ins of
-``segmentation_unseen.py``) is measured on the others. Last, what a rule gains over the default on
-the same recordings, with its interval.
+``segmentation_unseen.py``) is measured on the others; then the means over people. Last, what a rule
+gains over the default on the same recordings, with its interval, and how many recordings have, as
+streams with the pace of the other people, the borders that they have as a whole.
 """
 
 from __future__ import annotations
@@ -18,11 +19,24 @@ from __future__ import annotations
 import sys
 from itertools import product
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
-from segmentation_unseen import MARGINS_S, STAND_INS, Find, Take, by_both, plain, score, takes_of
+from segmentation_unseen import (
+    MARGINS_S,
+    STAND_INS,
+    Find,
+    Take,
+    by_both,
+    fall_by,
+    plain,
+    score,
+    takes_of,
+)
 
-from besman.evaluation.segmentation_data import read_dataset
+from besman.evaluation.segmentation_data import SegmentedDataset, read_dataset
+from besman.stages.segment import valleys
+from besman.stages.segment.valley_online import OnlineMovements, measure_pace, pool_paces
 
 SHARES, LEAST_RESTS_S, OWN = (0.07, 0.08, 0.09, 0.1, 0.11), (0.4, 0.45, 0.5), (1.0, 0.5, 0.25)
 RULE = (0.09, 0.45, 0.5)
@@ -67,6 +81,7 @@ def main() -> None:
         for share, least, own in product(SHARES, LEAST_RESTS_S, OWN)
     }
     print(f"\n{'chosen on':12}{'own':>5}{'share':>7}{'s':>6}{'as recorded':>16}{'stand-ins':>16}")
+    others: dict[float, list[np.ndarray]] = {own: [] for own in OWN}
     for one in np.unique(people):
         here, there = people == one, people != one
         print(f"{one:12}{'default':>18}" + told(usual[..., there]))
@@ -76,12 +91,38 @@ def main() -> None:
                 key=lambda key: tried[key][..., here].mean(),
             )
             row = f"{one:12}{own:5}{best[0]:7}{best[1]:6}"
-            print(row + told(tried[best][..., there]))
+            others[own].append(tried[best][..., there])
+            print(row + told(others[own][-1]))
+    for own, figures in others.items():
+        # Each person counts as much, however many recordings there are of the others.
+        alike = np.mean([one.mean(axis=-1) for one in figures], axis=0)[..., np.newaxis]
+        print(f"{'mean':12}{own:5}{'':13}" + told(alike))
     print(f"\nshare {RULE[0]}, {RULE[1]} s, own {RULE[2]}: gain over the default")
     gain = tried[RULE] - usual
     for k, margin in enumerate(MARGINS_S):
         print(f"as recorded, {margin} s: {spread(gain[0, k], people)}")
         print(f"{len(STAND_INS)} stand-ins, {margin} s: {spread(gain[1:, k].mean(axis=0), people)}")
+    share, least, own = RULE
+    print(f"streams as the whole, default: {streams(data, people, plain)}")
+    rule = streams(data, people, by_both(share, own, least), (share, own))
+    print(f"streams as the whole, by both speeds: {rule}")
+
+
+def streams(data: SegmentedDataset, people: np.ndarray, find: Find, rule=None) -> str:
+    """Say how many streams have the borders of the whole, with the pace of the other people."""
+    paths = [one.marker("hand_top")[:, None] for one in data.recordings]
+    paces = [measure_pace(one.time, x) for one, x in zip(data.recordings, paths, strict=True)]
+    same, together = 0, 0
+    for k, (recording, path) in enumerate(zip(data.recordings, paths, strict=True)):
+        pace = pool_paces([paces[i] for i in np.flatnonzero(people != people[k])])
+        fall = fall_by(*rule, pace.typical) if rule else valleys._fall
+        stream = OnlineMovements(pace, recording.rate_hz)
+        with patch.object(valleys, "_fall", fall):
+            rows = [row for sample in path for row in stream.update(sample)] + stream.finish()
+        whole = np.round(find(recording, "hand_top") * recording.rate_hz).astype(int)
+        same += rows == whole.tolist()
+        together += len(np.intersect1d(rows, whole))
+    return f"{same} of {len(paths)}, {together} borders"
 
 
 def told(figures: np.ndarray) -> str:
