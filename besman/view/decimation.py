@@ -75,7 +75,7 @@ def _merge(mesh: Mesh, cell: float) -> Mesh:
 
 
 def _as_numbers(rows: IntArray) -> IntArray:
-    """Give each row (N, 3) a number, as equal and in the same order: sorted in a tenth of the time."""
+    """Give each row (N, 3) a number, as equal and in the same order: sorted ten times as fast."""
     if not len(rows):
         return np.empty(0, np.int64)
     low = rows.min(axis=0)

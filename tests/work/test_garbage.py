@@ -42,7 +42,7 @@ def test_a_worker_looks_as_seldom_and_ends_with_its_parent(thresholds, monkeypat
     assert told == [50_000]
 
 
-# In a process of its own, which has little: to look through what the tests have loaded costs seconds.
+# In a process that has little: to look through what the tests have loaded takes seconds.
 SCRIPT = """
 import gc, importlib, json
 from besman.work import loaded_last
