@@ -44,20 +44,23 @@ class Windows:
             self._context = found.new_context(viewport=_SIZE, reduced_motion="reduce")
             self._free = []
 
-    def take(self):
+    def take(self, size, color_scheme):
         """Return a page that shows nothing, or what the last test has left."""
-        page = self._free.pop() if self._free else self._context.new_page()
+        page, last = self._free.pop() if self._free else (self._context.new_page(), None)
         page.set_default_timeout(1e3 * PATIENCE_S)
+        # Either has what is left drawn anew: done only where it changes something.
+        if page.viewport_size != size:
+            page.set_viewport_size(size)
+        if color_scheme != last:
+            page.emulate_media(color_scheme=color_scheme or "null")
         return page
 
-    def give_back(self, page):
-        """Have a page be as a new one."""
+    def give_back(self, page, color_scheme):
+        """Have a page be as a new one, but for what `take` sets."""
         page.unroute_all()
         if page.url.startswith("http"):
             page.evaluate("localStorage.clear(), sessionStorage.clear()")
-        page.emulate_media(color_scheme="null")
-        page.set_viewport_size(_SIZE)
-        self._free.append(page)
+        self._free.append((page, color_scheme))
 
     def close(self):
         """End Chromium."""
@@ -97,13 +100,9 @@ def open_pages():
     """Open addresses; what a page logs as an error, or is refused by its policy, fails the test."""
     windows, used, errors = _open_windows(), [], []
 
-    def open_address(url, expect_errors=False, size=None, color_scheme=None):
-        page, arrived = windows.take(), []
-        used.append((page, listeners := []))
-        if size is not None:
-            page.set_viewport_size(size)
-        if color_scheme is not None:
-            page.emulate_media(color_scheme=color_scheme)
+    def open_address(url, expect_errors=False, size=_SIZE, color_scheme=None):
+        page, arrived = windows.take(size, color_scheme), []
+        used.append((page, color_scheme, listeners := []))
 
         def note(text):
             # Until the new address is there the page is still another test's.
@@ -122,10 +121,10 @@ def open_pages():
         return page
 
     yield open_address
-    for page, listeners in used:
+    for page, color_scheme, listeners in used:
         for event, listener in listeners:
             page.remove_listener(event, listener)
-        windows.give_back(page)
+        windows.give_back(page, color_scheme)
     assert errors == []
 
 

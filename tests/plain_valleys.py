@@ -31,21 +31,20 @@ def evaluate_one(evidence, start, end):
     """Evaluate one movement: the noise is what a fit leaves, not a difference of sums."""
     model, speeds = evidence.model, evidence.speeds[start:end]
     n, s = speeds.shape
-    best = -np.inf
-    for c in range(1, model.n_centres + 1):
-        place = np.arange(n) / (n - 1)
-        bell = np.exp(-(((place - c / (model.n_centres + 1)) / model.bell_width) ** 2))
-        basis = np.stack([bell, np.ones(n)], axis=1)
-        precision = basis.T @ basis + np.eye(2) / model.speed_weight_variance
-        weights = np.linalg.solve(precision, basis.T @ speeds)
-        left = speeds - basis @ weights
-        noise = left.T @ left + weights.T @ weights / model.speed_weight_variance
-        noise += model.noise_scale * np.eye(s)
-        value = -0.5 * s * np.linalg.slogdet(precision)[1]
-        value -= 0.5 * (n + model.nu(s)) * np.linalg.slogdet(noise)[1]
-        if (weights[0] >= 0).all():
-            best = max(best, value)
-    return best + evidence.factor[n]
+    # All bells at once, as rows of stacks.
+    c = np.arange(1, model.n_centres + 1)[:, None]
+    place = np.arange(n) / (n - 1)
+    basis = np.ones((model.n_centres, n, 2))
+    basis[..., 0] = np.exp(-(((place - c / (model.n_centres + 1)) / model.bell_width) ** 2))
+    precision = basis.mT @ basis + np.eye(2) / model.speed_weight_variance
+    weights = np.linalg.solve(precision, basis.mT @ speeds)
+    left = speeds - basis @ weights
+    noise = left.mT @ left + weights.mT @ weights / model.speed_weight_variance
+    noise += model.noise_scale * np.eye(s)
+    values = -0.5 * s * np.linalg.slogdet(precision)[1]
+    values -= 0.5 * (n + model.nu(s)) * np.linalg.slogdet(noise)[1]
+    values[(weights[:, 0] < 0).any(axis=1)] = -np.inf
+    return values.max() + evidence.factor[n]
 
 
 def search(movement, rest):

@@ -1,6 +1,7 @@
 """Bags of ROS messages, written by the library itself and, as MCAP, by a second one."""
 
 import shutil
+from functools import cache
 
 import numpy as np
 
@@ -11,14 +12,19 @@ def stamp_of(store, ns):
     return store.types["builtin_interfaces/msg/Time"](sec=int(ns // 10**9), nanosec=int(ns % 10**9))
 
 
+@cache
+def load_types(ros_1):
+    """Return the library's types, which it compiles as they are first met."""
+    from rosbags.typesys import Stores, get_typestore
+
+    return get_typestore(Stores.ROS1_NOETIC if ros_1 else Stores.LATEST)
+
+
 class Messages:
     """Messages of a typestore; times in nanoseconds, 0 for a header without one."""
 
     def __init__(self, ros_1=False):
-        from rosbags.typesys import Stores, get_typestore
-
-        self.ros_1 = ros_1
-        self.store = get_typestore(Stores.ROS1_NOETIC if ros_1 else Stores.LATEST)
+        self.ros_1, self.store = ros_1, load_types(ros_1)
 
     def make(self, kind, **values):
         return self.store.types[kind](**values)

@@ -74,6 +74,7 @@ def run_make(*arguments, **settings) -> subprocess.CompletedProcess[str]:
     )
 
 
+@cache
 def imports(source: str) -> tuple[set[str], set[str]]:
     """Return the top-level names that code imports, and those that it can do without.
 

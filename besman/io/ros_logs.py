@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -140,11 +141,19 @@ def _qualities(latched: bool) -> list[Any]:
 
 def _load_store(path: Path) -> Any:
     try:
-        from rosbags.typesys import Stores, get_typestore
+        from rosbags.typesys import Stores
     except ImportError as error:
         reason = why_not_there(error, "rosbags", "besman[ros]")
         raise FileError(f"{path}: cannot be written: {reason}") from None
-    return get_typestore(Stores.ROS2_HUMBLE)
+    return _load_types(Stores.ROS2_HUMBLE)
+
+
+@cache
+def _load_types(which: Any) -> Any:
+    """Return the types of a ROS, which the library compiles as they are first met."""
+    from rosbags.typesys import get_typestore
+
+    return get_typestore(which)
 
 
 def _nanoseconds(seconds: npt.ArrayLike) -> IntArray:

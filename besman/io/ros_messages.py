@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, lru_cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -176,10 +176,8 @@ def _refuse_cut_database(path: Path, head: bytes) -> None:
 
 def _make_decoder(is_ros_1: bool) -> Callable[[bytes, Any], Any]:
     """Return what makes a message of bytes and the library's connection that it came by."""
-    from rosbags.typesys import Stores, get_typestore
-
     if is_ros_1:
-        store = get_typestore(Stores.ROS1_NOETIC)
+        store = _load_ros_1()
         return lambda data, connection: store.deserialize_ros1(data, connection.msgtype)
     decoders: dict[str, Callable[[bytes], Any]] = {}
 
@@ -193,6 +191,16 @@ def _make_decoder(is_ros_1: bool) -> Callable[[bytes, Any], Any]:
     return decode
 
 
+@cache
+def _load_ros_1() -> Any:
+    """Return the types of ROS 1, which the library compiles as they are first met."""
+    from rosbags.typesys import Stores, get_typestore
+
+    return get_typestore(Stores.ROS1_NOETIC)
+
+
+# The library compiles what reads a type of messages: for files that define them alike only once.
+@lru_cache(maxsize=32)
 def make_message_decoder(kind: str, definition: Definition | None) -> Callable[[bytes], Any]:
     """Return what makes a message of the bytes of ROS 2, as the file that it stands in defines it.
 

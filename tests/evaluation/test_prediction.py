@@ -6,6 +6,7 @@ import pytest
 from places import REAL_DATA, SAMPLE
 
 from besman.cli import main as cli
+from besman.evaluation import prediction
 from besman.evaluation.prediction import (
     evaluate_prediction,
     load_performances,
@@ -51,13 +52,18 @@ def test_the_tables_say_what_they_are_about(result):
     assert prediction_note(free).endswith("0.50 nats")
 
 
-def test_the_command_prints_and_writes_it(monkeypatch, tmp_path, capsys):
+def test_the_command_prints_and_writes_it(result, monkeypatch, tmp_path, capsys):
+    asked = []
+    monkeypatch.setattr(
+        prediction, "evaluate_prediction", lambda *given: asked.append(given) or result
+    )
     target = tmp_path / "p.json"
     arguments = ["evaluate", "prediction", "--data", str(SAMPLE), "--json", str(target)]
     monkeypatch.setattr("sys.argv", ["besman", *arguments])
     with pytest.raises(SystemExit) as stop:
         cli.main()
     assert not stop.value.code
+    assert asked[0][0] == SAMPLE
     assert "ms of CPU a sample" in capsys.readouterr().out
     assert json.loads(target.read_text())["experiment"] == "prediction"
 

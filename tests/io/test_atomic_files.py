@@ -4,6 +4,7 @@ import ast
 import errno
 import json
 import os
+import re
 import resource
 import subprocess
 import sys
@@ -200,6 +201,8 @@ def writes(path):
 
 
 def test_every_write_goes_the_same_way():
-    modules = sorted((TOP / "besman").rglob("*.py"))
+    texts = {path: path.read_text(encoding="utf-8") for path in (TOP / "besman").rglob("*.py")}
+    calls = re.compile(r"\bopen\b|write_text|write_bytes|savez|savefig")
+    modules = sorted(path for path, text in texts.items() if calls.search(text))
     direct = {path.relative_to(TOP).as_posix(): writes(path) for path in modules}
     assert {name for name, lines in direct.items() if lines} <= ALLOWED.keys()

@@ -72,10 +72,10 @@ def test_what_comes_out_violates_nothing(
     _, ratio = check(new, arm)
     assert new.kind == kind
     # No slower than asked for and needed.
-    if new.duration > 1.0001 * (duration or plan.duration):
+    if new.duration > 1.0001 * (duration or plan.duration) and ratio <= 0.99:
         # A short peak lies between the samples of 1 kHz.
         _, *dense = sample_plan(new, arm, rate_hz=10_000)
-        assert max(ratio, check_limits(arm, *dense).acceleration_ratio) > 0.99
+        assert check_limits(arm, *dense).acceleration_ratio > 0.99
     for which, value in wanted.items():
         same = getattr(new, which)
         np.testing.assert_allclose(same[:3], value[:3], atol=1e-12)

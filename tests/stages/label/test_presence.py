@@ -1,6 +1,7 @@
 """A body that is not there gets no names; one that is there gets all."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -34,8 +35,16 @@ def test_legs_are_no_arm(models, known, seed):
         name_trajectories(walking_legs(seed), ARM, models[known], 0.8)
 
 
+read_once = cache(read_recording)
+
+
+@cache
+def learn_real():
+    return learn_from_recording(read_once(REAL_DATA / "pick_and_place/subject1_run1.tsv"), ARM)
+
+
 def unnamed(path, chosen=None):
-    recording = read_recording(path)
+    recording = read_once(path)
     columns = [k for k, name in enumerate(recording.names) if not chosen or name[1:3] in chosen]
     return replace(
         recording, positions=recording.positions[:, columns], names=(None,) * len(columns)
@@ -56,10 +65,7 @@ def unnamed(path, chosen=None):
 )
 @pytest.mark.filterwarnings("ignore::besman.exceptions.RecordingWarning")
 def test_real_recordings_without_that_arm(models, known, file, chosen):
-    model = models.get(known)
-    if model is None:
-        named = read_recording(REAL_DATA / "pick_and_place/subject1_run1.tsv")
-        model = learn_from_recording(named, ARM)
+    model = learn_real() if known == "real" else models[known]
     with pytest.raises(LabellingError, match="right_arm does not fit, nothing is named"):
         name_trajectories(unnamed(REAL_DATA / file, chosen), ARM, model, 0.8)
 
@@ -69,9 +75,9 @@ def test_real_recordings_without_that_arm(models, known, file, chosen):
 def test_real_recordings_of_that_arm_are_named(person):
     other = {"1": "2", "2": "1"}[person]
     folder = REAL_DATA / "pick_and_place"
-    model = learn_from_recording(read_recording(folder / f"subject{other}_run1.tsv"), ARM)
+    model = learn_from_recording(read_once(folder / f"subject{other}_run1.tsv"), ARM)
     for run in (2, 5):
-        recording = read_recording(folder / f"subject{person}_run{run}.tsv")
+        recording = read_once(folder / f"subject{person}_run{run}.tsv")
         named = name_trajectories(
             unnamed(folder / f"subject{person}_run{run}.tsv"), ARM, model, 0.8
         )

@@ -33,6 +33,14 @@ TRUTH = {
 }
 
 
+@pytest.fixture(scope="module", autouse=True)
+def shorter():
+    """Watch the arm after a movement for as long as these take to come to rest."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("besman.transfer.identification.fit._AFTER_S", 0.1)
+        yield
+
+
 @pytest.fixture(scope="module")
 def motions(make_plan):
     return [refined(make_plan(0.54, name=NAMES[0])), refined(make_plan(0.6, name=NAMES[1]))]
