@@ -43,7 +43,9 @@ def lead_parts_around(
         try:
             part = lead_part_around(part, way, trials, before)
             last = before[-1] if before else None
-            before.append(lead_part(part, way, trials.robot, np.zeros(n_parameters(part.goal)), last))
+            before.append(
+                lead_part(part, way, trials.robot, np.zeros(n_parameters(part.goal)), last)
+            )
         except PlanError:
             return (*found, *parts[number:])
         found.append(part)

@@ -85,7 +85,7 @@ def search_blocks(
     for attempt in count():
         if not search.go_on(first, state, failed, attempt):
             break
-        whole = _join([plan for plan, _ in search.done])
+        whole = join_parts([plan for plan, _ in search.done])
         outcomes = search.confirm(whole)
         if all(outcome.success for outcome in outcomes):
             return search.found(whole, True)
@@ -205,12 +205,12 @@ def search_whole(
                 done.append(shape_part(part, way, trials.robot, own, done[-1] if done else None))
             except PlanError:
                 break
-        outcomes = trials.attempt_whole(_join(done), done, goals[: len(done)]) if done else ()
+        outcomes = trials.attempt_whole(join_parts(done), done, goals[: len(done)]) if done else ()
         outcomes += (IMPOSSIBLE,) * (len(parts) - len(done))
         reward = sum(outcome.reward for outcome in outcomes)
         seconds = sum(outcome.seconds for outcome in outcomes)
         success = all(outcome.success for outcome in outcomes)
-        joined = _join(done) if len(done) == len(parts) else None
+        joined = join_parts(done) if len(done) == len(parts) else None
         return joined, BlockOutcome(reward, success, outcomes[-1].end, seconds)
 
     told = _search(attempt, np.zeros(int(ends[-1])), budget, (seed,), sigma)
@@ -264,8 +264,8 @@ def _search(
     return _Told(best, at, n, seconds, told)
 
 
-def _join(parts: Sequence[TaskPlan]) -> TaskPlan:
-    """Return parts as one task."""
+def join_parts(parts: Sequence[TaskPlan]) -> TaskPlan:
+    """Return parts, in their order, as one task."""
     starts = np.cumsum([0.0, *(part.duration for part in parts[:-1])])
     return replace(
         parts[0],
