@@ -14,7 +14,8 @@ from besman.robot.model import Robot
 from besman.simulation.tasks.rearrange.block_trials import BlockTrials
 from besman.simulation.tasks.rearrange.boxes import BoxFrame
 from besman.simulation.tasks.rearrange.rearrange import RearrangeConfig
-from besman.stages.refine.block_parts import split_task
+from besman.stages.refine.block_detours import lead_parts_around
+from besman.stages.refine.block_parts import Part, split_task
 from besman.stages.refine.block_search import Found, search_blocks, search_whole
 
 # First standard deviations: what was shown is near, without it the box is anywhere in the hand.
@@ -26,11 +27,13 @@ class WholeTaskProblem:
     """The imitations of a pipeline of whole tasks; attempts take turns with them.
 
     Each begins as the person has shown it: the gripper is where the hand was in the frame of the
-    box and of its place, with the task's own straight ways. What a search may change are these two
-    poses, how much higher the arm goes, how far it leaves, and how slow the last part is.
+    box and of its place, with the task's own straight ways, and what touches something on the way
+    by capsules is led around it. What a search may change are these two poses, how much higher the
+    arm goes, how far it leaves, and how slow the last part is.
 
-    - block_by_block: `besman.stages.refine.block_search.search_blocks`.
-    - as_one: `search_whole`, on all numbers at once.
+    - block_by_block: `besman.stages.refine.block_search.search_blocks`, each part from the state in
+      which the one before has ended, which tells how the box hangs in the hand.
+    - as_one: `search_whole`, on all numbers at once; an episode's are chosen before it begins.
     - from_scratch: the same on blocks without a shape and a gripper that is square to the frame of
       the markers, in its origin, with a first step that is five times as large.
 
@@ -93,11 +96,23 @@ class WholeTaskProblem:
             Of `WHOLE_TASK_SEARCHES`.
         seed : int
         """
+        return self.search_parts(*self.divide(plan, method), method, seed)
+
+    def divide(self, plan: TaskPlan, method: str) -> tuple[tuple[Part, ...], BlockTrials]:
+        """Return the parts of a task as a search begins with them, and the scene of it."""
         thing = next(block.thing for block in plan.blocks if block.thing)
         row = plan.objects.index(thing)
         trials = BlockTrials.of(plan, self.robot, self.task, self.frame, row)
-        way = self.task.grasp_way(self.frame)
         parts = split_task(plan, scratch=method == "from_scratch")
+        if method == "as_one":
+            parts = lead_parts_around(parts, self.task.grasp_way(self.frame), trials)
+        return parts, trials
+
+    def search_parts(
+        self, parts: tuple[Part, ...], trials: BlockTrials, method: str, seed: int
+    ) -> Found:
+        """Return what a search of a task that has been divided has come to."""
+        way = self.task.grasp_way(self.frame)
         if method == "block_by_block":
             return search_blocks(parts, way, trials, self.episodes // len(parts), seed, _SIGMA)
         sigma = _SCRATCH_SIGMA if method == "from_scratch" else _SIGMA

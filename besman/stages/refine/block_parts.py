@@ -137,7 +137,28 @@ def _part(goal: BlockGoal, plan: TaskPlan, blocks: tuple[BlockPlan, ...], tool: 
 def shape_part(
     part: Part, way: GraspWay, robot: Robot, x: FloatArray, last: TaskPlan | None
 ) -> TaskPlan:
-    """Return a part as parameters say, from where the last one has ended.
+    """Return a part as parameters say, within the arm's limits, from where the last one has ended.
+
+    Parameters
+    ----------
+    part, way, robot, x, last
+        As of `lead_part`.
+
+    Raises
+    ------
+    PlanError
+        If it is out of the arm's reach or limits.
+    """
+    led = lead_part(part, way, robot, x, last)
+    if part.goal == "leave":
+        led = stretch_task(led, float(np.exp(abs(x[1] * _UNITS[part.goal][1]))))
+    return keep_task_limits(led, robot)
+
+
+def lead_part(
+    part: Part, way: GraspWay, robot: Robot, x: FloatArray, last: TaskPlan | None
+) -> TaskPlan:
+    """Return a part as parameters say, as fast as it comes.
 
     Parameters
     ----------
@@ -148,11 +169,12 @@ def shape_part(
     x : array, shape (D,)
         In units of the search; 0 is what was shown.
     last : TaskPlan, optional
+        The part before; this one begins where it ends.
 
     Raises
     ------
-    PlanError
-        If it is out of the arm's reach or limits.
+    OutOfReachError
+        If it is out of reach.
     """
     values = x * _UNITS[part.goal]
     plan = part.plan
@@ -165,9 +187,7 @@ def shape_part(
         )
         plan = replace(plan, blocks=(first, *plan.blocks[1:]))
     if part.goal == "leave":
-        still = replace(way, higher_m=abs(values[0]))
-        led = lead_grasps(plan, robot, still)
-        return keep_task_limits(stretch_task(led, float(np.exp(abs(values[1])))), robot)
+        return lead_grasps(plan, robot, replace(way, higher_m=abs(values[0])))
     tool = np.array(part.tool)
     tool[:3, 3] += values[:3]
     turn = Rotation.from_euler("ZY", values[3:5]).as_matrix()
@@ -176,4 +196,4 @@ def shape_part(
     moved = replace(
         way, grasp=tool, pitch_rad=0.0, higher_m=abs(values[5]), after_m=max(after_m, 0.02)
     )
-    return keep_task_limits(lead_grasps(plan, robot, moved), robot)
+    return lead_grasps(plan, robot, moved)

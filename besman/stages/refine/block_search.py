@@ -21,6 +21,7 @@ from besman.simulation.tasks.rearrange.block_trials import (
     BlockState,
     BlockTrials,
 )
+from besman.stages.refine.block_detours import lead_part_around
 from besman.stages.refine.block_parts import Part, n_parameters, shape_part
 
 FloatArray = npt.NDArray[np.float64]
@@ -62,9 +63,10 @@ def search_blocks(
     """Refine one part after the other, each from the state in which the one before has ended.
 
     An episode that has fulfilled its part goes on into the next, as that was shown; only where it
-    fails there are others begun, in the state in which that part began. In the end all is simulated
-    at once: where that fails the search goes on with the first part that does, in the state in
-    which it has begun there.
+    fails there are others begun, in the state in which that part began. That state tells how the
+    box hangs in the hand: putting it is searched around where it then comes to stand at its place,
+    not around where the hand was shown to be. In the end all is simulated at once: where that fails
+    the search goes on with the first part that does, in the state in which it has begun there.
 
     Parameters
     ----------
@@ -83,7 +85,7 @@ def search_blocks(
     for attempt in count():
         if not search.go_on(first, state, failed, attempt):
             break
-        whole = _join([plan for plan, _ in search.done])
+        whole = join_parts([plan for plan, _ in search.done])
         outcomes = search.confirm(whole)
         if all(outcome.success for outcome in outcomes):
             return search.found(whole, True)
@@ -128,8 +130,9 @@ class _BlockSearch:
         for number in range(first, len(self.parts)):
             goal = self.parts[number].goal
             before = sum(outcome.reward for _, outcome in self.done)
+            part = self._begin(number, state)
             told = _search(
-                partial(self._attempt, number, state), self.at[number],
+                partial(self._attempt, part, state), self.at[number],
                 self.budget - self.episodes.get(goal, 0), (self.seed, number, attempt), self.sigma,
                 begun=number > first, known=known,
             )  # fmt: skip
@@ -161,8 +164,18 @@ class _BlockSearch:
         self.rewards.append(sum(outcome.reward for outcome in outcomes))
         return outcomes
 
-    def _attempt(self, number: int, state: BlockState, x: FloatArray) -> Tried:
-        part, last = self.parts[number], self.done[-1][0] if self.done else None
+    def _begin(self, number: int, state: BlockState) -> Part:
+        """Return a part as it begins in a state: to where the box stands, around what is there."""
+        part = self.parts[number]
+        if part.goal == "put":
+            part = part._replace(tool=self.trials.tool_at_place(state))
+        try:
+            return lead_part_around(part, self.way, self.trials, [plan for plan, _ in self.done])
+        except PlanError:
+            return part
+
+    def _attempt(self, part: Part, state: BlockState, x: FloatArray) -> Tried:
+        last = self.done[-1][0] if self.done else None
         try:
             plan = shape_part(part, self.way, self.trials.robot, x, last)
         except PlanError:
@@ -173,7 +186,7 @@ class _BlockSearch:
 def search_whole(
     parts: Sequence[Part], way: GraspWay, trials: BlockTrials, budget: int, seed: int, sigma: float
 ) -> Found:
-    """Refine all parts at once; every episode is the whole task.
+    """Refine all parts at once; every episode is the whole task, simulated at once.
 
     Its reward is the sum of those of all parts; what is not come to has the worst.
 
@@ -182,27 +195,23 @@ def search_whole(
     parts, way, trials, budget, seed, sigma
         As of `search_blocks`.
     """
-    ends = np.cumsum([n_parameters(part.goal) for part in parts])
+    goals = [part.goal for part in parts]
+    ends = np.cumsum([n_parameters(goal) for goal in goals])
 
-    def attempt(x: FloatArray) -> tuple[TaskPlan | None, BlockOutcome]:
-        state: BlockState | None = trials.first(parts[0].plan.blocks[0].start)
+    def attempt(x: FloatArray) -> Tried:
         done: list[TaskPlan] = []
-        reward, success, seconds = 0.0, True, 0.0
         for part, own in zip(parts, np.split(x, ends[:-1]), strict=True):
-            outcome = IMPOSSIBLE
-            if state is not None:
-                try:
-                    plan = shape_part(part, way, trials.robot, own, done[-1] if done else None)
-                except PlanError:
-                    plan = None
-                if plan is not None:
-                    outcome = trials.attempt(plan, state, part.goal)
-                    done.append(plan)
-            reward, success = reward + outcome.reward, success and outcome.success
-            seconds += outcome.seconds
-            state = outcome.end
-        joined = _join(done) if len(done) == len(parts) else None
-        return joined, BlockOutcome(reward, success, state, seconds)
+            try:
+                done.append(shape_part(part, way, trials.robot, own, done[-1] if done else None))
+            except PlanError:
+                break
+        outcomes = trials.attempt_whole(join_parts(done), done, goals[: len(done)]) if done else ()
+        outcomes += (IMPOSSIBLE,) * (len(parts) - len(done))
+        reward = sum(outcome.reward for outcome in outcomes)
+        seconds = sum(outcome.seconds for outcome in outcomes)
+        success = all(outcome.success for outcome in outcomes)
+        joined = join_parts(done) if len(done) == len(parts) else None
+        return joined, BlockOutcome(reward, success, outcomes[-1].end, seconds)
 
     told = _search(attempt, np.zeros(int(ends[-1])), budget, (seed,), sigma)
     plan, outcome = told.best
@@ -255,8 +264,8 @@ def _search(
     return _Told(best, at, n, seconds, told)
 
 
-def _join(parts: Sequence[TaskPlan]) -> TaskPlan:
-    """Return parts as one task."""
+def join_parts(parts: Sequence[TaskPlan]) -> TaskPlan:
+    """Return parts, in their order, as one task."""
     starts = np.cumsum([0.0, *(part.duration for part in parts[:-1])])
     return replace(
         parts[0],

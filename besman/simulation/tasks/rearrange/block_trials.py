@@ -11,7 +11,9 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
+from besman.motion.adapt_task import frame_matrix
 from besman.records import TaskPlan
+from besman.robot.kinematics import forward_kinematics
 from besman.robot.model import Robot
 from besman.simulation.episodes import tracking_errors
 from besman.simulation.physics import SimulatedStates, run_physics
@@ -19,6 +21,7 @@ from besman.simulation.setpoints import expected_movements, servo_setpoints
 from besman.simulation.tasks.grasp_box.gripper import FINGERS
 from besman.simulation.tasks.rearrange.arm_way import ArmWay
 from besman.simulation.tasks.rearrange.boxes import BoxFrame, box_poses
+from besman.simulation.tasks.rearrange.clearance import Surroundings
 from besman.simulation.tasks.rearrange.rearrange import RearrangeConfig
 from besman.simulation.tasks.rearrange.rearrange_scene import rearrange_model
 from besman.simulation.tasks.rearrange.rearranging import judge, pose_angles, read_touches
@@ -90,6 +93,9 @@ class BlockTrials:
         Where the middles of boxes stand, and are to stand.
     thing : int
         The box.
+    place : array, shape (4, 4)
+        The markers of the box where it is to stand, in the frame of the arm.
+    around : Surroundings
     """
 
     robot: Robot
@@ -98,6 +104,8 @@ class BlockTrials:
     before: FloatArray
     after: FloatArray
     thing: int
+    place: FloatArray
+    around: Surroundings
 
     @classmethod
     def of(
@@ -106,12 +114,36 @@ class BlockTrials:
         """Return the scene of a task."""
         before, after = (box_poses(each, frame) for each in (plan.object_poses, plan.target_poses))
         model = rearrange_model(robot, task, before, after)
-        return cls(robot, task, model, before, after, thing)
+        place = frame_matrix(plan.target_poses[thing])
+        around = Surroundings.of(plan, robot, task, frame)
+        return cls(robot, task, model, before, after, thing, place, around)
 
     def first(self, joints: FloatArray) -> BlockState:
         """Return the state before anything is done: the arm at rest, its gripper open."""
         qpos = np.concatenate([joints, np.zeros(len(FINGERS)), self.before.ravel()])
         return BlockState(qpos, np.zeros(self.model.nv), 0.0)
+
+    def tool_at_place(self, state: BlockState) -> FloatArray:
+        """Return where the tool is to be so that the box that it holds stands at its place.
+
+        Parameters
+        ----------
+        state : BlockState
+            With the box in the hand.
+
+        Returns
+        -------
+        array, shape (4, 4)
+            In the frame of the box's markers there, metres.
+        """
+        n = self.robot.n
+        first = n + len(FINGERS) + 7 * self.thing
+        tool = forward_kinematics(self.robot.chain, state.qpos[None, :n])[0]
+        box, wanted = (
+            frame_matrix(pose) for pose in (state.qpos[first : first + 7], self.after[self.thing])
+        )
+        found: FloatArray = np.linalg.inv(self.place) @ wanted @ np.linalg.inv(box) @ tool
+        return found
 
     def attempt(self, part: TaskPlan, state: BlockState, goal: BlockGoal) -> BlockOutcome:
         """Simulate a part from a state.

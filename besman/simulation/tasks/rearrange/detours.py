@@ -16,7 +16,7 @@ from besman.records import BlockPlan, TaskPlan
 from besman.records.layers import IDLE
 from besman.robot.kinematics import jacobian
 from besman.robot.model import Robot
-from besman.simulation.tasks.rearrange.clearance import RATE_HZ, Course, Surroundings
+from besman.simulation.tasks.rearrange.clearance import RATE_HZ, Course
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -46,7 +46,7 @@ def free_blocks(plan: TaskPlan) -> list[int]:
     ]
 
 
-def lead_around(plan: TaskPlan, robot: Robot, around: Surroundings) -> TaskPlan | None:
+def lead_around(plan: TaskPlan, robot: Robot, course: Course) -> TaskPlan | None:
     """Lead blocks around what they touch; ends, borders and straight ways stay.
 
     The shape of a block gets smooth bumps, with the weights that make them: its joints' velocities
@@ -59,7 +59,8 @@ def lead_around(plan: TaskPlan, robot: Robot, around: Surroundings) -> TaskPlan 
     plan : TaskPlan
         As `besman.motion.grasp_goals.lead_grasps` gives it.
     robot : Robot
-    around : Surroundings
+    course : Course
+        What there is to be touched; of a whole task `Surroundings.follow` gives it.
 
     Returns
     -------
@@ -67,7 +68,6 @@ def lead_around(plan: TaskPlan, robot: Robot, around: Surroundings) -> TaskPlan 
         None if something else is touched, or no bumps free a block.
     """
     time, positions, _, _ = sample_task(plan, RATE_HZ)
-    course = around.follow(plan)
     gaps = course.gaps(time, positions)
     starts = plan.starts_s
     owner = np.clip(np.searchsorted(starts, time, side="right") - 1, 0, len(plan.blocks) - 1)

@@ -209,7 +209,7 @@ class RearrangeConfig(RearrangeFields):
         led = lead_grasps(plan, robot, self.grasp_way(frame, grasp), postures)
         clearance_m = around.clearance(led)
         if clearance_m < CLEAR_M:
-            led_around = lead_around(led, robot, around)
+            led_around = lead_around(led, robot, around.follow(led))
             if led_around is not None:
                 led, clearance_m = led_around, around.clearance(led_around)
         return Led(led, clearance_m)
