@@ -65,7 +65,7 @@ def carry_box():
     take = name_parts(capture.recording), building_blocks(capture.segments)
     (demonstration,) = divide_actions(*take, make_select())
     robot = load_robot("ur5", "gripper3")
-    config = MapConfig(evaluations=40, weights={"position": 5, "singularity": 5})
+    config = MapConfig(evaluations=40, yaw=False, weights={"position": 5, "singularity": 5})
     mapping = config.run((demonstration.hand,), robot)
     (task,) = MapTasks(config).run(mapping, (demonstration,), robot)
     return robot, demonstration, plan_task(task, robot, 20, leads_s=(0.1, 0.2))

@@ -16,6 +16,7 @@ from fuzz.attempts import GOOD, attempt, read, whole
 from fuzz.target import Target
 from fuzz.targets import TARGETS
 from fuzz.whole_files import head
+from homes import few_poses  # noqa: F401
 from places import SAMPLE
 
 from besman.exceptions import RecordingError, RecordingWarning

@@ -105,7 +105,7 @@ def test_a_whole_task_runs_from_the_recording_to_its_files(monkeypatch, tmp_path
         "label={method: named}", "recognize.examples_per_class=2", "select.label=null",
         "select.action=to_table", "select.as=blocks", "select.merge=false",
         f"select.actions={{to_table: [{', '.join(blocks)}]}}", "map.evaluations=40",
-        "tool=gripper3", "task=rearrange",
+        "map.yaw=false", "tool=gripper3", "task=rearrange",
     )  # fmt: skip
     arguments = [part for one in settings for part in ("--set", one)]
     folder = tmp_path / "run"

@@ -16,7 +16,7 @@ LESS = {
     "ur10_lever": (f"recordings={find_resource('data/lever', 'subject1', '.tsv')}",),
     "iiwa7_grasp": ("refine.robust=null",),
 }
-FEW = ("refine.robustness={models: 2}", "map.evaluations=20")
+FEW = ("refine.robustness={models: 2}", "map.evaluations=20", "map.yaw=false")
 # Of the demonstrations that are found, so many go on to the robot.
 FOUND = {"compi_ball_throw": (8, 2), "iiwa7_grasp": (3, 1), "ur10_lever": (3, 2)}
 

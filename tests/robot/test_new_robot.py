@@ -365,7 +365,7 @@ def test_an_assumed_torque_holds_the_arm_everywhere(tmp_path):
     assert robot.limits.torque[0] > 1.2 * weight
 
 
-def test_home_is_clear_and_not_singular(tmp_path):
+def test_home_is_clear_and_not_singular(tmp_path, all_poses):
     ur5 = content_of(find_robot("ur5"))
     urdf, _ = find_urdf(ur5["urdf"], find_robot("ur5"))
     robot = load_robot(add_robot(urdf, name="mine5", folder=tmp_path))

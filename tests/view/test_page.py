@@ -11,6 +11,8 @@ from besman.robot.model import load_robot
 from besman.view.live import open_view
 
 READY = "html[data-ready]"
+# What somebody does on a page is answered by the same modules, wherever it comes from.
+ON_ONE = pytest.mark.parametrize("loaded", ["opened_file"], indirect=True, ids=["replay"])
 
 
 @pytest.fixture(scope="module")
@@ -97,6 +99,7 @@ def test_scrubbing_moves_the_robot(page):
     assert shown_time(page) == pytest.approx(0.4, abs=0.006)
 
 
+@ON_ONE
 def test_play_and_pause(page):
     page.click("#play")
     assert page.get_attribute("#play", "aria-label") == "Pause"
@@ -108,6 +111,7 @@ def test_play_and_pause(page):
     assert page.get_attribute("#play", "aria-label") == "Play"
 
 
+@ON_ONE
 def test_the_keyboard_alone(page):
     page.keyboard.press("ArrowRight")
     page.keyboard.press("Shift+ArrowRight")
@@ -168,6 +172,7 @@ def test_the_generations_are_the_search_s_own(page, content):
     assert "imitated" in page.inner_text("#robot-caption")
 
 
+@ON_ONE
 def test_dragging_turns_and_reset_turns_back(page):
     wait_at_rest(page)
     before = pixels(page)

@@ -12,6 +12,7 @@ from besman.exceptions import RunError
 from besman.geometry.frames import back_frame
 from besman.records.files import load_record, save_record
 from besman.robot.kinematics import forward_kinematics
+from besman.view import decimation
 from besman.view.decimation import Mesh, decimate
 from besman.view.packing import Packer
 from besman.view.run_content import RunContent
@@ -203,3 +204,28 @@ def test_decimation_keeps_the_shape():
     outwards = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     assert (np.einsum("fi,fi->f", outwards, corners.mean(axis=1)) > 0).mean() > 0.97
     assert decimate([ball], len(triangles)) == [ball]
+
+
+def merge_plainly(mesh, cell):
+    """Replace the vertices in each cell by their mean, one after the other."""
+    keys = [tuple(row) for row in np.floor(mesh.vertices / cell).astype(int).tolist()]
+    cells = sorted(set(keys))
+    means = [np.mean([v for v, k in zip(mesh.vertices, keys, strict=True) if k == one], axis=0)
+             for one in cells]  # fmt: skip
+    found = set()
+    for triangle in mesh.triangles:
+        corners = [cells.index(keys[vertex]) for vertex in triangle]
+        if len(set(corners)) == 3:
+            least = corners.index(min(corners))
+            found.add((*corners[least:], *corners[:least]))
+    return means, sorted(found)
+
+
+@pytest.mark.parametrize(("size_m", "cell"), [(1.0, 0.8), (1.0, 1e-3), (1e7, 1e-3), (1.0, 100.0)])
+def test_cells_of_a_grid_are_merged_as_one_after_the_other(size_m, cell):
+    random = np.random.default_rng(0)
+    mesh = Mesh(random.normal(size=(40, 3)) * size_m, random.integers(0, 40, (300, 3)))
+    found = decimation._merge(mesh, cell)
+    means, triangles = merge_plainly(mesh, cell)
+    expected = np.array([[means[corner] for corner in one] for one in triangles]).reshape(-1, 3, 3)
+    np.testing.assert_allclose(found.vertices[found.triangles], expected, rtol=1e-12)

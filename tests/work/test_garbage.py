@@ -1,4 +1,5 @@
 import gc
+import importlib
 import json
 import subprocess
 import sys
@@ -6,7 +7,7 @@ import sys
 import pytest
 from places import TOP
 
-from besman.work import in_worker
+from besman.work import garbage, in_worker, loaded_last
 from besman.work.garbage import collect_seldom
 
 
@@ -40,6 +41,13 @@ def test_a_worker_looks_as_seldom_and_ends_with_its_parent(thresholds, monkeypat
     monkeypatch.setattr(in_worker, "end_with_parent", lambda: told.append(gc.get_threshold()[0]))
     in_worker.begin_worker()
     assert told == [50_000]
+
+
+def test_what_is_loaded_last_keeps_all_once(monkeypatch):
+    asked = []
+    monkeypatch.setattr(garbage, "keep_all", lambda: asked.append(True))
+    importlib.reload(loaded_last)
+    assert asked == [True]
 
 
 # In a process that has little: to look through what the tests have loaded takes seconds.

@@ -41,7 +41,7 @@ def test_a_small_arm_stands_as_high_as_it_is_long_and_a_tall_one_on_the_floor():
 
 
 @pytest.mark.parametrize("name", ["ur5", "iiwa7"])
-def test_home_is_clear_within_limits_and_far_from_singular(name):
+def test_home_is_clear_within_limits_and_far_from_singular(name, all_poses):
     robot = load_robot(name, "none")
     home, is_clear = find_home(robot, 0.9)
     assert is_clear

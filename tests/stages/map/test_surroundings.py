@@ -175,7 +175,7 @@ def test_what_stands_where_the_arm_would_be_moves_the_placement():
 
 def test_without_a_grasp_it_is_the_mapping_as_it_was():
     robot, demonstration, _, _ = scene()
-    config = MapConfig(evaluations=10)
+    config = MapConfig(evaluations=10, yaw=False)
     nothing = dataclasses.replace(demonstration, holds_s=np.empty((0, 2)), held=())
     among = MapAmongBoards(config).run((nothing,), robot, TASK)
     plain = config.run((demonstration.hand,), robot)

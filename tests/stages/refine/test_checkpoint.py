@@ -150,7 +150,7 @@ def test_a_run_keeps_checkpoints_until_the_stage_is_stored(robot, make_plan, tmp
 
 
 # Long enough to be killed on the way.
-EPISODES = 48
+EPISODES = 24
 SCRIPT = """
 import itertools
 import sys

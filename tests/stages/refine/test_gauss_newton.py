@@ -110,7 +110,7 @@ def test_a_task_that_succeeds_or_not_is_left_to_cma_es(robot, plans, monkeypatch
 
 
 def test_a_motion_of_which_nothing_comes_is_said(robot, make_plan):
-    still = make_plan(5.0, target=np.array([5.0, 0, 0]))
+    still = make_plan(2.5, target=np.array([5.0, 0, 0]))
     (motion,) = config_of(robust=None, episodes=12).run((still,), robot, THROW)
     assert motion.handed_over == f"nothing comes of {still.name}"
     assert not motion.success

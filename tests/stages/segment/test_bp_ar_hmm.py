@@ -97,7 +97,7 @@ def test_the_chain_keeps_the_prior():
     start = [rng.normal(size=(length, 1)) for _ in range(n)]
     sampler = BpArHmmSampler(start, 1, prior)
     kept = []
-    for _ in range(2000):
+    for _ in range(1000):
         series = []
         for z, first in zip(sampler.states, start, strict=True):
             y = [first[0]]

@@ -132,9 +132,9 @@ def test_the_target_is_the_tasks_or_the_demonstrations(plans):
 
 def test_a_target_out_of_reach_is_a_search_without_success(plans):
     far = TASK.model_copy(update={"target_m": (60.0, 0.0)})
-    (motion,) = CmaEsConfig(episodes=20).run(tuple(plans[:1]), ROBOT, far)
+    (motion,) = CmaEsConfig(episodes=8).run(tuple(plans[:1]), ROBOT, far)
     assert not motion.success
-    assert len(motion.returns) == 20
+    assert len(motion.returns) == 8
     assert motion.failure or motion.miss_before > 50
     assert not motion.miss < 50
 

@@ -1,0 +1,1 @@
+from homes import all_poses, few_poses  # noqa: F401
