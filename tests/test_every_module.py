@@ -39,7 +39,6 @@ OTHERWISE = {
     "besman.web.connections": ("through a server", "web/test_loopback.py"),
     "besman.work.cluster": ("through workers", "work/test_cluster.py"),
     "besman.work.display": ("the type of a callable", "pipeline/test_run_folder.py"),
-    "besman.work.loaded_last": ("in a process of its own", "work/test_garbage.py"),
 }
 
 
