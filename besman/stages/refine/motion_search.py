@@ -14,6 +14,7 @@ from besman.robot.kinematics import forward_kinematics
 from besman.robot.limits import check_limits
 from besman.robot.model import Robot
 from besman.search.protocol import ResidualSearch, Search
+from besman.search.relay import Relay
 from besman.simulation.perturbed_trials import try_finely
 from besman.simulation.task import Task
 from besman.simulation.trial import Trial
@@ -180,6 +181,8 @@ class MotionSearch:
             False if this search would have asked for other points; it is then of no use.
         """
         for generation in generations:
+            if self.waiting:
+                break
             if self._trials and not self.may_go_on:
                 self.settle()
             points = self._next_points()
@@ -251,6 +254,11 @@ class MotionSearch:
         if not self._trials:
             return False
         return not self.may_go_on or self.won
+
+    @property
+    def waiting(self) -> bool:
+        """Whether it has stalled, and is to be given other places to begin at."""
+        return isinstance(self._search, Relay) and self._search.waiting
 
     @property
     def _left(self) -> int:

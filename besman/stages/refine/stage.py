@@ -25,6 +25,7 @@ from besman.stages.refine.robustness import RobustConfig, RobustnessConfig
 
 if TYPE_CHECKING:
     from besman.simulation.perturbation import Perturbation
+    from besman.stages.refine.checkpoint import Generation
     from besman.stages.refine.class_model import ClassModel
     from besman.stages.refine.motion_search import MotionSearch
     from besman.stages.refine.plan_space import Space
@@ -215,10 +216,23 @@ class RefinementConfig(Stage):
         if self.pool:
             return (self._refine_side_by_side(plans, robot, task, work),)
         shared = self.share(plans, robot, task, replace(work, strict=True, progress=_ignore))
+        return tuple(self.refine_all(list(zip(plans, shared, strict=True)), robot, task, work))
+
+    def refine_all(
+        self,
+        pairs: Sequence[tuple[AnyPlan, ClassModel | None]],
+        robot: Robot,
+        task: Task,
+        work: Work,
+    ) -> list[RefinedMotion]:
+        """Refine motion plans, each with what it shares."""
         refine = partial(self._refine, robot=robot, task=task, folder=work.checkpoints)
-        processes = max(2, _EPISODES_FOR_PROCESSES // self.episodes)
-        pairs = list(zip(plans, shared, strict=True))
-        return tuple(work.map(refine, pairs, name=_name_of_first, processes=processes))
+        return work.map(refine, pairs, name=_name_of_first, processes=self.processes)
+
+    @property
+    def processes(self) -> int:
+        """From how many motions on processes are sooner done than threads."""
+        return max(2, _EPISODES_FOR_PROCESSES // self.episodes)
 
     def _refine(
         self,
@@ -255,22 +269,47 @@ class RefinementConfig(Stage):
         task: Task,
         folder: Path | None = None,
         shared: ClassModel | None = None,
+        starts: Sequence[ClassModel] = (),
+        waits: bool = False,
+        tried: Sequence[Generation] = (),
     ) -> RunningSearch:
-        """Set up the search for one plan, where it was if it was ended before its end."""
+        """Set up the search for one plan, where it was if it was ended before its end.
+
+        `starts` are other places to begin at where it stalls, see `set_up`; `tried` is how far it
+        is, if there is no checkpoint.
+        """
         from besman.stages.refine.checkpoint import Checkpoint
         from besman.stages.refine.search_loop import RunningSearch
 
         # By content, because two plans may have one name.
         checkpoint = Checkpoint(folder, digest(plan)[:16])
-        search = self.set_up(plan, robot, task, shared)
-        if not search.repeat(checkpoint.load()):
-            search = self.set_up(plan, robot, task, shared)
-        return RunningSearch(search, robot, task, checkpoint, self.perturbations(robot))
+        done = 0
+        for generations in (checkpoint.load(), tried):
+            search = self.set_up(plan, robot, task, shared, starts, waits)
+            if generations and search.repeat(generations):
+                done = search.n_generations
+                break
+        else:
+            search = self.set_up(plan, robot, task, shared, starts, waits)
+            generations = ()
+        worlds = self.perturbations(robot)
+        running = RunningSearch(search, robot, task, checkpoint, worlds)
+        running.tried += generations[:done]
+        return running
 
     def set_up(
-        self, plan: AnyPlan, robot: Robot, task: Task, shared: ClassModel | None = None
+        self,
+        plan: AnyPlan,
+        robot: Robot,
+        task: Task,
+        shared: ClassModel | None = None,
+        starts: Sequence[ClassModel] = (),
+        waits: bool = False,
     ) -> MotionSearch:
         """Set up the search for one plan.
+
+        `starts` are other places, with what is known there, to begin at where it stalls; a search
+        that `waits` ends as soon as it does.
 
         Raises
         ------
@@ -281,7 +320,14 @@ class RefinementConfig(Stage):
 
         plan = place_plan(plan, robot, task)
         space = self.space(plan, robot)
-        search = self.make_search(space.dimension, (self.seed, _seed_of(plan)), shared, space.floor)
+        seed = self.seed, _seed_of(plan)
+        search, *others = (
+            self.make_search(space.dimension, seed, one, space.floor) for one in (shared, *starts)
+        )
+        if others or waits:
+            from besman.search.relay import Relay
+
+            search = Relay([search, *others], waits)
         n_models = len(self.perturbations(robot))
         return MotionSearch(space, search, robot, task, self.episodes, shared, n_models)
 
