@@ -127,14 +127,15 @@ def report(case: Case, method: str, models: int, work: Work, seed: int) -> dict:
     shares = np.array([one.success.mean() for one in found])
     total = sum(needed) + shared
     print(
-        f"| {case.name} | {method} | {seed} | {n_success} of {len(plans)} | {np.median(needed):g} / "
-        f"{max(needed)} | {shared} | {total} | {total / len(plans):.1f} | {shares.mean():.3f} | "
+        f"| {case.name} | {method} | {seed} | {n_success} of {len(plans)} | "
+        f"{np.median(needed):g} / {max(needed)} | {shared} | {total} | "
+        f"{total / len(plans):.1f} | {shares.mean():.3f} | "
         f"{shares.min():.2f} | {wall:.1f} |",
         flush=True,
     )
     return {
-        "dataset": case.name, "source": "synthetic", "method": method, "seed": seed, "n": len(plans),
-        "n_success": n_success, "episodes": needed, "episodes_shared": shared,
+        "dataset": case.name, "source": "synthetic", "method": method, "seed": seed,
+        "n": len(plans), "n_success": n_success, "episodes": needed, "episodes_shared": shared,
         "hit_share": shares.tolist(), "wall_s": wall, "cpu_s": cpu,
     }  # fmt: skip
 
@@ -160,8 +161,8 @@ def main() -> None:
     given = parser.parse_args()
     rows = []
     print(
-        "| pipeline | method | seed | succeed | episodes, median / most | shared | all | mean | hit share "
-        "| least | refine s |\n|---|---|---|---|---|---|---|---|---|---|---|"
+        "| pipeline | method | seed | succeed | episodes, median / most | shared | all | mean "
+        "| hit share | least | refine s |\n|---|---|---|---|---|---|---|---|---|---|---|"
     )
     with tempfile.TemporaryDirectory() as folder, Workers(given.jobs) as workers:
         for name in given.pipelines:

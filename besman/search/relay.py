@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from besman.search.gauss_newton import GaussNewton
+from besman.search.protocol import ResidualSearch
 from besman.search.residual_points import Tried
 
 FloatArray = npt.NDArray[np.float64]
@@ -23,20 +23,20 @@ class Relay:
 
     Parameters
     ----------
-    searches : sequence of GaussNewton
+    searches : sequence of ResidualSearch
         Alike but for where they begin and what slopes they know.
     waits : bool
         Whether it ends as soon as all have stalled, because there will be other places to begin at.
     """
 
-    def __init__(self, searches: Sequence[GaussNewton], waits: bool) -> None:
+    def __init__(self, searches: Sequence[ResidualSearch], waits: bool) -> None:
         self._legs = [_Leg(one) for one in searches]
         self._waits, self._at, self._patient = waits, 0, True
         self.waiting = False
         """Whether all have stalled, and other places are waited for."""
 
     @property
-    def _search(self) -> GaussNewton:
+    def _search(self) -> ResidualSearch:
         return self._legs[self._at].search
 
     @property
@@ -106,13 +106,13 @@ class _Leg:
 
     Attributes
     ----------
-    search : GaussNewton
+    search : ResidualSearch
     least, least_alone : float
         Root mean square of the distances to the target, in radii, in all worlds and in the model
         alone, the least so far.
     """
 
-    def __init__(self, search: GaussNewton) -> None:
+    def __init__(self, search: ResidualSearch) -> None:
         self.search = search
         self.least = self.least_alone = np.inf
         self._vain = self._n_alone = 0

@@ -318,9 +318,7 @@ def _move_pose(pose: FloatArray, change: FloatArray, metres: float, radians: flo
     return np.concatenate([pose[:3] + metres * change[:3], multiply(turned, pose[3:])])
 
 
-def _pose_change(
-    pose: FloatArray, before: FloatArray, metres: float, radians: float
-) -> FloatArray:
+def _pose_change(pose: FloatArray, before: FloatArray, metres: float, radians: float) -> FloatArray:
     """Return the change (6,), in these units, that moves one pose (7,) to another."""
     turned = rotation_vector(multiply(pose[3:], conjugate(before[3:])))
     return np.concatenate([(pose[:3] - before[:3]) / metres, turned / radians])
@@ -328,7 +326,7 @@ def _pose_change(
 
 def _path_of(plan: MotionPlan) -> FloatArray:
     """Return the joints (T, n), rad, at equal shares of a plan's duration."""
-    return roll_out_plans([plan], np.linspace(0.0, plan.duration, _N_PLACES))[0][0]
+    return np.asarray(roll_out_plans([plan], np.linspace(0.0, plan.duration, _N_PLACES))[0][0])
 
 
 def _longer(plan: AnyPlan, other: AnyPlan, units: Units) -> FloatArray:

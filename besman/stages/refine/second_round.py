@@ -102,22 +102,27 @@ def refine_in_two_rounds(
     list of RefinedMotion
     """
     todo = [(at, *pair) for at, pair in enumerate(pairs)]
-    given = {"config": config, "robot": robot, "task": task, "folder": work.checkpoints}
+    folder = work.checkpoints
+    once = partial(_search_once, config=config, robot=robot, task=task, folder=folder)
+    again = partial(_search_again, config=config, robot=robot, task=task, folder=folder)
     first = work.part(0.0, _FIRST).map(
-        partial(_search_once, **given), todo, name=lambda one: one[1].name, processes=2
+        once,
+        todo,
+        name=lambda one: one[1].name,
+        processes=config.processes,
     )
     waiting = [one for one in first if one.motion is None]
     ends = [one for one in first if one.end is not None]
     wanted = {one.at: task.wanted(place_plan(one.plan, robot, task)) for one in (*ends, *waiting)}
     starts = [nearest_ends(one, ends, wanted)[:n_neighbours] for one in waiting]
-    again = work.part(_FIRST, 1.0).map(
-        partial(_search_again, **given),
+    second = work.part(_FIRST, 1.0).map(
+        again,
         list(zip(waiting, starts, strict=True)),
         name=lambda one: one[0].name,
-        processes=2,
+        processes=config.processes,
         some=False,
     )
-    found = dict(again) | {one.at: one.motion for one in first if one.motion is not None}
+    found = dict(second) | {one.at: one.motion for one in first if one.motion is not None}
     work.progress(1.0)
     return [found[at] for at in sorted(found)]
 
@@ -172,9 +177,7 @@ def _search_again(
     one, ends = item
     space, shared = config.space(place_plan(one.plan, robot, task), robot), one.shared
     assert shared is not None
-    starts = [
-        replace(shared, point=space.project(end.plan), jacobian=end.jacobian) for end in ends
-    ]
+    starts = [replace(shared, point=space.project(end.plan), jacobian=end.jacobian) for end in ends]
     running = config.running_search(
         one.plan, robot, task, folder, shared, starts=starts, tried=one.generations
     )

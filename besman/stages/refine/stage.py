@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -19,8 +19,9 @@ from besman.records import AnyPlan, RefinedMotion
 from besman.records.files import digest
 from besman.robot.model import Robot
 from besman.search.kinds import search_kind
-from besman.search.protocol import Part, Search
+from besman.search.protocol import Part, ResidualSearch, Search
 from besman.simulation.task import Task
+from besman.stages.refine.figures import refine_results
 from besman.stages.refine.robustness import RobustConfig, RobustnessConfig
 
 if TYPE_CHECKING:
@@ -327,7 +328,7 @@ class RefinementConfig(Stage):
         if others or waits:
             from besman.search.relay import Relay
 
-            search = Relay([search, *others], waits)
+            search = Relay(cast("list[ResidualSearch]", [search, *others]), waits)
         n_models = len(self.perturbations(robot))
         return MotionSearch(space, search, robot, task, self.episodes, shared, n_models)
 
@@ -396,44 +397,3 @@ def place_plan(plan: AnyPlan, robot: Robot, task: Task) -> AnyPlan:
     if not np.isfinite(task.wanted(plan)).all():
         raise RefinementError(f"{plan.name}: task {task.kind} needs a {task.needs}, got none")
     return plan
-
-
-def refine_results(motions: tuple[RefinedMotion, ...], task: Task) -> dict[str, Any]:
-    """Give the stage's figures for ``results.json``.
-
-    Parameters
-    ----------
-    motions : tuple of RefinedMotion
-        What refinement gave.
-    task : Task
-        With the success criterion.
-
-    Returns
-    -------
-    dict
-        n_motions, n_success, n_failed_before (imitations without a valid outcome),
-        success_radius_m, miss_before_m, miss_m and episodes, each {median, max}; null where no
-        motion has a value; episodes_shared (of what all motions share), handed_over (motions that
-        CMA-ES went on with, and why).
-    """
-    return {
-        "n_motions": len(motions),
-        "n_success": sum(motion.success for motion in motions),
-        "n_failed_before": sum(bool(motion.failure) for motion in motions),
-        "success_radius_m": task.success_radius_m,
-        "miss_before_m": _summary([motion.miss_before for motion in motions]),
-        "miss_m": _summary([motion.miss for motion in motions]),
-        "episodes": _summary([motion.simulations.sum() for motion in motions]),
-        "episodes_shared": sum(motion.shared_simulations for motion in motions),
-        "handed_over": {
-            motion.plan.name: motion.handed_over for motion in motions if motion.handed_over
-        },
-    }
-
-
-def _summary(values: Sequence[float]) -> dict[str, float | None]:
-    """Return median and maximum of what is finite."""
-    finite = np.array([value for value in values if np.isfinite(value)])
-    if not len(finite):
-        return {"median": None, "max": None}
-    return {"median": float(np.median(finite)), "max": float(np.max(finite))}
