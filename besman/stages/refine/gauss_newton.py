@@ -43,7 +43,7 @@ class GaussNewtonConfig(RefinementConfig):
     """Refine motion plans by Gauss-Newton steps; see `besman.search.gauss_newton`.
 
     The Jacobian is that of the outcome of the motion in the middle of those in one posture of the
-    arm, measured once.
+    arm, measured once; of up to three motions in the model as it is alone.
     Where a task has no outcome to take steps on, where nothing comes of a motion, or where steps
     stall without success, CMA-ES goes on.
 
@@ -69,7 +69,7 @@ class GaussNewtonConfig(RefinementConfig):
     robust : RobustConfig or None
         The perturbed models; null to look at the model as it is alone.
     neighbours : int
-        At the ends of how many others a motion begins again whose steps stall in perturbed models,
+        Of a robust search: at the ends of how many others a motion whose steps stall begins again,
         those with the nearest targets first, before its own steps go on; 0 for none.
     population, restarts
         Of CMA-ES, as in `CmaEsConfig`.

@@ -250,9 +250,7 @@ class MotionSearch:
     @property
     def done(self) -> bool:
         """Whether the search is over: success with a margin, no budget, or no progress."""
-        if not self._trials:
-            return False
-        return not self.may_go_on or self.won
+        return bool(self._trials) and (not self.may_go_on or self.won)
 
     @property
     def waiting(self) -> bool:
