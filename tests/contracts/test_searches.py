@@ -283,7 +283,7 @@ def test_every_search_of_the_folder_is_entered():
             own = inspect.isclass(thing) and thing.__module__ == module.__name__
             if own and not inspect.isabstract(thing) and not getattr(thing, "_is_protocol", False):
                 found |= {thing} if hasattr(thing, "ask") and hasattr(thing, "tell") else set()
-    # Searches of a placement's box are chosen by `map: {optimizer: ...}`; a relay is one of several.
+    # Searches of a placement's box are chosen by `map: {optimizer: ...}`; a relay is several.
     elsewhere = {"besman.search.in_a_box", "besman.search.relay"}
     others = {one for one in found if one.__module__ in elsewhere}
     entered = {entry.load() for entry in (*SEARCHES, *CONTEXTUAL_SEARCHES)}
