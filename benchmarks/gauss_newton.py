@@ -1,13 +1,14 @@
 """Gauss-Newton, CMA-ES and a derivative-free least-squares peer on the same motions.
 
     python benchmarks/gauss_newton.py [PIPELINE ...] [--methods NAME ...] [--models N] [--jobs N]
-                                      [--json FILE]
+                                      [--seeds N ...] [--neighbours N] [--json FILE]
 
 Refines every motion of each pipeline (synthetic recordings), and tries what comes of it in N
 perturbed models that no search has seen. Methods: ``cma_es``, as the recipes had it;
 ``gauss_newton`` with ``robust: null``; ``robust``, as it is by default; ``dfols``, DFO-LS (package
 ``DFO-LS``, extra ``bench``) on the landing point in the model as it is, from the same start in the
-same coordinates.
+same coordinates. ``robust`` is searched in the models of every one of ``--seeds``: what one draw
+finds is chance.
 """
 
 import argparse
@@ -67,10 +68,19 @@ def stage_of(method: str, case: Case):
     keys = {name: getattr(case.refine, name) for name in RefinementConfig.model_fields}
     keys |= {"method": kind.model_fields["method"].annotation.__args__[0], "robustness": None}
     if method == "robust":
-        keys["measure"] = getattr(case.refine, "measure", None)
+        own = ("measure", "robust", "neighbours")
+        keys |= {name: getattr(case.refine, name) for name in own if hasattr(case.refine, name)}
     elif kind is GaussNewtonConfig:
         keys["robust"] = None
     return kind.model_validate(keys)
+
+
+def with_seed(refine, seed: int, neighbours: int | None):
+    """Return a recipe's search in the models of a seed, with so many neighbours."""
+    changes = {"robust": refine.robust.model_copy(update={"seed": seed})}
+    if neighbours is not None:
+        changes["neighbours"] = neighbours
+    return refine.model_copy(update=changes)
 
 
 def refine(method: str, case: Case, work: Work) -> tuple[list, list, int, int]:
@@ -108,7 +118,7 @@ def by_dfols(plan, case: Case) -> tuple:
     return space.plan_at(best[1]), len(tried), best[0].success
 
 
-def report(case: Case, method: str, models: int, work: Work) -> dict:
+def report(case: Case, method: str, models: int, work: Work, seed: int) -> dict:
     wall, cpu = time.perf_counter(), time.process_time()
     plans, needed, shared, n_success = refine(method, case, work)
     wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
@@ -117,14 +127,15 @@ def report(case: Case, method: str, models: int, work: Work) -> dict:
     shares = np.array([one.success.mean() for one in found])
     total = sum(needed) + shared
     print(
-        f"| {case.name} | {method} | {n_success} of {len(plans)} | {np.median(needed):g} / "
-        f"{max(needed)} | {shared} | {total} | {total / len(plans):.1f} | {shares.mean():.3f} | "
+        f"| {case.name} | {method} | {seed} | {n_success} of {len(plans)} | "
+        f"{np.median(needed):g} / {max(needed)} | {shared} | {total} | "
+        f"{total / len(plans):.1f} | {shares.mean():.3f} | "
         f"{shares.min():.2f} | {wall:.1f} |",
         flush=True,
     )
     return {
-        "dataset": case.name, "source": "synthetic", "method": method, "n": len(plans),
-        "n_success": n_success, "episodes": needed, "episodes_shared": shared,
+        "dataset": case.name, "source": "synthetic", "method": method, "seed": seed,
+        "n": len(plans), "n_success": n_success, "episodes": needed, "episodes_shared": shared,
         "hit_share": shares.tolist(), "wall_s": wall, "cpu_s": cpu,
     }  # fmt: skip
 
@@ -144,18 +155,26 @@ def main() -> None:
     parser.add_argument("--methods", nargs="+", default=METHODS[:3], choices=METHODS)
     parser.add_argument("--models", type=int, default=100)
     parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--seeds", nargs="+", type=int, default=[0])
+    parser.add_argument("--neighbours", type=int, help="of a second round; 0 for none")
     parser.add_argument("--json", type=Path)
     given = parser.parse_args()
     rows = []
     print(
-        "| pipeline | method | succeed | episodes, median / most | shared | all | mean | hit share "
-        "| least | refine s |\n|---|---|---|---|---|---|---|---|---|---|"
+        "| pipeline | method | seed | succeed | episodes, median / most | shared | all | mean "
+        "| hit share | least | refine s |\n|---|---|---|---|---|---|---|---|---|---|---|"
     )
     with tempfile.TemporaryDirectory() as folder, Workers(given.jobs) as workers:
         for name in given.pipelines:
             case = load_case(name, Path(folder))
             work = Work(given.jobs, workers=workers)
-            rows += [report(case, method, given.models, work) for method in given.methods]
+            own = case.refine
+            for method in given.methods:
+                for seed in given.seeds if method == "robust" else (0,):
+                    if method == "robust":
+                        case.refine = with_seed(own, seed, given.neighbours)
+                    rows.append(report(case, method, given.models, work, seed))
+                    case.refine = own
     if given.json is not None:
         given.json.write_text(json.dumps({"experiment": "gauss_newton", "rows": rows}))
 

@@ -32,8 +32,8 @@ from besman.simulation.task import Task
 from besman.simulation.tasks.kinds import KINDS, WHOLE_KINDS, load_task
 from besman.simulation.trial import try_plans
 from besman.stages.map.mapping import Mapping
+from besman.stages.refine.figures import refine_results
 from besman.stages.refine.methods import RefineStage
-from besman.stages.refine.stage import refine_results
 from besman.templates.applying import apply_template
 from besman.templates.contexts import context_kind
 from besman.templates.learning import TemplateConfig

@@ -1,4 +1,4 @@
-"""Which motions are refined where not all are: those whose imitation comes nearest."""
+"""Which motions are refined where not all are, which episodes are kept where not all are."""
 
 from __future__ import annotations
 
@@ -10,6 +10,9 @@ from besman.records import AnyPlan
 from besman.robot.model import Robot
 from besman.simulation.task import Task
 from besman.simulation.trial import try_plans
+
+# How many episodes on the way are kept with their plans.
+_MILESTONES = 5
 
 
 def nearest_plans(
@@ -39,3 +42,13 @@ def nearest_plans(
     misses = [np.inf if trial.failure else trial.miss for trial in trials]
     order = np.argsort(np.nan_to_num(misses, nan=np.inf), kind="stable")[:count]
     return tuple(plans[index] for index in sorted(order))
+
+
+def pick_milestones(ranks: Sequence[tuple[float, ...]]) -> list[int]:
+    """Return some of the episodes that were the best so far, first and last among them.
+
+    `ranks` say how good each was.
+    """
+    best = [at for at in range(len(ranks)) if not at or ranks[at] > max(ranks[:at])]
+    rows = np.rint(np.linspace(0, len(best) - 1, min(len(best), _MILESTONES))).astype(int)
+    return [best[row] for row in rows]

@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import Field
 
 from besman.config.stage import Work
-from besman.records import AnyPlan
+from besman.records import AnyPlan, RefinedMotion
 from besman.records.files import digest
 from besman.robot.model import Robot
 from besman.search.gauss_newton import BESIDE
@@ -33,6 +33,8 @@ _FEW: tuple[Part, ...] = ("goal", "duration")
 _DIFFERENCE, _DIFFERENCE_IN_WORLDS = 0.8, 1.5
 # A Jacobian in all models may cost so many episodes for each motion that it serves.
 _MOST_EACH = 50
+# So few motions do not pay for what models are apart by.
+_ALONE = 3
 # The middle motion is worth more and bolder steps: what it finds is where all others begin.
 _STEPS_OF_MIDDLE, _BOLDER, _DETOURS_OF_MIDDLE = 2, 0.3, 4
 
@@ -41,7 +43,7 @@ class GaussNewtonConfig(RefinementConfig):
     """Refine motion plans by Gauss-Newton steps; see `besman.search.gauss_newton`.
 
     The Jacobian is that of the outcome of the motion in the middle of those in one posture of the
-    arm, measured once.
+    arm, measured once; of up to three motions in the model as it is alone.
     Where a task has no outcome to take steps on, where nothing comes of a motion, or where steps
     stall without success, CMA-ES goes on.
 
@@ -66,6 +68,9 @@ class GaussNewtonConfig(RefinementConfig):
         else for goal and duration. CMA-ES moves all.
     robust : RobustConfig or None
         The perturbed models; null to look at the model as it is alone.
+    neighbours : int
+        Of a robust search: at the ends of how many others a motion whose steps stall begins again,
+        those with the nearest targets first, before its own steps go on; 0 for none.
     population, restarts
         Of CMA-ES, as in `CmaEsConfig`.
     """
@@ -77,10 +82,13 @@ class GaussNewtonConfig(RefinementConfig):
     detours: Annotated[int, Field(ge=0)] = 2
     measure: Annotated[tuple[Part, ...], Field(min_length=1)] | None = None
     robust: RobustConfig | None = RobustConfig()
+    neighbours: Annotated[int, Field(ge=0)] = 2
     population: Annotated[int, Field(ge=4)] | None = 8
     restarts: Literal["none", "ipop", "bipop"] = "none"
 
-    not_of_search: ClassVar[frozenset[str]] = frozenset({"difference", "measure", "robust"})
+    not_of_search: ClassVar[frozenset[str]] = frozenset(
+        {"difference", "measure", "neighbours", "robust"}
+    )
 
     def perturbations(self, robot: Robot) -> tuple[Perturbation, ...]:
         """Draw the models of the search."""
@@ -106,6 +114,20 @@ class GaussNewtonConfig(RefinementConfig):
             for at in group:
                 found[rows[at]] = model
         return found
+
+    def refine_all(
+        self,
+        pairs: Sequence[tuple[AnyPlan, ClassModel | None]],
+        robot: Robot,
+        task: Task,
+        work: Work,
+    ) -> list[RefinedMotion]:
+        """Refine motion plans, those that stall in a second round."""
+        from besman.stages.refine.second_round import refine_in_two_rounds
+
+        if self.robust is None or not self.neighbours:
+            return super().refine_all(pairs, robot, task, work)
+        return refine_in_two_rounds(self, pairs, robot, task, self.neighbours, work)
 
     def _share(self, plans: Sequence[AnyPlan], robot: Robot, task: Task, work: Work) -> ClassModel:
         """Learn what the motions of one posture share, the first of them the middle one's.
@@ -188,7 +210,7 @@ class _Lesson:
         spent += cost
         if why := moves_too_little(jacobian):
             return nothing(spent, why)
-        if not worlds or self.n_plans == 1:
+        if not worlds or self.n_plans <= _ALONE:
             return ClassModel(self.plan.name, point, jacobian, trust, spent)
         shared = ClassModel(self.plan.name, point, jacobian, trust, spent)
         search = self._search(shared, work.jobs)
@@ -222,8 +244,8 @@ class _Lesson:
 
     @property
     def _in_one_world(self) -> bool:
-        """Whether the model as it is tells of all, as it must to a motion that is alone."""
-        alone = self.n_plans == 1 and self.config.measure is None
+        """Whether the model as it is tells of all, as it must to motions that are nearly alone."""
+        alone = self.n_plans <= _ALONE and self.config.measure is None
         return alone or not self.config.perturbations(self.robot)
 
     def _cost(self, n_measured: int) -> int:

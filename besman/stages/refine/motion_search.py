@@ -14,10 +14,12 @@ from besman.robot.kinematics import forward_kinematics
 from besman.robot.limits import check_limits
 from besman.robot.model import Robot
 from besman.search.protocol import ResidualSearch, Search
+from besman.search.relay import Relay
 from besman.simulation.perturbed_trials import try_finely
 from besman.simulation.task import Task
 from besman.simulation.trial import Trial
 from besman.stages.refine.checkpoint import Generation
+from besman.stages.refine.choice import pick_milestones
 from besman.stages.refine.class_model import ClassModel
 from besman.stages.refine.outcomes import cost_of, count_failures, holds, residual_of, succeeds
 from besman.stages.refine.plan_space import Space
@@ -29,8 +31,6 @@ Attempt = Callable[[AnyPlan, int], Trial]
 
 # A search ends when the outcome is this much better than the task asks for.
 _MARGIN = 0.5
-# How many episodes on the way are kept with their plans.
-_MILESTONES = 5
 
 
 class MotionSearch:
@@ -180,6 +180,8 @@ class MotionSearch:
             False if this search would have asked for other points; it is then of no use.
         """
         for generation in generations:
+            if self.waiting:
+                break
             if self._trials and not self.may_go_on:
                 self.settle()
             points = self._next_points()
@@ -248,9 +250,12 @@ class MotionSearch:
     @property
     def done(self) -> bool:
         """Whether the search is over: success with a margin, no budget, or no progress."""
-        if not self._trials:
-            return False
-        return not self.may_go_on or self.won
+        return bool(self._trials) and (not self.may_go_on or self.won)
+
+    @property
+    def waiting(self) -> bool:
+        """Whether it has stalled, and is to be given other places to begin at."""
+        return isinstance(self._search, Relay) and self._search.waiting
 
     @property
     def _left(self) -> int:
@@ -269,7 +274,11 @@ class MotionSearch:
 
         Of two that succeed the one that was tried in perturbed models is better.
         """
-        return max(range(len(self._trials)), key=self._rank)
+        return max(range(len(self._trials)), key=self._ranks.__getitem__)
+
+    @property
+    def _ranks(self) -> list[tuple[float, ...]]:
+        return [self._rank(at) for at in range(len(self._trials))]
 
     def _rank(self, at: int) -> tuple[float, ...]:
         """Say how good an episode is."""
@@ -370,7 +379,7 @@ class MotionSearch:
             shared_simulations=self._shared_simulations,
             finer_outcome=self._finer_outcome,
             milestones=tuple(
-                (at, self._space.plan_at(self._tried[at])) for at in self._milestones()
+                (at, self._space.plan_at(self._tried[at])) for at in pick_milestones(self._ranks)
             ),
         )
 
@@ -389,10 +398,3 @@ class MotionSearch:
         """What the class has cost, if this is the motion in its middle."""
         mine = self._shared is not None and self._shared.name == self.best_plan.name
         return self._shared.simulations if self._shared is not None and mine else 0
-
-    def _milestones(self) -> list[int]:
-        """Return some of the episodes that were the best so far, first and last among them."""
-        ranks = [self._rank(at) for at in range(len(self._trials))]
-        best = [at for at in range(len(ranks)) if not at or ranks[at] > max(ranks[:at])]
-        rows = np.rint(np.linspace(0, len(best) - 1, min(len(best), _MILESTONES))).astype(int)
-        return [best[row] for row in rows]

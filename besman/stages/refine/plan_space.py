@@ -9,11 +9,16 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from besman.geometry.quaternions import from_rotation_vector, multiply
-from besman.motion.cartesian_dmp import move_ends
-from besman.motion.dmp import respond
+from besman.geometry.quaternions import (
+    conjugate,
+    from_rotation_vector,
+    multiply,
+    rotation_vector,
+)
+from besman.motion.cartesian_dmp import move_ends, pose_coordinates, roll_out_poses
+from besman.motion.dmp import respond, roll_out
 from besman.motion.dmp_fit import goal_response, shape_directions
-from besman.motion.rollout import least_duration, stretch_plan
+from besman.motion.rollout import least_duration, roll_out_plans, stretch_plan
 from besman.records import AnyPlan, CartesianPlan, MotionPlan, Record
 from besman.robot.model import Robot
 from besman.robot.parts import JointLimits
@@ -26,6 +31,8 @@ _HALVINGS = 8
 # Places of a movement that are compared with the limits of position: every so manieth node.
 _LIMIT_STRIDE = 5
 _LIMIT_MARGIN_RAD = 0.002
+# Places at which the paths of two movements are compared.
+_N_PLACES = 101
 
 
 @dataclass(frozen=True)
@@ -67,6 +74,10 @@ class Space(Protocol):
 
     def coordinates(self, parts: Sequence[Part]) -> list[int]:
         """Return which coordinates belong to some parts."""
+        ...
+
+    def project(self, plan: AnyPlan) -> FloatArray:
+        """Return the point (D,) whose plan is like another of its kind, as far as one can be."""
         ...
 
     @property
@@ -144,6 +155,28 @@ class PlanSpace:
         """Coordinates, shape (D,), below which nothing changes: nothing is faster than it may."""
         least = least_duration(self._plan, self._limits) / self._plan.duration
         return _floor(least, self._parts, self._sizes, self._units)
+
+    def project(self, plan: AnyPlan) -> FloatArray:
+        """Return the point (D,) whose plan is like another in start, goal, duration and path."""
+        assert isinstance(plan, MotionPlan)
+        mine, units, found = self._plan, self._units, dict[Part, FloatArray]()
+        weights, start, goal = mine.weights, mine.start, mine.goal
+        if "start" in self._parts:
+            found["start"] = (plan.start - start) / units.start_rad
+            weights = weights - np.outer(plan.start - start, self._goal_response)
+            start = plan.start
+        if "goal" in self._parts:
+            found["goal"] = (plan.goal - goal) / units.goal_rad
+            weights = weights + np.outer(plan.goal - goal, self._goal_response)
+            goal = plan.goal
+        moved = replace(mine, weights=weights, start=start, goal=goal)
+        path = _path_of(moved)
+        ways = [_path_of(replace(moved, weights=weights + one)) - path for one in self._shapes]
+        responses = np.array([way[:, 0] for way in ways]).T
+        shape = np.linalg.lstsq(responses, _path_of(plan) - path, rcond=None)[0].T
+        found["weights"] = shape.ravel() / units.shape_rad
+        found["duration"] = _longer(plan, mine, units)
+        return np.concatenate([found[part] for part in self._parts])
 
     def coordinates(self, parts: Sequence[Part]) -> list[int]:
         """Return which coordinates belong to some parts."""
@@ -227,6 +260,27 @@ class CartesianPlanSpace:
         """Return which coordinates belong to some parts."""
         return _coordinates(self._parts, self._sizes, parts)
 
+    def project(self, plan: AnyPlan) -> FloatArray:
+        """Return the point (D,) whose plan is like another in start, goal, duration and path."""
+        assert isinstance(plan, CartesianPlan)
+        mine, units, found = self._plan, self._units, dict[Part, FloatArray]()
+        start = plan.start if "start" in self._parts else mine.start
+        goal = plan.goal if "goal" in self._parts else mine.goal
+        scale = np.repeat([units.shape_m, units.shape_rad], 3)[:, None]
+        found["start"] = _pose_change(start, mine.start, units.start_m, units.start_rad)
+        found["goal"] = _pose_change(goal, mine.goal, units.goal_m, units.goal_rad)
+        weights = move_ends(mine.weights, (mine.start, mine.goal), (start, goal))
+        x, nothing = np.linspace(0.0, 1.0, _N_PLACES), np.zeros(len(self._shapes))
+        path, other = (
+            pose_coordinates(roll_out_poses(*movement, 1.0, x), goal)
+            for movement in ((weights, start, goal), (plan.weights, plan.start, plan.goal))
+        )
+        responses = roll_out(self._shapes, nothing, nothing, 1.0, x)[0]
+        shape = np.linalg.lstsq(responses, other - path, rcond=None)[0].T
+        found["weights"] = (shape / scale).ravel()
+        found["duration"] = _longer(plan, mine, units)
+        return np.concatenate([found[part] for part in self._parts])
+
     @property
     def floor(self) -> FloatArray:
         """Coordinates, shape (D,), below which nothing changes: nothing is faster than it may."""
@@ -262,6 +316,22 @@ def _move_pose(pose: FloatArray, change: FloatArray, metres: float, radians: flo
     """Move a pose (7,) by a change (6,) of its position and orientation, in these units."""
     turned = from_rotation_vector(radians * change[3:])
     return np.concatenate([pose[:3] + metres * change[:3], multiply(turned, pose[3:])])
+
+
+def _pose_change(pose: FloatArray, before: FloatArray, metres: float, radians: float) -> FloatArray:
+    """Return the change (6,), in these units, that moves one pose (7,) to another."""
+    turned = rotation_vector(multiply(pose[3:], conjugate(before[3:])))
+    return np.concatenate([(pose[:3] - before[:3]) / metres, turned / radians])
+
+
+def _path_of(plan: MotionPlan) -> FloatArray:
+    """Return the joints (T, n), rad, at equal shares of a plan's duration."""
+    return np.asarray(roll_out_plans([plan], np.linspace(0.0, plan.duration, _N_PLACES))[0][0])
+
+
+def _longer(plan: AnyPlan, other: AnyPlan, units: Units) -> FloatArray:
+    """Return by how much a plan is longer than another, shape (1,), in units of the search."""
+    return np.array([np.log(plan.duration / other.duration) / units.log_duration])
 
 
 def _split(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +14,7 @@ from besman.simulation.perturbation import Perturbation
 from besman.simulation.perturbed_trials import try_perturbed
 from besman.simulation.task import Task
 from besman.simulation.trial import Trial, try_plans
-from besman.stages.refine.checkpoint import Checkpoint
+from besman.stages.refine.checkpoint import Checkpoint, Generation
 from besman.stages.refine.motion_search import MotionSearch
 from besman.stages.refine.outcomes import residual_of
 from besman.work.work import Work
@@ -36,6 +36,8 @@ class RunningSearch:
         Models that a search may look at besides the task's own.
     jobs : int
         Threads that one motion may use in them; never changes a result.
+    tried : list of Generation
+        How far it is.
     """
 
     search: MotionSearch
@@ -44,6 +46,7 @@ class RunningSearch:
     checkpoint: Checkpoint
     perturbations: tuple[Perturbation, ...] = ()
     jobs: int = 1
+    tried: list[Generation] = field(default_factory=list)
 
     def advance(self) -> None:
         """Try one generation, and keep it."""
@@ -52,6 +55,7 @@ class RunningSearch:
         trials, _, others = try_in_worlds(self.robot, self.task, plans, worlds, self.jobs)
         generation = self.search.learn(trials, others, self._attempt)
         self.checkpoint.save(self.search.n_generations - 1, generation)
+        self.tried.append(generation)
 
     def _attempt(self, plan: AnyPlan, model: int) -> Trial:
         """Try a plan in one of the perturbed models."""

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -19,12 +19,14 @@ from besman.records import AnyPlan, RefinedMotion
 from besman.records.files import digest
 from besman.robot.model import Robot
 from besman.search.kinds import search_kind
-from besman.search.protocol import Part, Search
+from besman.search.protocol import Part, ResidualSearch, Search
 from besman.simulation.task import Task
+from besman.stages.refine.figures import refine_results
 from besman.stages.refine.robustness import RobustConfig, RobustnessConfig
 
 if TYPE_CHECKING:
     from besman.simulation.perturbation import Perturbation
+    from besman.stages.refine.checkpoint import Generation
     from besman.stages.refine.class_model import ClassModel
     from besman.stages.refine.motion_search import MotionSearch
     from besman.stages.refine.plan_space import Space
@@ -215,10 +217,23 @@ class RefinementConfig(Stage):
         if self.pool:
             return (self._refine_side_by_side(plans, robot, task, work),)
         shared = self.share(plans, robot, task, replace(work, strict=True, progress=_ignore))
+        return tuple(self.refine_all(list(zip(plans, shared, strict=True)), robot, task, work))
+
+    def refine_all(
+        self,
+        pairs: Sequence[tuple[AnyPlan, ClassModel | None]],
+        robot: Robot,
+        task: Task,
+        work: Work,
+    ) -> list[RefinedMotion]:
+        """Refine motion plans, each with what it shares."""
         refine = partial(self._refine, robot=robot, task=task, folder=work.checkpoints)
-        processes = max(2, _EPISODES_FOR_PROCESSES // self.episodes)
-        pairs = list(zip(plans, shared, strict=True))
-        return tuple(work.map(refine, pairs, name=_name_of_first, processes=processes))
+        return work.map(refine, pairs, name=_name_of_first, processes=self.processes)
+
+    @property
+    def processes(self) -> int:
+        """From how many motions on processes are sooner done than threads."""
+        return max(2, _EPISODES_FOR_PROCESSES // self.episodes)
 
     def _refine(
         self,
@@ -255,22 +270,47 @@ class RefinementConfig(Stage):
         task: Task,
         folder: Path | None = None,
         shared: ClassModel | None = None,
+        starts: Sequence[ClassModel] = (),
+        waits: bool = False,
+        tried: Sequence[Generation] = (),
     ) -> RunningSearch:
-        """Set up the search for one plan, where it was if it was ended before its end."""
+        """Set up the search for one plan, where it was if it was ended before its end.
+
+        `starts` are other places to begin at where it stalls, see `set_up`; `tried` is how far it
+        is, if there is no checkpoint.
+        """
         from besman.stages.refine.checkpoint import Checkpoint
         from besman.stages.refine.search_loop import RunningSearch
 
         # By content, because two plans may have one name.
         checkpoint = Checkpoint(folder, digest(plan)[:16])
-        search = self.set_up(plan, robot, task, shared)
-        if not search.repeat(checkpoint.load()):
-            search = self.set_up(plan, robot, task, shared)
-        return RunningSearch(search, robot, task, checkpoint, self.perturbations(robot))
+        done = 0
+        for generations in (checkpoint.load(), tried):
+            search = self.set_up(plan, robot, task, shared, starts, waits)
+            if generations and search.repeat(generations):
+                done = search.n_generations
+                break
+        else:
+            search = self.set_up(plan, robot, task, shared, starts, waits)
+            generations = ()
+        worlds = self.perturbations(robot)
+        running = RunningSearch(search, robot, task, checkpoint, worlds)
+        running.tried += generations[:done]
+        return running
 
     def set_up(
-        self, plan: AnyPlan, robot: Robot, task: Task, shared: ClassModel | None = None
+        self,
+        plan: AnyPlan,
+        robot: Robot,
+        task: Task,
+        shared: ClassModel | None = None,
+        starts: Sequence[ClassModel] = (),
+        waits: bool = False,
     ) -> MotionSearch:
         """Set up the search for one plan.
+
+        `starts` are other places, with what is known there, to begin at where it stalls; a search
+        that `waits` ends as soon as it does.
 
         Raises
         ------
@@ -281,7 +321,14 @@ class RefinementConfig(Stage):
 
         plan = place_plan(plan, robot, task)
         space = self.space(plan, robot)
-        search = self.make_search(space.dimension, (self.seed, _seed_of(plan)), shared, space.floor)
+        seed = self.seed, _seed_of(plan)
+        search, *others = (
+            self.make_search(space.dimension, seed, one, space.floor) for one in (shared, *starts)
+        )
+        if others or waits:
+            from besman.search.relay import Relay
+
+            search = Relay(cast("list[ResidualSearch]", [search, *others]), waits)
         n_models = len(self.perturbations(robot))
         return MotionSearch(space, search, robot, task, self.episodes, shared, n_models)
 
@@ -350,44 +397,3 @@ def place_plan(plan: AnyPlan, robot: Robot, task: Task) -> AnyPlan:
     if not np.isfinite(task.wanted(plan)).all():
         raise RefinementError(f"{plan.name}: task {task.kind} needs a {task.needs}, got none")
     return plan
-
-
-def refine_results(motions: tuple[RefinedMotion, ...], task: Task) -> dict[str, Any]:
-    """Give the stage's figures for ``results.json``.
-
-    Parameters
-    ----------
-    motions : tuple of RefinedMotion
-        What refinement gave.
-    task : Task
-        With the success criterion.
-
-    Returns
-    -------
-    dict
-        n_motions, n_success, n_failed_before (imitations without a valid outcome),
-        success_radius_m, miss_before_m, miss_m and episodes, each {median, max}; null where no
-        motion has a value; episodes_shared (of what all motions share), handed_over (motions that
-        CMA-ES went on with, and why).
-    """
-    return {
-        "n_motions": len(motions),
-        "n_success": sum(motion.success for motion in motions),
-        "n_failed_before": sum(bool(motion.failure) for motion in motions),
-        "success_radius_m": task.success_radius_m,
-        "miss_before_m": _summary([motion.miss_before for motion in motions]),
-        "miss_m": _summary([motion.miss for motion in motions]),
-        "episodes": _summary([motion.simulations.sum() for motion in motions]),
-        "episodes_shared": sum(motion.shared_simulations for motion in motions),
-        "handed_over": {
-            motion.plan.name: motion.handed_over for motion in motions if motion.handed_over
-        },
-    }
-
-
-def _summary(values: Sequence[float]) -> dict[str, float | None]:
-    """Return median and maximum of what is finite."""
-    finite = np.array([value for value in values if np.isfinite(value)])
-    if not len(finite):
-        return {"median": None, "max": None}
-    return {"median": float(np.median(finite)), "max": float(np.max(finite))}

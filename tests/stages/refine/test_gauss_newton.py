@@ -16,8 +16,8 @@ from besman.stages.refine.class_model import (
     measure_jacobian,
     moves_too_little,
 )
+from besman.stages.refine.figures import refine_results
 from besman.stages.refine.gauss_newton import GaussNewtonConfig, RobustConfig
-from besman.stages.refine.stage import refine_results
 from besman.work.work import Work
 
 THROW = load_task("stick_throw")

@@ -94,6 +94,14 @@ def test_every_plan_keeps_velocity_and_acceleration_from_rest_to_rest(
     np.testing.assert_allclose(a, 0, atol=1e-3)
 
 
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("parts", [ALL, ("goal", "duration", "weights")])
+def test_a_plan_of_a_space_is_projected_to_its_point(robot, plans, kind, parts):
+    space = plan_space(replace(plans[kind], duration=5.0), robot, parts, 3)
+    point = 0.2 * np.random.default_rng(1).normal(size=space.dimension)
+    np.testing.assert_allclose(space.project(space.plan_at(point)), point, atol=1e-6)
+
+
 def test_units_of_a_cartesian_plan(robot, plans):
     plan = replace(plans["cartesian_dmp"], duration=3.0)
     units = Units(goal_rad=0.2, log_duration=0.3, shape_rad=0.05, goal_m=0.03, shape_m=0.02)

@@ -59,6 +59,18 @@ def test_every_plan_starts_and_ends_at_rest(robot, make_plan, seed):
     np.testing.assert_allclose(a, 0, atol=1e-4)
 
 
+def test_another_movement_is_projected_to_a_plan_that_is_like_it(robot, make_plan):
+    """Whatever its number of weights; one of the space itself to its own point."""
+    space = PlanSpace(make_plan(3.0), robot.limits, ALL, 4)
+    point = 0.3 * np.random.default_rng(0).normal(size=space.dimension)
+    moved = space.plan_at(point)
+    np.testing.assert_allclose(space.project(moved), point, atol=1e-8)
+    time = np.linspace(0, moved.duration, 200)
+    path = roll_out(moved.weights, moved.start, moved.goal, moved.duration, time)[0]
+    finer = replace(moved, weights=fit_weights(time, path, 30))
+    np.testing.assert_allclose(space.project(finer), point, atol=1e-2)
+
+
 def test_start_and_goal_moved_alike_move_all_of_the_movement(robot, make_plan):
     plan = make_plan(0.9)
     space = PlanSpace(plan, robot.limits, ("start", "goal"), 1, Units(start_rad=0.2, goal_rad=0.2))

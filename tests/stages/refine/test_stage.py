@@ -13,7 +13,8 @@ from besman.simulation.perturbed_trials import finer_task
 from besman.simulation.tasks.kinds import load_task
 from besman.simulation.trial import try_plans
 from besman.stages.refine.choice import nearest_plans
-from besman.stages.refine.stage import CmaEsConfig, refine_results
+from besman.stages.refine.figures import refine_results
+from besman.stages.refine.stage import CmaEsConfig
 
 THROW, REACH = load_task("stick_throw"), load_task("reach")
 
