@@ -14,6 +14,7 @@ import pinocchio
 from besman.exceptions import RobotError, in_one_line, nearest
 from besman.foreign.error_stream import catch_error_stream
 from besman.foreign.urdf_text import link_names
+from besman.geometry.joint_axis import joint_axis
 from besman.robot.config import RobotConfig
 from besman.robot.link_shapes import link_capsules
 from besman.robot.parts import Chain, JointLimits, Tool, capsule_part, read_only
@@ -171,17 +172,9 @@ def _reduce(full: Any, config: RobotConfig, links: set[str], path: Path) -> Any:
     return model
 
 
-def _axis(joint: Any) -> FloatArray:
-    """Return the rotation axis of a hinge in its own frame (zero if it does not rotate)."""
-    data = joint.createData()
-    joint.calc(data, np.zeros(joint.nq), np.zeros(joint.nv))
-    axis: FloatArray = np.asarray(data.S, dtype=np.float64).reshape(6)[3:]
-    return axis
-
-
 def _is_hinge(joint: Any) -> bool:
     """Tell whether a joint is a hinge."""
-    return bool(abs(np.linalg.norm(_axis(joint)) - 1.0) < 1e-9)
+    return bool(abs(np.linalg.norm(joint_axis(joint)[1]) - 1.0) < 1e-9)
 
 
 def _mount(model: Any, config: RobotConfig) -> None:
@@ -271,7 +264,7 @@ def build_chain(
     joint_array.setflags(write=False)
     return Chain(
         placements=read_only([place.homogeneous for place in list(model.jointPlacements)[1:]]),
-        axes=read_only([_axis(joint) for joint in list(model.joints)[1:]]),
+        axes=read_only([joint_axis(joint)[1] for joint in list(model.joints)[1:]]),
         tip=read_only(model.frames[tip_frame].placement.homogeneous),
         capsule_joints=joint_array,
         capsule_ends=read_only(np.reshape([ends for _, _, ends, _ in capsules], (-1, 2, 3))),

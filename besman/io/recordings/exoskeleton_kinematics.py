@@ -11,6 +11,7 @@ import numpy as np
 from besman.exceptions import RecordingError, in_one_line
 from besman.foreign.error_stream import catch_error_stream
 from besman.foreign.urdf_text import parse_urdf
+from besman.geometry.joint_axis import joint_axis
 from besman.records import FloatArray
 
 
@@ -112,18 +113,8 @@ def _move(joint: Any, values: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the shift, shape (T, 3), and rotation, shape (T, 3, 3), of a joint of one axis."""
     from scipy.spatial.transform import Rotation
 
-    linear, angular = _axis(joint)
+    linear, angular = joint_axis(joint)
     return values[:, None] * linear, Rotation.from_rotvec(values[:, None] * angular).as_matrix()
-
-
-def _axis(joint: Any) -> tuple[FloatArray, FloatArray]:
-    """Return the directions in which a joint shifts and turns."""
-    data = joint.createData()
-    # An endless joint is stored as cosine and sine.
-    neutral = np.eye(joint.nq)[0] if joint.nq == 2 else np.zeros(joint.nq)
-    joint.calc(data, neutral, np.zeros(joint.nv))
-    axis = np.asarray(data.S, dtype=np.float64).reshape(6)
-    return axis[:3], axis[3:]
 
 
 def frame_id(model: Any, link: str) -> int:
