@@ -63,7 +63,8 @@ def test_each_part_begins_in_the_state_in_which_it_does_in_the_whole():
     outcomes = trials.attempt_whole(whole, plans, [part.goal for part in parts])
     assert all(outcome.success for outcome in outcomes)
     for one, outcome in zip(ends, outcomes, strict=True):
-        np.testing.assert_allclose(one.qpos, outcome.end.qpos, atol=1e-3)
+        # A part ends at a step of its own, less than 2 ms beside that of the whole.
+        np.testing.assert_allclose(one.qpos, outcome.end.qpos, atol=2e-3)
         assert one.closed_m == pytest.approx(outcome.end.closed_m, abs=1e-3)
 
 
