@@ -355,18 +355,19 @@ def _leave_room(
 ) -> list[str]:
     """Split capsules that cost room, leave out pairs that say nothing; return why."""
     from besman.robot.files import fitted_shapes
+    from besman.robot.files.surface_contacts import parts_contacts
     from besman.robot.files.touching_links import find_ignored_pairs, mesh_contacts
     from besman.robot.link_shapes import collision_shapes, link_surfaces
 
     robot = build_robot(_as_config(content), "none", tree, urdf, path, str(path))
     shapes = collision_shapes(robot.model, tree, urdf, loader)
     contacts = mesh_contacts(robot.model, [one[:4] for one in shapes])
+    surfaces = link_surfaces(shapes)
     content["capsules"] = fitted_shapes.carve(
-        content["capsules"], robot, link_surfaces(shapes), contacts,
-        lambda share: progress(0.5 * share),
-    )  # fmt: skip
+        content["capsules"], robot, surfaces, contacts, lambda share: progress(0.5 * share)
+    )
     robot = build_robot(_as_config(content), "none", tree, urdf, path, str(path))
-    pairs, ignored = find_ignored_pairs(robot, contacts)
+    pairs, ignored = find_ignored_pairs(robot, contacts, parts_contacts(robot, surfaces))
     content["ignored_pairs"] = [list(pair) for pair in pairs]
     return ignored
 

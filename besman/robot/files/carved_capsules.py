@@ -8,14 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from besman.robot.capsules import (
-    coarser_mesh,
-    contain,
-    distances_to_axis,
-    fit_capsule,
-    subdivide,
+from besman.robot.capsules import contain
+from besman.robot.files.link_pieces import (
+    Capsule,
+    LinkPieces,
+    Split,
+    Surface,
+    least_gap,
+    share_out,
+    whole_surface,
 )
-from besman.robot.collision import least_gaps, place_all
+from besman.robot.files.surface_contacts import meeting_triangles
 from besman.robot.files.touching_links import (
     LEAST_MESH_POSES,
     POSES,
@@ -29,12 +32,9 @@ from besman.robot.model import Robot
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
-Capsule = tuple[FloatArray, float]
-Surface = tuple[str, int, FloatArray, IntArray]
 Progress = Callable[[float], None]
 
 # Meshes so far apart should be called clear.
-_CLEAR_M = 1e-6
 _APART_M = 0.01
 # Where they are nearer, but do not touch, an overlap counts less.
 _NEAR_SHARE = 0.3
@@ -46,79 +46,69 @@ _MOST_PIECES, _MOST_PIECES_OF_MUCH, _MUCH = 6, 12, 0.1
 # A split must save this share of what the pair costs; of a pair that costs much less: where two
 # links enclose each other one split shows little before the next ones do.
 _WORTH, _WORTH_OF_MUCH = 0.08, 0.02
-_CUTS = (0.3, 0.5, 0.7)
 # An overlap costs this much, and its depth up to the greatest.
 _TOUCH_M, _DEEPEST_M = 0.005, 0.05
 # Poses in which what is lost is measured: the meshes' distance is what costs time.
 _LOOKED_POSES = 600
-# Longer edges are halved: a triangle lies wholly in one capsule.
-_EDGE_SHARE = 1 / 8
-
-
-@dataclass
-class _Pieces:
-    """A link's surface, shared out among its capsules.
-
-    Attributes
-    ----------
-    joint : int
-        That moves the link; -1: none.
-    vertices, triangles : array, shape (V, 3), (F, 3)
-        In the joint's frame, metres; edges short, and not too many.
-    owner : int array, shape (F,)
-        Capsule that each triangle lies in.
-    capsules : list of (ends, radius)
-    placed : array, shape (C, B, 2, 3)
-        Ends in the world in all poses, metres.
-    """
-
-    joint: int
-    vertices: FloatArray
-    triangles: IntArray
-    owner: IntArray
-    capsules: list[Capsule]
-    placed: FloatArray
-
-    @property
-    def radii(self) -> FloatArray:
-        """Radii of the capsules, metres."""
-        return np.array([radius for _, radius in self.capsules])
-
-    def splits(self, piece: int) -> list[tuple[BoolArray, list[Capsule]]]:
-        """Return ways to split a capsule: the triangles of the second part, and both capsules."""
-        mine = np.flatnonzero(self.owner == piece)
-        centres = self.vertices[self.triangles[mine]].mean(axis=1)
-        centres = centres - centres.mean(axis=0)
-        found = []
-        for axis in np.linalg.svd(centres, full_matrices=False)[2]:
-            along = centres @ axis
-            for cut in _CUTS:
-                beyond = along > along.min() + cut * np.ptp(along)
-                if beyond.all() or not beyond.any():
-                    continue
-                second = np.zeros(len(self.owner), dtype=np.bool_)
-                second[mine[beyond]] = True
-                parts = [self.triangles[mine[~beyond]], self.triangles[mine[beyond]]]
-                found.append((second, [fit_capsule(self.vertices[np.unique(p)]) for p in parts]))
-        return found
 
 
 @dataclass
 class _Pair:
     """Two links: least gap (B,) in all poses, and how much an overlap counts in each (B,).
 
-    An overlap counts in full until it was looked at.
+    An overlap counts in full until it was looked at. Of links that cost much, `met` has the
+    triangles (K, 2) that come near each other in any pose; other capsules need not be held
+    against each other.
     """
 
     names: tuple[str, str]
     gaps: FloatArray
     counts: FloatArray
     looked: BoolArray
+    met: IntArray | None = None
 
     @property
     def lost(self) -> float:
         """Share of the poses in which capsules overlap, and meshes do not come near."""
         return float(np.mean(np.where(self.gaps <= 0, self.counts, 0.0)))
+
+    def other(self, name: str) -> str:
+        """Return the link that is not this one."""
+        return self.names[self.names[0] == name]
+
+    def meet(
+        self, links: dict[str, LinkPieces], name: str, split: Split | None = None
+    ) -> BoolArray:
+        """Tell which capsules of a link can meet which of the other, shape (C, D).
+
+        With a split: which of its two capsules.
+        """
+        own, other = links[name], links[self.other(name)]
+        owner, count = own.owner, len(own.capsules)
+        if split is not None:
+            owner, count = np.where(split.second, 1, np.where(owner == split.piece, 0, -1)), 2
+        if self.met is None:
+            return np.ones((count, len(other.capsules)), dtype=np.bool_)
+        mine, theirs = self.met.T[:: -1 if self.names.index(name) else 1]
+        found = np.zeros((count, len(other.capsules)), dtype=np.bool_)
+        inside = owner[mine] >= 0
+        found[owner[mine][inside], other.owner[theirs][inside]] = True
+        return found
+
+    def never_met(self, links: dict[str, LinkPieces], name: str) -> BoolArray | None:
+        """Tell which triangles (F,) of a link never come near the other; None if unknown."""
+        if self.met is None:
+            return None
+        found = np.ones(len(links[name].owner), dtype=np.bool_)
+        found[self.met[:, self.names.index(name)]] = False
+        return found
+
+    def measure(self, links: dict[str, LinkPieces]) -> None:
+        """Compute the least gap in all poses."""
+        first, second = (links[name] for name in self.names)
+        self.gaps = least_gap(
+            first.placed, first.radii, second, self.meet(links, self.names[0])
+        )
 
 
 def carve_capsules(
@@ -152,15 +142,18 @@ def carve_capsules(
     """
     # Those by which pairs are left out later.
     poses = random_poses(robot, POSES)
-    links = _share_out(robot, surfaces, poses)
+    links = share_out(robot, surfaces, poses)
     pairs = []
     for names in link_pairs(robot):
         if set(names) <= set(links):
-            gaps = _gaps(links, *names)
+            pair = _Pair(names, *(np.empty(0),) * 2, np.empty(0, np.bool_))
+            pair.measure(links)
             margin = touching_margin(*(links[name].joint for name in names))
-            if not _says_nothing(names, poses[gaps <= 0], meshes_touch, margin):
-                gaps = gaps[:_LOOKED_POSES]
-                pairs.append(_Pair(names, gaps, np.ones(len(gaps)), np.zeros(len(gaps), np.bool_)))
+            if not _says_nothing(names, poses[pair.gaps <= 0], meshes_touch, margin):
+                pair.gaps = pair.gaps[:_LOOKED_POSES]
+                pair.counts = np.ones(len(pair.gaps))
+                pair.looked = np.zeros(len(pair.gaps), np.bool_)
+                pairs.append(pair)
     poses = poses[:_LOOKED_POSES]
     for own in links.values():
         own.placed = np.ascontiguousarray(own.placed[:, : len(poses)])
@@ -173,20 +166,27 @@ def carve_capsules(
         worst = max(pairs, key=lambda pair: pair.lost, default=None)
         if worst is None or worst.lost < _FINE_PAIR or _lost_by_all(pairs, given_up) < _FINE:
             break
-        link = _split_best(links, worst, [*pairs, *given_up], robot, poses)
-        if link is None:
+        if worst.lost > _MUCH and worst.met is None:
+            sides = [(own.joint, own.vertices, own.triangles) for own in map(links.get, worst.names)]
+            margin = touching_margin(sides[0][0], sides[1][0])
+            worst.met = meeting_triangles(robot.model, *sides, poses[worst.gaps <= 0], margin)
+            worst.measure(links)
+            continue
+        found = _best_split(links, worst, [*pairs, *given_up], robot, poses)
+        if found is None and worst.lost > _MUCH:
+            found = _widest_split(links, worst, robot, poses)
+        if found is None:
             pairs.remove(worst)
             given_up.append(worst)
             continue
+        link, split = found
+        links[link].apply(split)
         changed.add(link)
-        for names in link_pairs(robot):
-            if link in names and set(names) <= set(links):
-                both = (*pairs, *given_up)
-                known = next((one for one in both if one.names == names), None)
-                if known is not None:
-                    known.gaps = _gaps(links, *names)
-                    _look(known, poses, meshes_touch)
-    whole = {name: _whole(name, surfaces) for name in changed}
+        for pair in (*pairs, *given_up):
+            if link in pair.names:
+                pair.measure(links)
+                _look(pair, poses, meshes_touch)
+    whole = {name: whole_surface(name, surfaces) for name in changed}
     return {name: contain(links[name].capsules, *whole[name]) for name in sorted(changed)}
 
 
@@ -194,65 +194,6 @@ def _lost_by_all(*pairs: list[_Pair]) -> float:
     """Return the share of the poses in which any pair overlaps though meshes are apart."""
     lost = [(pair.gaps <= 0) & (pair.counts > 0) for some in pairs for pair in some]
     return float(np.mean(np.any(lost, axis=0))) if lost else 0.0
-
-
-def _whole(name: str, surfaces: Sequence[Surface]) -> tuple[FloatArray, IntArray]:
-    """Return vertices and triangles of all surfaces of a link."""
-    vertices, triangles, count = [], [], 0
-    for link, _, points, faces in surfaces:
-        if link == name:
-            vertices.append(points)
-            triangles.append(faces + count)
-            count += len(points)
-    return subdivide(np.vstack(vertices), np.vstack(triangles), _EDGE_SHARE)
-
-
-def _share_out(robot: Robot, surfaces: Sequence[Surface], poses: FloatArray) -> dict[str, _Pieces]:
-    """Give the triangles of every link to the capsules that they lie in."""
-    chain, found = robot.chain, {}
-    names = np.array(chain.capsule_links)
-    for name in sorted({link for link, *_ in surfaces} & set(chain.capsule_links)):
-        mine = np.flatnonzero(names == name)
-        fine = _whole(name, surfaces)
-        if not len(fine[1]):
-            continue
-        vertices, triangles = coarser_mesh(*fine)
-        capsules = contain(
-            [(chain.capsule_ends[at], float(chain.capsule_radii[at])) for at in mine],
-            vertices, triangles,
-        )  # fmt: skip
-        away = np.stack([distances_to_axis(vertices, ends) - radius for ends, radius in capsules])
-        joint = int(chain.capsule_joints[mine[0]])
-        found[name] = _Pieces(
-            joint, vertices, triangles, np.argmin(away[:, triangles].max(axis=2), axis=0),
-            capsules, _place(robot, joint, capsules, poses),
-        )  # fmt: skip
-    return found
-
-
-def _place(robot: Robot, joint: int, capsules: list[Capsule], poses: FloatArray) -> FloatArray:
-    """Return the ends of a link's capsules in the world in all poses, shape (C, B, 2, 3)."""
-    ends = np.array([ends for ends, _ in capsules])
-    joints = np.full(len(capsules), joint)
-    placed = place_all(robot.chain.placements, robot.chain.axes, joints, ends, poses)
-    return np.ascontiguousarray(np.swapaxes(placed, 0, 1))
-
-
-def _gaps(links: dict[str, _Pieces], first: str, second: str) -> FloatArray:
-    """Return the least distance of two links' capsules in all poses, `_least`'s, shape (B,)."""
-    one, other = links[first], links[second]
-    return _least(one.placed, one.radii, other)
-
-
-def _least(placed: FloatArray, radii: FloatArray, other: _Pieces) -> FloatArray:
-    """Return the least distance of some capsules to another link in all poses, shape (B,).
-
-    How far apart what does not overlap is does not matter: that is `_CLEAR_M`.
-    """
-    sides = (np.ascontiguousarray(np.swapaxes(side, 0, 1)) for side in (placed, other.placed))
-    first, second = sides
-    gaps: FloatArray = least_gaps(first, radii, second, other.radii, _CLEAR_M)
-    return gaps
 
 
 def _look(pair: _Pair, poses: FloatArray, meshes_touch: MeshesTouch) -> None:
@@ -282,10 +223,14 @@ def _cost(gaps: FloatArray, counts: FloatArray) -> float:
     return float(deep @ counts)
 
 
-def _split_best(
-    links: dict[str, _Pieces], pair: _Pair, pairs: Sequence[_Pair], robot: Robot, poses: FloatArray
-) -> str | None:
-    """Split one capsule of a pair where that helps most; return its link, None if nothing does."""
+def _best_split(
+    links: dict[str, LinkPieces],
+    pair: _Pair,
+    pairs: Sequence[_Pair],
+    robot: Robot,
+    poses: FloatArray,
+) -> tuple[str, Split] | None:
+    """Return the link of a pair, and the split of a capsule of it that helps most; None: no one."""
     much = pair.lost > _MUCH
     most = (_WORTH_OF_MUCH if much else _WORTH) * _cost(pair.gaps, pair.counts)
     pieces, best = _MOST_PIECES_OF_MUCH if much else _MOST_PIECES, None
@@ -294,9 +239,13 @@ def _split_best(
         if len(own.capsules) >= pieces:
             continue
         touched = [one for one in pairs if name in one.names]
-        others = [links[one.names[one.names[0] == name]] for one in touched]
+        others = [links[one.other(name)] for one in touched]
+        meet = [one.meet(links, name) for one in touched]
         each = [
-            [_least(own.placed[at : at + 1], own.radii[at : at + 1], other) for other in others]
+            [
+                least_gap(own.placed[at : at + 1], own.radii[at : at + 1], other, can[at : at + 1])
+                for other, can in zip(others, meet, strict=True)
+            ]
             for at in range(len(own.capsules))
         ]
         this = touched.index(pair)
@@ -305,22 +254,57 @@ def _split_best(
         for gaps in (*each[:piece], *each[piece + 1 :]):
             rest = np.minimum(rest, gaps)
         before = sum(_cost(one.gaps, one.counts) for one in touched)
-        for second, both in own.splits(piece):
-            placed = _place(robot, own.joint, both, poses)
-            radii = np.array([radius for _, radius in both])
-            after = sum(
-                _cost(np.minimum(left, _least(placed, radii, other)), one.counts)
-                for left, other, one in zip(rest, others, touched, strict=True)
-            )
+        for split in own.splits(piece, robot, poses, pair.never_met(links, name)):
+            after = 0.0
+            for left, other, one in zip(rest, others, touched, strict=True):
+                gaps = least_gap(split.placed, split.radii, other, one.meet(links, name, split))
+                after += _cost(np.minimum(left, gaps), one.counts)
             if before - after > most:
-                most, best = before - after, (name, piece, second, both, placed)
-    if best is None:
-        return None
-    name, piece, second, both, placed = best
-    own = links[name]
-    own.owner[second] = len(own.capsules)
-    own.capsules[piece] = both[0]
-    own.capsules.append(both[1])
-    own.placed[piece] = placed[0]
-    own.placed = np.concatenate([own.placed, placed[1:]])
-    return name
+                most, best = before - after, (name, split)
+    return best
+
+
+def _widest_split(
+    links: dict[str, LinkPieces], pair: _Pair, robot: Robot, poses: FloatArray
+) -> tuple[str, Split] | None:
+    """Return the split after which least surface overlaps; as `_best_split`.
+
+    Where links overlap deeply, or several capsules at once, no single split changes how deep they
+    do: it is the first of several. Surface counts by its share of one link times that of the other.
+    """
+    best, most = None, _WORTH_OF_MUCH
+    for name in pair.names:
+        own, other = links[name], links[pair.other(name)]
+        if len(own.capsules) >= _MOST_PIECES_OF_MUCH:
+            continue
+        blocked = own.shares * _blocked(
+            own.placed, own.radii, other, pair.meet(links, name), pair.counts
+        )
+        piece = int(np.argmax(blocked))
+        for split in own.splits(piece, robot, poses, pair.never_met(links, name)):
+            part = float(own.areas[split.second].sum())
+            meet = pair.meet(links, name, split)
+            left = np.array([own.shares[piece] - part, part]) @ _blocked(
+                split.placed, split.radii, other, meet, pair.counts
+            )
+            saved = (blocked[piece] - left) / max(float(blocked.sum()), 1e-18)
+            if saved > most:
+                most, best = saved, (name, split)
+    return best
+
+
+def _blocked(
+    placed: FloatArray,
+    radii: FloatArray,
+    other: LinkPieces,
+    meet: BoolArray,
+    counts: FloatArray,
+) -> FloatArray:
+    """Return what share of a link's surface capsules (C, B, 2, 3) overlap, mean of poses, (C,)."""
+    found = np.zeros(len(placed))
+    for one, two in np.argwhere(meet):
+        alone = np.zeros((1, meet.shape[1]), dtype=np.bool_)
+        alone[0, two] = True
+        gaps = least_gap(placed[one : one + 1], radii[one : one + 1], other, alone)
+        found[one] += other.shares[two] * float(np.mean(np.where(gaps <= 0, counts, 0.0)))
+    return found

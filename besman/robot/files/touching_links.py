@@ -22,6 +22,10 @@ POSES = 1500
 
 # Capsules that overlap more rarely cost little of the room to move.
 _OFTEN = 0.02
+# Of pairs of links that overlap in more than this share of the poses, the surfaces that single
+# capsules hold are held against each other too: of links that enclose each other those beside the
+# joint overlap in every pose, and none of them alone.
+_MUCH = 0.1
 _ALWAYS = 0.995
 # Poses in which meshes are held against each other; below the least number nothing is concluded.
 _MOST_MESH_POSES = 1500
@@ -34,6 +38,9 @@ _NEAR_JOINTS = 2
 MeshesTouch = Callable[[str, str, FloatArray, float], tuple[int, int] | None]
 """Tells of two links, in poses (B, n), how often meshes are within a margin, and how many poses it
 looked at: no further ones once they were and were not. None where there are no meshes."""
+
+PartsMeet = Callable[[int, int, FloatArray, float], bool]
+"""Tells of two capsules whether the surfaces that they hold come within a margin in some poses."""
 
 
 def random_poses(robot: Robot, count: int, seed: int = 0) -> FloatArray:
@@ -85,19 +92,21 @@ def _overlaps(
 
 
 def find_ignored_pairs(
-    robot: Robot, meshes_touch: MeshesTouch
+    robot: Robot, meshes_touch: MeshesTouch, parts_meet: PartsMeet | None = None
 ) -> tuple[list[tuple[str, str]], list[str]]:
     """Find the pairs of links, or of their capsules, whose touching says nothing.
 
     Links that touch in every pose are built so. Capsules that overlap in many poses, while in those
     of them in which no other capsules of the two links do the meshes never touch, only look as if
-    something touched.
+    something touched; so do those that hold surfaces which never touch.
 
     Parameters
     ----------
     robot : Robot
     meshes_touch : callable
         A `MeshesTouch`.
+    parts_meet : callable, optional
+        A `PartsMeet`.
 
     Returns
     -------
@@ -131,6 +140,13 @@ def find_ignored_pairs(
             notes.append(f"ignored pair {names[0]}, {names[1]}: {why}")
             continue
         ignored = near.columns_that_say_nothing(poses, overlaps[:, columns], meshes_touch)
+        if parts_meet is not None and share > _MUCH:
+            for column, part in enumerate(chain.capsule_pairs[columns]):
+                some = poses[overlaps[:, columns[column]]]
+                if column in ignored or len(some) < _OFTEN * POSES:
+                    continue
+                if not parts_meet(int(part[0]), int(part[1]), some, near.margin_m):
+                    ignored.append(column)
         if ignored:
             parts = [chain.capsule_pairs[columns[column]] for column in ignored]
             whole = len(ignored) == len(columns)
