@@ -363,11 +363,11 @@ def _leave_room(
     shapes = collision_shapes(robot.model, tree, urdf, loader)
     contacts = mesh_contacts(robot.model, [one[:4] for one in shapes])
     surfaces = link_surfaces(shapes)
-    content["capsules"] = fitted_shapes.carve(
+    content["capsules"], owners = fitted_shapes.carve(
         content["capsules"], robot, surfaces, contacts, lambda share: progress(0.5 * share)
     )
     robot = build_robot(_as_config(content), "none", tree, urdf, path, str(path))
-    pairs, ignored = find_ignored_pairs(robot, contacts, parts_contacts(robot, surfaces))
+    pairs, ignored = find_ignored_pairs(robot, contacts, parts_contacts(robot, surfaces, owners))
     content["ignored_pairs"] = [list(pair) for pair in pairs]
     return ignored
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from besman.robot.capsules import contain
 from besman.robot.files.link_pieces import (
     Capsule,
     LinkPieces,
@@ -16,9 +15,8 @@ from besman.robot.files.link_pieces import (
     Surface,
     least_gap,
     share_out,
-    whole_surface,
 )
-from besman.robot.files.surface_contacts import meeting_triangles
+from besman.robot.files.surface_contacts import meeting_regions
 from besman.robot.files.touching_links import (
     LEAST_MESH_POSES,
     POSES,
@@ -47,25 +45,45 @@ _MOST_PIECES, _MOST_PIECES_OF_MUCH, _MUCH = 6, 12, 0.1
 # links enclose each other one split shows little before the next ones do.
 _WORTH, _WORTH_OF_MUCH = 0.08, 0.02
 # An overlap costs this much, and its depth up to the greatest.
-_TOUCH_M, _DEEPEST_M = 0.005, 0.05
+_TOUCH_M, _DEEPEST_M = 0.005, 0.2
+# Surfaces that come this near in poses that are looked at may meet in others.
+_BESIDE_M = 0.005
 # Poses in which what is lost is measured: the meshes' distance is what costs time.
 _LOOKED_POSES = 600
+
+
+@dataclass(frozen=True)
+class Carved:
+    """Capsules of a link in the frame of its joint, metres, and what they hold.
+
+    Attributes
+    ----------
+    capsules : list of (ends, radius)
+    owner : int array, shape (F,)
+        Capsule in which each triangle of the link's `whole_surface` wholly lies.
+    changed : bool
+        Whether they are others than before.
+    """
+
+    capsules: list[Capsule]
+    owner: IntArray
+    changed: bool
 
 
 @dataclass
 class _Pair:
     """Two links: least gap (B,) in all poses, and how much an overlap counts in each (B,).
 
-    An overlap counts in full until it was looked at. Of links that cost much, `met` has the
-    triangles (K, 2) that come near each other in any pose; other capsules need not be held
-    against each other.
+    An overlap counts in full until it was looked at. Of links that cost much, `met` tells which
+    regions of theirs come near each other in any pose (R, S); capsules that hold no such regions
+    need not be held against each other.
     """
 
     names: tuple[str, str]
     gaps: FloatArray
     counts: FloatArray
     looked: BoolArray
-    met: IntArray | None = None
+    met: BoolArray | None = None
 
     @property
     def lost(self) -> float:
@@ -83,25 +101,40 @@ class _Pair:
 
         With a split: which of its two capsules.
         """
-        own, other = links[name], links[self.other(name)]
-        owner, count = own.owner, len(own.capsules)
-        if split is not None:
-            owner, count = np.where(split.second, 1, np.where(owner == split.piece, 0, -1)), 2
+        own, other = links[name].held(split), links[self.other(name)].held()
         if self.met is None:
-            return np.ones((count, len(other.capsules)), dtype=np.bool_)
-        mine, theirs = self.met.T[:: -1 if self.names.index(name) else 1]
-        found = np.zeros((count, len(other.capsules)), dtype=np.bool_)
-        inside = owner[mine] >= 0
-        found[owner[mine][inside], other.owner[theirs][inside]] = True
-        return found
+            return np.ones((len(own), len(other)), dtype=np.bool_)
+        met = self.met if name == self.names[0] else self.met.T
+        return (own.astype(float) @ met @ other.T.astype(float)) > 0
+
+    def meet_surfaces(self, links: dict[str, LinkPieces], robot: Robot, poses: FloatArray) -> None:
+        """Find out which triangles come near the other link."""
+        both = [links[name] for name in self.names]
+        first, second = ((own.joint, *own.whole) for own in both)
+        margin = touching_margin(first[0], second[0]) + _BESIDE_M
+        labels = [own.regions[own.coarse_of_whole] for own in both]
+        some = poses[self.gaps <= 0]
+        self.met = meeting_regions(robot.model, (first, second), labels, some, margin)
+        for own in both:
+            own.changed = True
+        self.measure(links)
 
     def never_met(self, links: dict[str, LinkPieces], name: str) -> BoolArray | None:
-        """Tell which triangles (F,) of a link never come near the other; None if unknown."""
+        """Tell which triangles (F,) of a link lie where none meets the other; None: unknown."""
         if self.met is None:
             return None
-        found = np.ones(len(links[name].owner), dtype=np.bool_)
-        found[self.met[:, self.names.index(name)]] = False
-        return found
+        apart: BoolArray = ~self.met.any(axis=1 - self.names.index(name))
+        return apart[links[name].regions]
+
+    def gaps_after(self, links: dict[str, LinkPieces], name: str, split: Split) -> FloatArray:
+        """Return the least gap (B,) that a split of a link's capsule would leave."""
+        own, other = links[name], links[self.other(name)]
+        rest = np.arange(len(own.capsules)) != split.piece
+        meet = self.meet(links, name)[rest]
+        return np.minimum(
+            least_gap(own.placed[rest], own.radii[rest], other, meet),
+            least_gap(split.placed, split.radii, other, self.meet(links, name, split)),
+        )
 
     def measure(self, links: dict[str, LinkPieces]) -> None:
         """Compute the least gap in all poses."""
@@ -116,7 +149,7 @@ def carve_capsules(
     surfaces: Sequence[Surface],
     meshes_touch: MeshesTouch,
     progress: Progress = lambda share: None,
-) -> dict[str, list[Capsule]]:
+) -> dict[str, Carved]:
     """Split capsules of an arm where they overlap in poses in which the meshes are 1 cm apart.
 
     Greedy: of the pair of links that loses most, the capsule that overlaps most is cut in two
@@ -136,9 +169,8 @@ def carve_capsules(
 
     Returns
     -------
-    dict of list of (ends, radius)
-        New capsules of the links that have others now, by name, in the frames of their joints,
-        metres.
+    dict of Carved
+        By link.
     """
     # Those by which pairs are left out later.
     poses = random_poses(robot, POSES)
@@ -159,7 +191,6 @@ def carve_capsules(
         own.placed = np.ascontiguousarray(own.placed[:, : len(poses)])
     for pair in pairs:
         _look(pair, poses, meshes_touch)
-    changed: set[str] = set()
     given_up: list[_Pair] = []
     for count in range(_MOST_SPLITS):
         progress(count / _MOST_SPLITS)
@@ -167,10 +198,7 @@ def carve_capsules(
         if worst is None or worst.lost < _FINE_PAIR or _lost_by_all(pairs, given_up) < _FINE:
             break
         if worst.lost > _MUCH and worst.met is None:
-            sides = [(own.joint, own.vertices, own.triangles) for own in map(links.get, worst.names)]
-            margin = touching_margin(sides[0][0], sides[1][0])
-            worst.met = meeting_triangles(robot.model, *sides, poses[worst.gaps <= 0], margin)
-            worst.measure(links)
+            worst.meet_surfaces(links, robot, poses)
             continue
         found = _best_split(links, worst, [*pairs, *given_up], robot, poses)
         if found is None and worst.lost > _MUCH:
@@ -181,13 +209,11 @@ def carve_capsules(
             continue
         link, split = found
         links[link].apply(split)
-        changed.add(link)
         for pair in (*pairs, *given_up):
             if link in pair.names:
                 pair.measure(links)
                 _look(pair, poses, meshes_touch)
-    whole = {name: whole_surface(name, surfaces) for name in changed}
-    return {name: contain(links[name].capsules, *whole[name]) for name in sorted(changed)}
+    return {name: Carved(*own.enclose(), own.changed) for name, own in links.items()}
 
 
 def _lost_by_all(*pairs: list[_Pair]) -> float:
@@ -254,7 +280,8 @@ def _best_split(
         for gaps in (*each[:piece], *each[piece + 1 :]):
             rest = np.minimum(rest, gaps)
         before = sum(_cost(one.gaps, one.counts) for one in touched)
-        for split in own.splits(piece, robot, poses, pair.never_met(links, name)):
+        apart = pair.never_met(links, name)
+        for split in own.splits(piece, robot, poses, apart):
             after = 0.0
             for left, other, one in zip(rest, others, touched, strict=True):
                 gaps = least_gap(split.placed, split.radii, other, one.meet(links, name, split))
@@ -272,7 +299,7 @@ def _widest_split(
     Where links overlap deeply, or several capsules at once, no single split changes how deep they
     do: it is the first of several. Surface counts by its share of one link times that of the other.
     """
-    best, most = None, _WORTH_OF_MUCH
+    best, most, before = None, _WORTH_OF_MUCH, _cost(pair.gaps, pair.counts)
     for name in pair.names:
         own, other = links[name], links[pair.other(name)]
         if len(own.capsules) >= _MOST_PIECES_OF_MUCH:
@@ -280,15 +307,15 @@ def _widest_split(
         blocked = own.shares * _blocked(
             own.placed, own.radii, other, pair.meet(links, name), pair.counts
         )
-        piece = int(np.argmax(blocked))
-        for split in own.splits(piece, robot, poses, pair.never_met(links, name)):
+        piece, apart = int(np.argmax(blocked)), pair.never_met(links, name)
+        for split in own.splits(piece, robot, poses, apart):
             part = float(own.areas[split.second].sum())
             meet = pair.meet(links, name, split)
             left = np.array([own.shares[piece] - part, part]) @ _blocked(
                 split.placed, split.radii, other, meet, pair.counts
             )
             saved = (blocked[piece] - left) / max(float(blocked.sum()), 1e-18)
-            if saved > most:
+            if saved > most and _cost(pair.gaps_after(links, name, split), pair.counts) <= before:
                 most, best = saved, (name, split)
     return best
 

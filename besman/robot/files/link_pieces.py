@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -29,6 +30,8 @@ _CLEAR_M = 1e-6
 _CUTS = (0.3, 0.5, 0.7)
 # Longer edges are halved: a triangle lies wholly in one capsule.
 _EDGE_SHARE = 1 / 8
+# Of a surface; what meets another link in some poses has others nearby meet it in other poses.
+_REGION_SHARE = 0.05
 
 
 @dataclass(frozen=True)
@@ -66,6 +69,10 @@ class LinkPieces:
     capsules : list of (ends, radius)
     placed : array, shape (C, B, 2, 3)
         Ends in the world in all poses, metres.
+    whole : (vertices, triangles)
+        All of the surface, as `vertices` and `triangles`, which are it if it is not too fine.
+    changed : bool
+        Whether the capsules are to be fitted anew to what they hold.
     """
 
     joint: int
@@ -75,6 +82,8 @@ class LinkPieces:
     owner: IntArray
     capsules: list[Capsule]
     placed: FloatArray
+    whole: tuple[FloatArray, IntArray]
+    changed: bool = False
 
     @property
     def radii(self) -> FloatArray:
@@ -110,11 +119,54 @@ class LinkPieces:
 
     def apply(self, split: Split) -> None:
         """Split a capsule."""
+        self.changed = True
         self.owner[split.second] = len(self.capsules)
         self.capsules[split.piece] = split.both[0]
         self.capsules.append(split.both[1])
         self.placed[split.piece] = split.placed[0]
         self.placed = np.concatenate([self.placed, split.placed[1:]])
+
+
+    def enclose(self) -> tuple[list[Capsule], IntArray]:
+        """Return capsules around what is shared out of the whole surface, and its owners (F,)."""
+        vertices, triangles = self.whole
+        if not self.changed:
+            return self.capsules, np.argmin(sticking_out(self.capsules, *self.whole), axis=0)
+        owner = self.owner[self.coarse_of_whole]
+        parts = [np.unique(triangles[owner == at]) for at in range(len(self.capsules))]
+        # A capsule whose coarse triangles stand for none is kept as it is.
+        return [
+            fit_capsule(vertices[part]) if len(part) else capsule
+            for part, capsule in zip(parts, self.capsules, strict=True)
+        ], owner
+
+    @cached_property
+    def regions(self) -> IntArray:
+        """Number of the cell of a grid that each triangle lies in, shape (F,)."""
+        centres = self.vertices[self.triangles].mean(axis=1)
+        side = max(_REGION_SHARE * float(np.ptp(centres, axis=0).max()), 1e-9)
+        cells = np.floor((centres - centres.min(axis=0)) / side).astype(np.int64)
+        return np.asarray(np.unique(cells, axis=0, return_inverse=True)[1]).ravel()
+
+    def held(self, split: Split | None = None) -> BoolArray:
+        """Tell what regions capsules have triangles in, or the two of a split, shape (C, R)."""
+        owner, count = self.owner, len(self.capsules)
+        if split is not None:
+            owner, count = np.where(split.second, 1, np.where(owner == split.piece, 0, 2)), 2
+        found = np.zeros((max(count, 3), int(self.regions.max()) + 1), dtype=np.bool_)
+        found[owner, self.regions] = True
+        return found[:count]
+
+    @cached_property
+    def coarse_of_whole(self) -> IntArray:
+        """The nearest of the triangles to each of the whole surface, shape (F,)."""
+        from scipy.spatial import KDTree
+
+        if self.whole[1] is self.triangles:
+            return np.arange(len(self.triangles))
+        vertices, triangles = self.whole
+        centres = self.vertices[self.triangles].mean(axis=1)
+        return np.asarray(KDTree(centres).query(vertices[triangles].mean(axis=1))[1])
 
 
 def share_out(
@@ -146,15 +198,18 @@ def share_out(
         joint = int(chain.capsule_joints[mine[0]])
         found[name] = LinkPieces(
             joint, vertices, triangles, _areas(vertices[triangles]),
-            owners(capsules, vertices, triangles), capsules, _place(robot, joint, capsules, poses),
+            np.argmin(sticking_out(capsules, vertices, triangles), axis=0), capsules,
+            _place(robot, joint, capsules, poses), fine,
         )  # fmt: skip
     return found
 
 
-def owners(capsules: Sequence[Capsule], vertices: FloatArray, triangles: IntArray) -> IntArray:
-    """Return the capsule that each triangle sticks out of least, shape (F,)."""
+def sticking_out(
+    capsules: Sequence[Capsule], vertices: FloatArray, triangles: IntArray
+) -> FloatArray:
+    """Return how far triangles (F, 3) stick out of capsules, below zero inside, shape (C, F)."""
     away = np.stack([distances_to_axis(vertices, ends) - radius for ends, radius in capsules])
-    return np.asarray(np.argmin(away[:, triangles].max(axis=2), axis=0))
+    return np.asarray(away[:, triangles].max(axis=2))
 
 
 def whole_surface(name: str, surfaces: Sequence[Surface]) -> tuple[FloatArray, IntArray]:

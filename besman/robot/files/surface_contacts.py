@@ -1,59 +1,67 @@
-"""Where the surfaces of two links come near each other: which triangles, which capsules' parts."""
+"""Where the surfaces of two links come near each other: which regions, which capsules' parts."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from besman.robot.files.link_pieces import Surface, owners, whole_surface
+from besman.robot.files.link_pieces import Surface, whole_surface
 from besman.robot.files.touching_links import PartsMeet
 from besman.robot.model import Robot
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
 Side = tuple[int, FloatArray, IntArray]
 
 # Of one pose; a contact is of two triangles.
 _MOST_CONTACTS = 20_000
 
 
-def meeting_triangles(
-    model: Any, first: Side, second: Side, poses: FloatArray, margin_m: float
-) -> IntArray:
-    """Find the triangles of two links that come within a margin of each other in any pose.
+def meeting_regions(
+    model: Any,
+    sides: tuple[Side, Side],
+    labels: Sequence[IntArray],
+    poses: FloatArray,
+    margin_m: float,
+) -> BoolArray:
+    """Find the regions of two links that come within a margin of each other in any pose.
 
     Parameters
     ----------
     model : pinocchio.Model
         The arm.
-    first, second : (joint, vertices, triangles)
+    sides : two of (joint, vertices, triangles)
         Joint that moves the link (-1: none), vertices (V, 3) in its frame, metres, triangles
         (F, 3).
+    labels : two int arrays, shape (F,)
+        Region of each triangle, from 0.
     poses : array, shape (B, n)
         Joint angles, rad.
     margin_m : float
 
     Returns
     -------
-    int array, shape (K, 2)
-        Triangles of the first and of the second link, each pair once, sorted.
+    bool array, shape (R, S)
+        Which regions of the first come near which of the second link.
     """
     import coal
 
     request = coal.CollisionRequest(coal.CollisionRequestFlag.CONTACT, _MOST_CONTACTS)
     request.security_margin = margin_m
-    shapes = [surface_mesh(vertices, triangles) for _, vertices, triangles in (first, second)]
-    found = np.empty(0, np.int64)
-    count = len(second[2])
-    for places in zip(*(_places(model, side[0], poses) for side in (first, second)), strict=True):
+    shapes = [surface_mesh(*side[1:]) for side in sides]
+    found = np.zeros([int(label.max(initial=0)) + 1 for label in labels], dtype=np.bool_)
+    for places in zip(*(_places(model, side[0], poses) for side in sides), strict=True):
         result = coal.CollisionResult()
         coal.collide(shapes[0], places[0], shapes[1], places[1], request, result)
-        met = [one.b1 * count + one.b2 for one in result.getContacts()]
-        found = np.union1d(found, np.array(met, np.int64))
-    return np.stack(np.divmod(found, count), axis=1)
+        met = [(one.b1, one.b2) for one in result.getContacts()]
+        if met:
+            first, second = np.array(met).T
+            found[labels[0][first], labels[1][second]] = True
+    return found
 
 
 def surfaces_meet(
@@ -64,7 +72,7 @@ def surfaces_meet(
     Parameters
     ----------
     model, first, second, poses, margin_m
-        As in `meeting_triangles`.
+        As in `meeting_regions`.
     """
     import coal
 
@@ -78,7 +86,9 @@ def surfaces_meet(
     )
 
 
-def parts_contacts(robot: Robot, surfaces: Sequence[Surface]) -> PartsMeet:
+def parts_contacts(
+    robot: Robot, surfaces: Sequence[Surface], owners: Mapping[str, IntArray]
+) -> PartsMeet:
     """Return what holds the surfaces against each other that capsules of an arm enclose.
 
     Every triangle belongs to one capsule that encloses it, so that links touch where two of these
@@ -90,6 +100,8 @@ def parts_contacts(robot: Robot, surfaces: Sequence[Surface]) -> PartsMeet:
         With its capsules.
     surfaces : sequence of (link, joint, vertices, triangles)
         As from `besman.robot.link_shapes.link_surfaces`.
+    owners : mapping of array, shape (F,)
+        Which of a link's capsules holds each triangle of its `whole_surface`, by name.
     """
     chain = robot.chain
     names = np.array(chain.capsule_links)
@@ -97,19 +109,16 @@ def parts_contacts(robot: Robot, surfaces: Sequence[Surface]) -> PartsMeet:
 
     def part(capsule: int) -> Side:
         name = chain.capsule_links[capsule]
-        mine = np.flatnonzero(names == name)
         if name not in known:
-            vertices, triangles = whole_surface(name, surfaces)
-            held = [(chain.capsule_ends[at], float(chain.capsule_radii[at])) for at in mine]
-            known[name] = (vertices, triangles, mine[owners(held, vertices, triangles)])
+            mine = np.flatnonzero(names == name)
+            known[name] = (*whole_surface(name, surfaces), mine[owners[name]])
         vertices, triangles, owner = known[name]
         own = triangles[owner == capsule]
         used, inverse = np.unique(own, return_inverse=True)
         return int(chain.capsule_joints[capsule]), vertices[used], inverse.reshape(own.shape)
 
     def meet(first: int, second: int, poses: FloatArray, margin_m: float) -> bool:
-        with_surface = {link for link, _, _, triangles in surfaces if len(triangles)}
-        if not {chain.capsule_links[first], chain.capsule_links[second]} <= with_surface:
+        if not {chain.capsule_links[first], chain.capsule_links[second]} <= set(owners):
             return True
         sides = part(first), part(second)
         # A capsule that others stand in for holds nothing.
