@@ -44,6 +44,8 @@ _MOST_PIECES, _MOST_PIECES_OF_MUCH, _MUCH = 6, 12, 0.1
 # A split must save this share of what the pair costs; of a pair that costs much less: where two
 # links enclose each other one split shows little before the next ones do.
 _WORTH, _WORTH_OF_MUCH = 0.08, 0.02
+# Capsules of a link that are tried, those first that cost most.
+_TRIED_OF_MUCH = 3
 # An overlap costs this much, and its depth up to the greatest.
 _TOUCH_M, _DEEPEST_M = 0.005, 0.2
 # Surfaces that come this near in poses that are looked at may meet in others.
@@ -275,19 +277,20 @@ def _best_split(
             for at in range(len(own.capsules))
         ]
         this = touched.index(pair)
-        piece = int(np.argmax([_cost(gaps[this], pair.counts) for gaps in each]))
-        rest = np.full((len(others), len(poses)), np.inf)
-        for gaps in (*each[:piece], *each[piece + 1 :]):
-            rest = np.minimum(rest, gaps)
+        costs = [_cost(gaps[this], pair.counts) for gaps in each]
         before = sum(_cost(one.gaps, one.counts) for one in touched)
         apart = pair.never_met(links, name)
-        for split in own.splits(piece, robot, poses, apart):
-            after = 0.0
-            for left, other, one in zip(rest, others, touched, strict=True):
-                gaps = least_gap(split.placed, split.radii, other, one.meet(links, name, split))
-                after += _cost(np.minimum(left, gaps), one.counts)
-            if before - after > most:
-                most, best = before - after, (name, split)
+        for piece in np.argsort(costs)[: -(_TRIED_OF_MUCH if much else 1) - 1 : -1]:
+            rest = np.full((len(others), len(poses)), np.inf)
+            for gaps in (*each[:piece], *each[piece + 1 :]):
+                rest = np.minimum(rest, gaps)
+            for split in own.splits(int(piece), robot, poses, apart):
+                after = 0.0
+                for left, other, one in zip(rest, others, touched, strict=True):
+                    gaps = least_gap(split.placed, split.radii, other, one.meet(links, name, split))
+                    after += _cost(np.minimum(left, gaps), one.counts)
+                if before - after > most:
+                    most, best = before - after, (name, split)
     return best
 
 
