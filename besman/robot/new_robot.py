@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -33,6 +33,7 @@ from besman.robot.files.mjcf_file import CompiledArm, is_mjcf, read_mjcf
 from besman.robot.files.second_reader import refuse_faults
 from besman.robot.files.xacro_file import is_xacro, read_xacro
 from besman.robot.model import (
+    Robot,
     build_robot,
     joint_limits,
     load_robot,
@@ -297,6 +298,7 @@ def _complete(
     import coal
 
     from besman.robot.files import assumed_masses, fitted_shapes
+    from besman.robot.files.self_room import leave_room
     from besman.robot.files.standing import (
         arm_reach,
         assume_mounting,
@@ -334,42 +336,18 @@ def _complete(
     if flange:
         content["flange_wxyz"] = [round(float(part), 9) for part in quaternion]
     progress, end = show("poses")
-    ignored = _leave_room(content, tree, urdf, path, loader, progress)
+
+    def arm_now() -> Robot:
+        return build_robot(_as_config(content), "none", tree, urdf, path, str(path))
+
+    ignored = leave_room(content, arm_now, tree, urdf, loader, progress)
     progress(0.75)
-    robot = build_robot(_as_config(content), "none", tree, urdf, path, str(path))
-    found = _write_home(content["joints"], *find_home(robot, reach))
+    found = _write_home(content["joints"], *find_home(arm_now(), reach))
     end(True)
     notes += [*said, *weights, *([flange] if flange else []), *ignored, found]
     content["tool_scale"], shorter = assume_tool_scale(reach)
     content["assumed"] = [*notes, *shorter, _mounting_note(content, reach)]
     return {key: value for key, value in content.items() if value or key == "mounting"}
-
-
-def _leave_room(
-    content: dict[str, Any],
-    tree: ElementTree.Element,
-    urdf: Path,
-    path: Path,
-    loader: Any,
-    progress: Callable[[float], None],
-) -> list[str]:
-    """Split capsules that cost room, leave out pairs that say nothing; return why."""
-    from besman.robot.files import fitted_shapes
-    from besman.robot.files.surface_contacts import parts_contacts
-    from besman.robot.files.touching_links import find_ignored_pairs, mesh_contacts
-    from besman.robot.link_shapes import collision_shapes, link_surfaces
-
-    robot = build_robot(_as_config(content), "none", tree, urdf, path, str(path))
-    shapes = collision_shapes(robot.model, tree, urdf, loader)
-    contacts = mesh_contacts(robot.model, [one[:4] for one in shapes])
-    surfaces = link_surfaces(shapes)
-    content["capsules"], owners = fitted_shapes.carve(
-        content["capsules"], robot, surfaces, contacts, lambda share: progress(0.5 * share)
-    )
-    robot = build_robot(_as_config(content), "none", tree, urdf, path, str(path))
-    pairs, ignored = find_ignored_pairs(robot, contacts, parts_contacts(robot, surfaces, owners))
-    content["ignored_pairs"] = [list(pair) for pair in pairs]
-    return ignored
 
 
 def _write_home(joints: list[dict[str, Any]], home: FloatArray, is_clear: bool) -> str:

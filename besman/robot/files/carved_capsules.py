@@ -107,7 +107,7 @@ class _Pair:
         if self.met is None:
             return np.ones((len(own), len(other)), dtype=np.bool_)
         met = self.met if name == self.names[0] else self.met.T
-        return (own.astype(float) @ met @ other.T.astype(float)) > 0
+        return np.asarray(own.astype(float) @ met @ other.T.astype(float) > 0)
 
     def meet_surfaces(self, links: dict[str, LinkPieces], robot: Robot, poses: FloatArray) -> None:
         """Find out which triangles come near the other link."""
@@ -125,8 +125,8 @@ class _Pair:
         """Tell which triangles (F,) of a link lie where none meets the other; None: unknown."""
         if self.met is None:
             return None
-        apart: BoolArray = ~self.met.any(axis=1 - self.names.index(name))
-        return apart[links[name].regions]
+        met = np.asarray(self.met.any(axis=1 - self.names.index(name)))
+        return ~met[links[name].regions]
 
     def gaps_after(self, links: dict[str, LinkPieces], name: str, split: Split) -> FloatArray:
         """Return the least gap (B,) that a split of a link's capsule would leave."""
@@ -141,9 +141,7 @@ class _Pair:
     def measure(self, links: dict[str, LinkPieces]) -> None:
         """Compute the least gap in all poses."""
         first, second = (links[name] for name in self.names)
-        self.gaps = least_gap(
-            first.placed, first.radii, second, self.meet(links, self.names[0])
-        )
+        self.gaps = least_gap(first.placed, first.radii, second, self.meet(links, self.names[0]))
 
 
 def carve_capsules(
@@ -282,8 +280,8 @@ def _best_split(
         apart = pair.never_met(links, name)
         for piece in np.argsort(costs)[: -(_TRIED_OF_MUCH if much else 1) - 1 : -1]:
             rest = np.full((len(others), len(poses)), np.inf)
-            for gaps in (*each[:piece], *each[piece + 1 :]):
-                rest = np.minimum(rest, gaps)
+            for kept in (*each[:piece], *each[piece + 1 :]):
+                rest = np.minimum(rest, kept)
             for split in own.splits(int(piece), robot, poses, apart):
                 after = 0.0
                 for left, other, one in zip(rest, others, touched, strict=True):

@@ -93,7 +93,7 @@ class LinkPieces:
     @property
     def shares(self) -> FloatArray:
         """Shares of the surface that the capsules hold, shape (C,)."""
-        return np.bincount(self.owner, self.areas, len(self.capsules))
+        return np.asarray(np.bincount(self.owner, self.areas, len(self.capsules)), np.float64)
 
     def splits(
         self, piece: int, robot: Robot, poses: FloatArray, apart: BoolArray | None = None
@@ -125,7 +125,6 @@ class LinkPieces:
         self.capsules.append(split.both[1])
         self.placed[split.piece] = split.placed[0]
         self.placed = np.concatenate([self.placed, split.placed[1:]])
-
 
     def enclose(self) -> tuple[list[Capsule], IntArray]:
         """Return capsules around what is shared out of the whole surface, and its owners (F,)."""

@@ -125,8 +125,6 @@ def find_ignored_pairs(
         by_pair.setdefault((ends[0], ends[1]), []).append(index)
     pairs: list[tuple[str, str]] = []
     notes = []
-    # Capsules were split by the others: of what never met in these nothing is proved by them.
-    fresh = others = np.empty((0, 0))
     for names, columns in sorted(by_pair.items()):
         share = float(overlaps[:, columns].any(axis=1).mean())
         if "pedestal" in names and share >= _ALWAYS:
@@ -144,16 +142,9 @@ def find_ignored_pairs(
             continue
         ignored = near.columns_that_say_nothing(poses, overlaps[:, columns], meshes_touch)
         if parts_meet is not None and share > _MUCH:
-            if not len(fresh):
-                fresh = random_poses(robot, POSES, seed=1)
-                others = pair_overlaps(robot, fresh)
-            for column, (first, second) in enumerate(chain.capsule_pairs[columns]):
-                here = columns[column]
-                if column in ignored or overlaps[:, here].mean() < _OFTEN:
-                    continue
-                some = np.vstack([poses[overlaps[:, here]], fresh[others[:, here]]])
-                if not parts_meet(int(first), int(second), some, _PARTS_MARGIN_M):
-                    ignored.append(column)
+            rest = [column for index, column in enumerate(columns) if index not in ignored]
+            apart = _never_meeting(robot, rest, overlaps, parts_meet)
+            ignored += [columns.index(column) for column in apart]
         if ignored:
             parts = [chain.capsule_pairs[columns[column]] for column in ignored]
             whole = len(ignored) == len(columns)
@@ -163,6 +154,26 @@ def find_ignored_pairs(
                 f"capsules overlap in {share:.0%} of {POSES} poses, meshes not where only these do"
             )
     return pairs, notes
+
+
+def _never_meeting(
+    robot: Robot, columns: list[int], overlaps: npt.NDArray[np.bool_], parts_meet: PartsMeet
+) -> list[int]:
+    """Return the pairs of capsules that overlap often and hold surfaces that never meet.
+
+    They were split by the poses that gave the overlaps (B, P): other poses must agree.
+    """
+    often = [column for column in columns if overlaps[:, column].mean() >= _OFTEN]
+    if not often:
+        return []
+    poses = np.vstack([random_poses(robot, POSES), random_poses(robot, POSES, seed=1)])
+    found = pair_overlaps(robot, poses)
+    apart = []
+    for column in often:
+        first, second = (int(one) for one in robot.chain.capsule_pairs[column])
+        if not parts_meet(first, second, poses[found[:, column]], _PARTS_MARGIN_M):
+            apart.append(column)
+    return apart
 
 
 def touching_margin(joint: int, other: int) -> float:
