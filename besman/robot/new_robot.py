@@ -7,6 +7,7 @@ import os
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -337,9 +338,7 @@ def _complete(
         content["flange_wxyz"] = [round(float(part), 9) for part in quaternion]
     progress, end = show("poses")
 
-    def arm_now() -> Robot:
-        return build_robot(_as_config(content), "none", tree, urdf, path, str(path))
-
+    arm_now = partial(_build_arm, content, tree, urdf, path)
     ignored = leave_room(content, arm_now, tree, urdf, loader, progress)
     progress(0.75)
     found = _write_home(content["joints"], *find_home(arm_now(), reach))
@@ -348,6 +347,11 @@ def _complete(
     content["tool_scale"], shorter = assume_tool_scale(reach)
     content["assumed"] = [*notes, *shorter, _mounting_note(content, reach)]
     return {key: value for key, value in content.items() if value or key == "mounting"}
+
+
+def _build_arm(content: dict[str, Any], tree: ElementTree.Element, urdf: Path, path: Path) -> Robot:
+    """Return the arm of what is known so far."""
+    return build_robot(_as_config(content), "none", tree, urdf, path, str(path))
 
 
 def _write_home(joints: list[dict[str, Any]], home: FloatArray, is_clear: bool) -> str:
