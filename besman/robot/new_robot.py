@@ -304,6 +304,7 @@ def _complete(
         arm_reach,
         assume_mounting,
         assume_tool_scale,
+        base_offset,
         find_home,
         flange_rotation,
     )
@@ -332,7 +333,9 @@ def _complete(
     weights += assumed_masses.lighten_masses(content["inertia"], content["joints"], model, *asked)
     config, model = model_now()
     weights += assume_torques(content["joints"], model, *asked)
-    content["mounting"] = assume_mounting(reach, shoulder, moves_about or bool(content["held"]))
+    content["mounting"] = assume_mounting(
+        reach, shoulder, moves_about or bool(content["held"]), base_offset(model, config)
+    )
     quaternion, flange = flange_rotation(model, content["tip"])
     if flange:
         content["flange_wxyz"] = [round(float(part), 9) for part in quaternion]

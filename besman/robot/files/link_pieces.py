@@ -131,13 +131,10 @@ class LinkPieces:
         vertices, triangles = self.whole
         if not self.changed:
             return self.capsules, np.argmin(sticking_out(self.capsules, *self.whole), axis=0)
-        owner = self.owner[self.coarse_of_whole]
-        parts = [np.unique(triangles[owner == at]) for at in range(len(self.capsules))]
-        # A capsule whose coarse triangles stand for none is kept as it is.
-        return [
-            fit_capsule(vertices[part]) if len(part) else capsule
-            for part, capsule in zip(parts, self.capsules, strict=True)
-        ], owner
+        # Capsules that hold nothing are dropped.
+        used, owner = np.unique(self.owner[self.coarse_of_whole], return_inverse=True)
+        parts = [np.unique(triangles[owner == at]) for at in range(len(used))]
+        return [fit_capsule(vertices[part]) for part in parts], owner
 
     @cached_property
     def regions(self) -> IntArray:
