@@ -63,22 +63,29 @@ def arm_reach(model: Any, tip: str) -> tuple[float, float]:
 
 
 def base_offset(model: Any, config: RobotConfig) -> float:
-    """Return how far beside its origin the base of an arm stands, metres; 0 where it has no shape.
+    """Return how far beside its origin an arm stands, metres: its base, or what turns on that.
 
     Parameters
     ----------
     model : pinocchio.Model
     config : RobotConfig
-        With capsules.
+        With capsules; 0 where neither has any.
     """
-    found = []
-    for capsule in config.capsules:
-        frame = model.frames[model.getFrameId(capsule.link, pinocchio.FrameType.BODY)]
-        if frame.parentJoint == 0:
-            ends = np.array(capsule.ends_m) @ frame.placement.rotation.T
-            ends = (ends + frame.placement.translation) * [1.0, 1.0, 0.0]
-            found.append(float(distances_to_axis(np.zeros((1, 3)), ends)[0]) - capsule.radius_m)
-    return max(min(found, default=0.0), 0.0)
+    for joint in (0, 1):
+        found = []
+        for capsule in config.capsules:
+            frame = model.frames[model.getFrameId(capsule.link, pinocchio.FrameType.BODY)]
+            if frame.parentJoint != joint:
+                continue
+            place = (
+                model.jointPlacements[1] if joint else pinocchio.SE3.Identity()
+            ) * frame.placement
+            ends = np.array(capsule.ends_m) @ place.rotation.T + place.translation
+            beside = distances_to_axis(np.zeros((1, 3)), ends * [1.0, 1.0, 0.0])
+            found.append(max(float(beside[0]) - capsule.radius_m, 0.0))
+        if found:
+            return min(found)
+    return 0.0
 
 
 def assume_mounting(
