@@ -8,7 +8,7 @@ import pytest
 
 from besman.config.yaml_file import load_config
 from besman.robot.collision import distances
-from besman.robot.config import Capsule, RobotConfig
+from besman.robot.config import CapsuleConfig, RobotConfig
 from besman.robot.files.standing import (
     arm_reach,
     assume_mounting,
@@ -101,7 +101,7 @@ def test_a_flange_askew_is_left_as_it_is():
     [
         ([], 0.0),
         # The base at 0.5 m counts, not what turns on it; the first link does where it has no shape.
-        ([("base_link", [[0.3, 0.4, 0.0], [0.3, 0.4, 0.3]]), ("shoulder_link", [[0.0] * 3] * 2)], 0.4),
+        ([("base_link", [[0.3, 0.4, 0.0]] * 2), ("shoulder_link", [[0.0] * 3] * 2)], 0.4),
         ([("shoulder_link", [[0.0, 0.0, -0.3], [0.0, 0.0, 0.3]])], 0.0),
         ([("forearm_link", [[0.0] * 3] * 2)], 0.0),
     ],
@@ -109,7 +109,7 @@ def test_a_flange_askew_is_left_as_it_is():
 def test_a_column_is_under_what_stands_on_it(capsules, beside):
     robot = load_robot("ur5", "none")
     config = load_config(Path(robot.source), RobotConfig)
-    shapes = [Capsule(link=link, ends_m=ends, radius_m=0.1) for link, ends in capsules]
+    shapes = [CapsuleConfig(link=link, ends_m=ends, radius_m=0.1) for link, ends in capsules]
     assert base_offset(robot.model, config.model_copy(update={"capsules": shapes})) == (
         pytest.approx(beside)
     )
