@@ -1,12 +1,9 @@
 """How an arm stands of which nobody says it."""
 
-from pathlib import Path
-
 import numpy as np
 import pinocchio
 import pytest
 
-from besman.config.yaml_file import load_config
 from besman.robot.collision import distances
 from besman.robot.config import CapsuleConfig, RobotConfig
 from besman.robot.files.standing import (
@@ -108,7 +105,7 @@ def test_a_flange_askew_is_left_as_it_is():
 )  # fmt: skip
 def test_a_column_is_under_what_stands_on_it(capsules, beside):
     robot = load_robot("ur5", "none")
-    config = load_config(Path(robot.source), RobotConfig)
+    config = RobotConfig.model_validate(robot.content["config"])
     shapes = [CapsuleConfig(link=link, ends_m=ends, radius_m=0.1) for link, ends in capsules]
     assert base_offset(robot.model, config.model_copy(update={"capsules": shapes})) == (
         pytest.approx(beside)
