@@ -77,7 +77,7 @@ class _Pair:
     """Two links: least gap (B,) in all poses, and how much an overlap counts in each (B,).
 
     An overlap counts in full until it was looked at. Of links that cost much, `met` tells which
-    regions of theirs come near each other in any pose (R, S); capsules that hold no such regions
+    regions of theirs come near each other in any pose (R, S), 0 or 1; capsules that hold no such regions
     need not be held against each other.
     """
 
@@ -85,7 +85,7 @@ class _Pair:
     gaps: FloatArray
     counts: FloatArray
     looked: BoolArray
-    met: BoolArray | None = None
+    met: npt.NDArray[np.float32] | None = None
 
     @property
     def lost(self) -> float:
@@ -107,7 +107,7 @@ class _Pair:
         if self.met is None:
             return np.ones((len(own), len(other)), dtype=np.bool_)
         met = self.met if name == self.names[0] else self.met.T
-        return np.asarray(own.astype(float) @ met @ other.T.astype(float) > 0)
+        return np.asarray(own.astype(np.float32) @ met @ other.T.astype(np.float32) > 0)
 
     def meet_surfaces(self, links: dict[str, LinkPieces], robot: Robot, poses: FloatArray) -> None:
         """Find out which triangles come near the other link."""
@@ -116,7 +116,9 @@ class _Pair:
         margin = touching_margin(first[0], second[0]) + _BESIDE_M
         labels = [own.regions[own.coarse_of_whole] for own in both]
         some = poses[self.gaps <= 0]
-        self.met = meeting_regions(robot.model, (first, second), labels, some, margin)
+        met = meeting_regions(robot.model, (first, second), labels, some, margin)
+        # Multiplied often: no conversion then.
+        self.met = met.astype(np.float32)
         for own in both:
             own.changed = True
         self.measure(links)
