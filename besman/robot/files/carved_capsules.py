@@ -76,8 +76,8 @@ class Carved:
 class _Pair:
     """Two links: least gap (B,) in all poses, and how much an overlap counts in each (B,).
 
-    An overlap counts in full until it was looked at. Of links that cost much, `met` tells which
-    regions of theirs come near each other in any pose (R, S), 0 or 1; capsules that hold no such regions
+    An overlap counts in full until it was looked at. Of links that cost much, `met` (R, S) is 1
+    where regions of theirs come near each other in any pose: capsules that hold no such regions
     need not be held against each other.
     """
 

@@ -16,6 +16,7 @@ FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
 Side = tuple[int, FloatArray, IntArray]
+Placed = tuple[int, Any]
 
 # Of one pose; a contact is of two triangles.
 _MOST_CONTACTS = 20_000
@@ -65,24 +66,26 @@ def meeting_regions(
 
 
 def surfaces_meet(
-    model: Any, first: Side, second: Side, poses: FloatArray, margin_m: float
+    model: Any, sides: tuple[Placed, Placed], poses: FloatArray, margin_m: float
 ) -> bool:
     """Tell whether two surfaces come within a margin of each other in any pose.
 
     Parameters
     ----------
-    model, first, second, poses, margin_m
+    model, poses, margin_m
         As in `meeting_regions`.
+    sides : two of (joint, surface)
+        Joint that moves the surface (-1: none), and that from `surface_mesh`.
     """
     import coal
 
     request = coal.CollisionRequest()
     request.security_margin = margin_m
-    shapes = [surface_mesh(vertices, triangles) for _, vertices, triangles in (first, second)]
-    places = zip(*(_places(model, side[0], poses) for side in (first, second)), strict=True)
+    (_, one), (_, other) = sides
+    places = zip(*(_places(model, joint, poses) for joint, _ in sides), strict=True)
     return any(
-        coal.collide(shapes[0], one, shapes[1], other, request, coal.CollisionResult())
-        for one, other in places
+        coal.collide(one, here, other, there, request, coal.CollisionResult())
+        for here, there in places
     )
 
 
@@ -106,25 +109,32 @@ def parts_contacts(
     chain = robot.chain
     names = np.array(chain.capsule_links)
     known: dict[str, tuple[FloatArray, IntArray, IntArray]] = {}
+    built: dict[int, Placed | None] = {}
 
-    def part(capsule: int) -> Side:
+    def build(capsule: int) -> Placed | None:
         name = chain.capsule_links[capsule]
         if name not in known:
             mine = np.flatnonzero(names == name)
             known[name] = (*whole_surface(name, surfaces), mine[owners[name]])
         vertices, triangles, owner = known[name]
         own = triangles[owner == capsule]
+        # A capsule that others stand in for holds nothing.
+        if not len(own):
+            return None
         used, inverse = np.unique(own, return_inverse=True)
-        return int(chain.capsule_joints[capsule]), vertices[used], inverse.reshape(own.shape)
+        mesh = surface_mesh(vertices[used], inverse.reshape(own.shape))
+        return int(chain.capsule_joints[capsule]), mesh
 
     def meet(first: int, second: int, poses: FloatArray, margin_m: float) -> bool:
         if not {chain.capsule_links[first], chain.capsule_links[second]} <= set(owners):
             return True
-        sides = part(first), part(second)
-        # A capsule that others stand in for holds nothing.
-        return all(len(side[2]) for side in sides) and surfaces_meet(
-            robot.model, *sides, poses, margin_m
-        )
+        for capsule in (first, second):
+            if capsule not in built:
+                built[capsule] = build(capsule)
+        one, other = built[first], built[second]
+        if one is None or other is None:
+            return False
+        return surfaces_meet(robot.model, (one, other), poses, margin_m)
 
     return meet
 

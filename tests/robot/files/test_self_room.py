@@ -8,7 +8,12 @@ from besman.robot.collision import distances
 from besman.robot.config import RobotConfig
 from besman.robot.files import carved_capsules
 from besman.robot.files.link_pieces import sticking_out, whole_surface
-from besman.robot.files.surface_contacts import meeting_regions, parts_contacts, surfaces_meet
+from besman.robot.files.surface_contacts import (
+    meeting_regions,
+    parts_contacts,
+    surface_mesh,
+    surfaces_meet,
+)
 from besman.robot.files.touching_links import mesh_contacts, random_poses
 from besman.robot.link_shapes import collision_shapes, link_surfaces
 from besman.robot.model import load_robot, read_robot_urdf
@@ -106,10 +111,10 @@ def test_regions_meet_where_single_triangles_do(tub):
     met = meeting_regions(robot.model, sides, labels, poses, 0.003)
     for first, second in np.ndindex(met.shape):
         alone = [
-            (joint, vertices[triangles[one]], np.array([[0, 1, 2]]))
+            (joint, surface_mesh(vertices[triangles[one]], np.array([[0, 1, 2]])))
             for (joint, vertices, triangles), one in zip(sides, (first, second), strict=True)
         ]
-        assert met[first, second] == surfaces_meet(robot.model, *alone, poses, 0.003)
+        assert met[first, second] == surfaces_meet(robot.model, alone, poses, 0.003)
     assert 0 < met.sum() < met.size
 
 
