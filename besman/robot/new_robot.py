@@ -236,7 +236,7 @@ def _describe(
     }
     notes += [f"joint {key} is held at {value:g}" for key, value in held.items()] + standing
     notes += [*folders.guessed, *faults]
-    moves_about = bool(split_at_base(tree, tip, urdf, wishes.base)[0])
+    moves_about = bool(held) or bool(split_at_base(tree, tip, urdf, wishes.base)[0])
     return _complete(content, tree, urdf, path, [*notes, *assumed], moves_about, show)
 
 
@@ -333,9 +333,7 @@ def _complete(
     weights += assumed_masses.lighten_masses(content["inertia"], content["joints"], model, *asked)
     config, model = model_now()
     weights += assume_torques(content["joints"], model, *asked)
-    content["mounting"] = assume_mounting(
-        reach, shoulder, moves_about or bool(content["held"]), base_offset(model, config)
-    )
+    content["mounting"] = assume_mounting(reach, shoulder, moves_about, base_offset(model, config))
     quaternion, flange = flange_rotation(model, content["tip"])
     if flange:
         content["flange_wxyz"] = [round(float(part), 9) for part in quaternion]
@@ -343,7 +341,6 @@ def _complete(
 
     arm_now = partial(_build_arm, content, tree, urdf, path)
     ignored = leave_room(content, arm_now, tree, urdf, loader, progress)
-    progress(0.75)
     found = _write_home(content["joints"], *find_home(arm_now(), reach))
     end(True)
     notes += [*said, *weights, *([flange] if flange else []), *ignored, found]

@@ -50,6 +50,8 @@ _TRIED_OF_MUCH = 3
 _TOUCH_M, _DEEPEST_M = 0.005, 0.2
 # Surfaces that come this near in poses that are looked at may meet in others.
 _BESIDE_M = 0.005
+# Those poses: links that meet rarely are looked at in many, those that meet often in fewer.
+_MET_POSES, _MET_ENOUGH = 6000, 200
 # Poses in which what is lost is measured: the meshes' distance is what costs time.
 _LOOKED_POSES = 600
 
@@ -109,14 +111,14 @@ class _Pair:
         met = self.met if name == self.names[0] else self.met.T
         return np.asarray(own.astype(np.float32) @ met @ other.T.astype(np.float32) > 0)
 
-    def meet_surfaces(self, links: dict[str, LinkPieces], robot: Robot, poses: FloatArray) -> None:
+    def meet_surfaces(self, links: dict[str, LinkPieces], robot: Robot) -> None:
         """Find out which triangles come near the other link."""
         both = [links[name] for name in self.names]
         first, second = ((own.joint, *own.whole) for own in both)
         margin = touching_margin(first[0], second[0]) + _BESIDE_M
         labels = [own.regions[own.coarse_of_whole] for own in both]
-        some = poses[self.gaps <= 0]
-        met = meeting_regions(robot.model, (first, second), labels, some, margin)
+        poses = random_poses(robot, _MET_POSES, seed=1)
+        met = meeting_regions(robot.model, (first, second), labels, poses, margin, _MET_ENOUGH)
         # Multiplied often: no conversion then.
         self.met = met.astype(np.float32)
         for own in both:
@@ -200,7 +202,7 @@ def carve_capsules(
         if worst is None or worst.lost < _FINE_PAIR or _lost_by_all(pairs, given_up) < _FINE:
             break
         if worst.lost > _MUCH and worst.met is None:
-            worst.meet_surfaces(links, robot, poses)
+            worst.meet_surfaces(links, robot)
             continue
         found = _best_split(links, worst, [*pairs, *given_up], robot, poses)
         if found is None and worst.lost > _MUCH:

@@ -44,7 +44,7 @@ def leave_room(
     loader : coal.MeshLoader
         Reads the meshes.
     progress : callable
-        Is told the share done, up to a half.
+        Is told the share done, up to three quarters.
 
     Returns
     -------
@@ -61,6 +61,7 @@ def leave_room(
     robot = build()
     pairs, notes = find_ignored_pairs(robot, contacts, parts_contacts(robot, surfaces, owners))
     content["ignored_pairs"] = [list(pair) for pair in pairs]
+    progress(0.75)
     return notes + _never_clear(build(), contacts)
 
 

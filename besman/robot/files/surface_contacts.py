@@ -28,6 +28,7 @@ def meeting_regions(
     labels: Sequence[IntArray],
     poses: FloatArray,
     margin_m: float,
+    enough: int,
 ) -> BoolArray:
     """Find the regions of two links that come within a margin of each other in any pose.
 
@@ -43,6 +44,8 @@ def meeting_regions(
     poses : array, shape (B, n)
         Joint angles, rad.
     margin_m : float
+    enough : int
+        After so many poses in which they do no further ones are looked at.
 
     Returns
     -------
@@ -62,6 +65,9 @@ def meeting_regions(
         if met:
             first, second = np.array(met).T
             found[labels[0][first], labels[1][second]] = True
+            enough -= 1
+        if enough <= 0:
+            break
     return found
 
 

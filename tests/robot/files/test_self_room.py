@@ -6,7 +6,7 @@ import pytest
 from besman.config.yaml_file import load_config
 from besman.robot.collision import distances
 from besman.robot.config import RobotConfig
-from besman.robot.files import carved_capsules
+from besman.robot.files import self_room
 from besman.robot.files.link_pieces import sticking_out, whole_surface
 from besman.robot.files.surface_contacts import (
     meeting_regions,
@@ -108,7 +108,7 @@ def test_regions_meet_where_single_triangles_do(tub):
     sides = by_link["tub"], by_link["q"]
     poses = random_poses(robot, 12, seed=5)
     labels = [np.arange(len(side[2])) for side in sides]
-    met = meeting_regions(robot.model, sides, labels, poses, 0.003)
+    met = meeting_regions(robot.model, sides, labels, poses, 0.003, len(poses))
     for first, second in np.ndindex(met.shape):
         alone = [
             (joint, surface_mesh(vertices[triangles[one]], np.array([[0, 1, 2]])))
@@ -119,7 +119,7 @@ def test_regions_meet_where_single_triangles_do(tub):
 
 
 def test_a_pair_that_leaves_no_pose_clear_is_named(tmp_path, monkeypatch):
-    monkeypatch.setattr(carved_capsules, "carve_capsules", lambda *_: {})
+    monkeypatch.setattr(self_room.fitted_shapes, "carve", lambda capsules, *_: (capsules, {}))
     path = add_robot(write_tub(tmp_path))
     assert (
         "links tub, q: their capsules overlap in every pose, so that none is clear; their meshes "
