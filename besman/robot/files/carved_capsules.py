@@ -49,7 +49,7 @@ _TRIED_OF_MUCH = 3
 # An overlap costs this much, and its depth up to the greatest.
 _TOUCH_M, _DEEPEST_M = 0.005, 0.2
 # Surfaces that come this near in poses that are looked at may meet in others.
-_BESIDE_M = 0.005
+_BESIDE_M = 0.0015
 # Those poses: links that meet rarely are looked at in many, those that meet often in fewer.
 _MET_POSES, _MET_ENOUGH = 6000, 200
 # Poses in which what is lost is measured: the meshes' distance is what costs time.
