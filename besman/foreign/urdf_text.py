@@ -139,6 +139,8 @@ def parse_urdf(text: str) -> ElementTree.Element:
         raise UrdfTextError(f"not valid XML: {error}") from None
     if tree.tag != "robot" or tree.find("link") is None:
         got = "" if tree.tag == "robot" else f", got <{tree.tag:.40}>"
+        if tree.tag == "mujocoinclude":
+            got += ": a part of a MJCF; give the file that includes it"
         raise UrdfTextError(f"cannot be used as URDF: expected <robot> with links{got}")
     _check_names(tree)
     _check_tree(tree)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -33,6 +34,7 @@ from besman.robot.files.mjcf_file import CompiledArm, is_mjcf, read_mjcf
 from besman.robot.files.second_reader import refuse_faults
 from besman.robot.files.xacro_file import is_xacro, read_xacro
 from besman.robot.model import (
+    Robot,
     build_robot,
     joint_limits,
     load_robot,
@@ -234,7 +236,7 @@ def _describe(
     }
     notes += [f"joint {key} is held at {value:g}" for key, value in held.items()] + standing
     notes += [*folders.guessed, *faults]
-    moves_about = bool(split_at_base(tree, tip, urdf, wishes.base)[0])
+    moves_about = bool(held) or bool(split_at_base(tree, tip, urdf, wishes.base)[0])
     return _complete(content, tree, urdf, path, [*notes, *assumed], moves_about, show)
 
 
@@ -297,10 +299,12 @@ def _complete(
     import coal
 
     from besman.robot.files import assumed_masses, fitted_shapes
+    from besman.robot.files.self_room import leave_room
     from besman.robot.files.standing import (
         arm_reach,
         assume_mounting,
         assume_tool_scale,
+        base_offset,
         find_home,
         flange_rotation,
     )
@@ -329,15 +333,15 @@ def _complete(
     weights += assumed_masses.lighten_masses(content["inertia"], content["joints"], model, *asked)
     config, model = model_now()
     weights += assume_torques(content["joints"], model, *asked)
-    content["mounting"] = assume_mounting(reach, shoulder, moves_about or bool(content["held"]))
+    content["mounting"] = assume_mounting(reach, shoulder, moves_about, base_offset(model, config))
     quaternion, flange = flange_rotation(model, content["tip"])
     if flange:
         content["flange_wxyz"] = [round(float(part), 9) for part in quaternion]
     progress, end = show("poses")
-    ignored = _leave_room(content, tree, urdf, path, loader, progress)
-    progress(0.75)
-    robot = build_robot(_as_config(content), "none", tree, urdf, path, str(path))
-    found = _write_home(content["joints"], *find_home(robot, reach))
+
+    arm_now = partial(_build_arm, content, tree, urdf, path)
+    ignored = leave_room(content, arm_now, tree, urdf, loader, progress)
+    found = _write_home(content["joints"], *find_home(arm_now(), reach))
     end(True)
     notes += [*said, *weights, *([flange] if flange else []), *ignored, found]
     content["tool_scale"], shorter = assume_tool_scale(reach)
@@ -345,30 +349,9 @@ def _complete(
     return {key: value for key, value in content.items() if value or key == "mounting"}
 
 
-def _leave_room(
-    content: dict[str, Any],
-    tree: ElementTree.Element,
-    urdf: Path,
-    path: Path,
-    loader: Any,
-    progress: Callable[[float], None],
-) -> list[str]:
-    """Split capsules that cost room, leave out pairs that say nothing; return why."""
-    from besman.robot.files import fitted_shapes
-    from besman.robot.files.touching_links import find_ignored_pairs, mesh_contacts
-    from besman.robot.link_shapes import collision_shapes, link_surfaces
-
-    robot = build_robot(_as_config(content), "none", tree, urdf, path, str(path))
-    shapes = collision_shapes(robot.model, tree, urdf, loader)
-    contacts = mesh_contacts(robot.model, [one[:4] for one in shapes])
-    content["capsules"] = fitted_shapes.carve(
-        content["capsules"], robot, link_surfaces(shapes), contacts,
-        lambda share: progress(0.5 * share),
-    )  # fmt: skip
-    robot = build_robot(_as_config(content), "none", tree, urdf, path, str(path))
-    pairs, ignored = find_ignored_pairs(robot, contacts)
-    content["ignored_pairs"] = [list(pair) for pair in pairs]
-    return ignored
+def _build_arm(content: dict[str, Any], tree: ElementTree.Element, urdf: Path, path: Path) -> Robot:
+    """Return the arm of what is known so far."""
+    return build_robot(_as_config(content), "none", tree, urdf, path, str(path))
 
 
 def _write_home(joints: list[dict[str, Any]], home: FloatArray, is_clear: bool) -> str:

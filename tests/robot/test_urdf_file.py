@@ -33,6 +33,7 @@ def robot(*joints):
         ("<robot", "not valid XML"),
         ("<robot/>", "expected <robot> with links$"),
         ("<sdf version='1.7'><model/></sdf>", "expected <robot> with links, got <sdf>$"),
+        ("<mujocoinclude/>", "a part of a MJCF; give the file that includes it$"),
         (b"\xff\xfe<\x00", "expected text in UTF-8"),
     ],
 )  # fmt: skip

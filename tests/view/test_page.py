@@ -1,5 +1,6 @@
 """The real page in Chromium."""
 
+import html
 import re
 
 import numpy as np
@@ -353,3 +354,12 @@ def test_the_person_does_what_the_arm_does_block_by_block(asked):
         }"""
     )
     assert times == [-1, 0.5, 1, 1, 2.5, 5]
+
+
+def test_a_page_that_holds_the_replay_stays_where_it_is(replay, tmp_path, open_page):
+    inside = html.escape(replay.read_text())
+    host = tmp_path / "host.html"
+    host.write_text(f'<div style="height: 3000px"></div><iframe srcdoc="{inside}"></iframe>')
+    opened = open_page(host.as_uri())
+    opened.frame_locator("iframe").locator(READY).wait_for(state="attached")
+    assert opened.evaluate("scrollY") == 0

@@ -15,11 +15,13 @@ import pinocchio
 from besman.exceptions import RobotError
 from besman.robot.config import RobotConfig
 from besman.robot.files import carved_capsules
+from besman.robot.files.link_pieces import Surface
 from besman.robot.files.touching_links import MeshesTouch
 from besman.robot.link_shapes import LARGEST_M, collision_shapes, link_capsules
 from besman.robot.model import Robot
 
 FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
 
 # Capsules along links of which there is no shape: a share of the arm's length.
 _SLENDERNESS = 0.06
@@ -151,11 +153,11 @@ def _in_link(model: Any, link: str, joint: int, ends: FloatArray, radius: float)
 def carve(
     capsules: list[dict[str, Any]],
     robot: Robot,
-    surfaces: Sequence[carved_capsules.Surface],
+    surfaces: Sequence[Surface],
     meshes_touch: MeshesTouch,
     progress: Callable[[float], None],
-) -> list[dict[str, Any]]:
-    """Return the capsules of a robot.yaml, those split that cost room.
+) -> tuple[list[dict[str, Any]], dict[str, IntArray]]:
+    """Split those capsules of a robot.yaml that cost room.
 
     Parameters
     ----------
@@ -164,10 +166,17 @@ def carve(
         With them.
     surfaces, meshes_touch, progress
         As in `besman.robot.files.carved_capsules.carve_capsules`.
+
+    Returns
+    -------
+    capsules : list of dict
+    owners : dict of array, shape (F,)
+        Which of a link's capsules holds each triangle of its whole surface, by link.
     """
-    others = carved_capsules.carve_capsules(robot, surfaces, meshes_touch, progress)
+    carved = carved_capsules.carve_capsules(robot, surfaces, meshes_touch, progress)
     joints = dict(zip(robot.chain.capsule_links, robot.chain.capsule_joints.tolist(), strict=True))
+    others = {link: found for link, found in carved.items() if found.changed}
     result = [one for one in capsules if one["link"] not in others]
     for link, found in others.items():
-        result += [_in_link(robot.model, link, joints[link], *one) for one in found]
-    return result
+        result += [_in_link(robot.model, link, joints[link], *one) for one in found.capsules]
+    return result, {link: found.owner for link, found in carved.items()}

@@ -8,7 +8,9 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio
 
+from besman.robot.capsules import distances_to_axis
 from besman.robot.collision import distances
+from besman.robot.config import RobotConfig
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.model import Robot
 from besman.robot.workspace import least_singular_values
@@ -60,7 +62,35 @@ def arm_reach(model: Any, tip: str) -> tuple[float, float]:
     return sum(ways), float(shoulder.translation[2])
 
 
-def assume_mounting(reach: float, shoulder: float, has_base: bool = False) -> dict[str, float]:
+def base_offset(model: Any, config: RobotConfig) -> float:
+    """Return how far beside its origin an arm stands, metres: its base, or what turns on that.
+
+    Parameters
+    ----------
+    model : pinocchio.Model
+    config : RobotConfig
+        With capsules; 0 where neither has any.
+    """
+    for joint in (0, 1):
+        found = []
+        for capsule in config.capsules:
+            frame = model.frames[model.getFrameId(capsule.link, pinocchio.FrameType.BODY)]
+            if frame.parentJoint != joint:
+                continue
+            place = (
+                model.jointPlacements[1] if joint else pinocchio.SE3.Identity()
+            ) * frame.placement
+            ends = np.array(capsule.ends_m) @ place.rotation.T + place.translation
+            beside = distances_to_axis(np.zeros((1, 3)), ends * [1.0, 1.0, 0.0])
+            found.append(max(float(beside[0]) - capsule.radius_m, 0.0))
+        if found:
+            return min(found)
+    return 0.0
+
+
+def assume_mounting(
+    reach: float, shoulder: float, has_base: bool = False, beside_m: float = 0.0
+) -> dict[str, float]:
     """Return the mounting of a robot.yaml: the shoulder as high as the arm is long.
 
     Parameters
@@ -70,6 +100,9 @@ def assume_mounting(reach: float, shoulder: float, has_base: bool = False) -> di
     has_base : bool
         Whether the description has what the arm stands on, a torso or a mobile base: it stands on
         the floor then, unless it is a small one.
+    beside_m : float
+        How far beside its origin the base stands (`base_offset`): a column at the origin would not
+        carry what stands further away than it is thick, as an arm of a scene may.
     """
     height = round(max(min(reach, _SHOULDER_M) - shoulder, 0.0), 2)
     if has_base and shoulder >= _LEAST_STANDING_M:
@@ -77,6 +110,7 @@ def assume_mounting(reach: float, shoulder: float, has_base: bool = False) -> di
     if height < _LEAST_PEDESTAL_M:
         return {"height_m": 0.0, "yaw_deg": 0.0, "pedestal_radius_m": 0.0}
     radius = round(min(_PEDESTAL_SHARE * min(reach, 1.0), height / 2), 3)
+    radius = radius if beside_m <= radius else 0.0
     return {"height_m": height, "yaw_deg": 0.0, "pedestal_radius_m": radius}
 
 

@@ -22,6 +22,10 @@ POSES = 1500
 
 # Capsules that overlap more rarely cost little of the room to move.
 _OFTEN = 0.02
+# Of pairs of links that overlap in more than this share of the poses, the surfaces that single
+# capsules hold are held against each other too: of links that enclose each other those beside the
+# joint overlap in every pose, and none of them alone.
+_MUCH = 0.1
 _ALWAYS = 0.995
 # Poses in which meshes are held against each other; below the least number nothing is concluded.
 _MOST_MESH_POSES = 1500
@@ -30,10 +34,14 @@ LEAST_MESH_POSES = 25
 # between near links: so many poses leave no gap that something could be missed in.
 _NEAR_MARGIN_M, _FAR_MARGIN_M = 0.0005, 0.005
 _NEAR_JOINTS = 2
+_PARTS_MARGIN_M = 0.002
 
 MeshesTouch = Callable[[str, str, FloatArray, float], tuple[int, int] | None]
 """Tells of two links, in poses (B, n), how often meshes are within a margin, and how many poses it
 looked at: no further ones once they were and were not. None where there are no meshes."""
+
+PartsMeet = Callable[[int, int, FloatArray, float], bool]
+"""Tells of two capsules whether the surfaces that they hold come within a margin in some poses."""
 
 
 def random_poses(robot: Robot, count: int, seed: int = 0) -> FloatArray:
@@ -85,19 +93,21 @@ def _overlaps(
 
 
 def find_ignored_pairs(
-    robot: Robot, meshes_touch: MeshesTouch
+    robot: Robot, meshes_touch: MeshesTouch, parts_meet: PartsMeet | None = None
 ) -> tuple[list[tuple[str, str]], list[str]]:
     """Find the pairs of links, or of their capsules, whose touching says nothing.
 
     Links that touch in every pose are built so. Capsules that overlap in many poses, while in those
     of them in which no other capsules of the two links do the meshes never touch, only look as if
-    something touched.
+    something touched; so do those that hold surfaces which never touch.
 
     Parameters
     ----------
     robot : Robot
     meshes_touch : callable
         A `MeshesTouch`.
+    parts_meet : callable, optional
+        A `PartsMeet`.
 
     Returns
     -------
@@ -131,6 +141,10 @@ def find_ignored_pairs(
             notes.append(f"ignored pair {names[0]}, {names[1]}: {why}")
             continue
         ignored = near.columns_that_say_nothing(poses, overlaps[:, columns], meshes_touch)
+        if parts_meet is not None and share > _MUCH:
+            rest = [column for index, column in enumerate(columns) if index not in ignored]
+            apart = _never_meeting(robot, rest, overlaps, parts_meet)
+            ignored += [columns.index(column) for column in apart]
         if ignored:
             parts = [chain.capsule_pairs[columns[column]] for column in ignored]
             whole = len(ignored) == len(columns)
@@ -140,6 +154,26 @@ def find_ignored_pairs(
                 f"capsules overlap in {share:.0%} of {POSES} poses, meshes not where only these do"
             )
     return pairs, notes
+
+
+def _never_meeting(
+    robot: Robot, columns: list[int], overlaps: npt.NDArray[np.bool_], parts_meet: PartsMeet
+) -> list[int]:
+    """Return the pairs of capsules that overlap often and hold surfaces that never meet.
+
+    They were split by the poses that gave the overlaps (B, P): other poses must agree.
+    """
+    often = [column for column in columns if overlaps[:, column].mean() >= _OFTEN]
+    if not often:
+        return []
+    poses = np.vstack([random_poses(robot, POSES), random_poses(robot, POSES, seed=2)])
+    found = pair_overlaps(robot, poses)
+    apart = []
+    for column in often:
+        first, second = (int(one) for one in robot.chain.capsule_pairs[column])
+        if not parts_meet(first, second, poses[found[:, column]], _PARTS_MARGIN_M):
+            apart.append(column)
+    return apart
 
 
 def touching_margin(joint: int, other: int) -> float:

@@ -171,6 +171,13 @@ function frame() {
   ask();
 }
 
+// scrollIntoView would scroll the page that this one is a part of, too.
+function revealIn(strip, item) {
+  const left = item.offsetLeft - strip.offsetLeft;
+  const right = left + item.offsetWidth - strip.clientWidth;
+  strip.scrollLeft = Math.min(left, Math.max(strip.scrollLeft, right));
+}
+
 function buildStage() {
   stage = new Stage(cast, demonstration, state.choice);
   Object.assign($("scrubber"), { min: stage.start, max: stage.end });
@@ -180,7 +187,7 @@ function buildStage() {
     button.setAttribute("aria-checked", String(k === state.choice));
   });
   const chosen = $("takes").children[state.choice];
-  if (chosen) chosen.scrollIntoView({ block: "nearest", inline: "nearest" });
+  if (chosen) revealIn($("takes"), chosen);
   showTime();
   ask();
 }

@@ -52,21 +52,24 @@ def plates(tmp_path_factory):
 def test_every_triangle_is_wholly_in_a_capsule(plates):
     robot, surfaces, contacts, _ = plates
     carved = carve_capsules(robot, surfaces, contacts)
-    assert carved
+    assert any(found.changed for found in carved.values())
     for link, _, vertices, triangles in surfaces:
-        if link in carved:
-            fine, faces = subdivide(vertices, triangles, 1 / 8)
-            away = [distances_to_axis(fine, ends) - radius for ends, radius in carved[link]]
-            assert np.min(np.array(away)[:, faces].max(axis=2), axis=0).max() <= 1e-9
-            assert 1 < len(carved[link]) <= 6
+        found = carved[link]
+        fine, faces = subdivide(vertices, triangles, 1 / 8)
+        away = [distances_to_axis(fine, ends) - radius for ends, radius in found.capsules]
+        out = np.array(away)[:, faces].max(axis=2)
+        assert out[found.owner, np.arange(len(faces))].max() <= 1e-9
+        assert found.changed == (len(found.capsules) > 1)
+        assert len(found.capsules) <= 12
 
 
 def test_the_same_arm_is_carved_alike(plates):
     robot, surfaces, contacts, _ = plates
     first, second = (carve_capsules(robot, surfaces, contacts) for _ in range(2))
     assert list(first) == list(second)
-    for link, capsules in first.items():
-        for (ends, radius), (others, other) in zip(capsules, second[link], strict=True):
+    for link, found in first.items():
+        both = zip(found.capsules, second[link].capsules, strict=True)
+        for (ends, radius), (others, other) in both:
             assert ends.tobytes() == others.tobytes()
             assert radius == other
 

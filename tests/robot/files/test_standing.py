@@ -5,7 +5,14 @@ import pinocchio
 import pytest
 
 from besman.robot.collision import distances
-from besman.robot.files.standing import arm_reach, assume_mounting, find_home, flange_rotation
+from besman.robot.config import CapsuleConfig, RobotConfig
+from besman.robot.files.standing import (
+    arm_reach,
+    assume_mounting,
+    base_offset,
+    find_home,
+    flange_rotation,
+)
 from besman.robot.kinematics import forward_kinematics, manipulability
 from besman.robot.model import load_robot
 
@@ -38,6 +45,9 @@ def test_a_small_arm_stands_as_high_as_it_is_long_and_a_tall_one_on_the_floor():
     assert assume_mounting(1.1, 0.7, has_base=True) == nothing
     assert assume_mounting(1.1, 0.2, has_base=True)["height_m"] == 0.9
     assert assume_mounting(3.0, 0.6)["height_m"] == pytest.approx(0.5)
+    radius = assume_mounting(1.1, 0.2)["pedestal_radius_m"]
+    assert assume_mounting(1.1, 0.2, beside_m=0.99 * radius)["pedestal_radius_m"] == radius
+    assert assume_mounting(1.1, 0.2, beside_m=1.01 * radius)["pedestal_radius_m"] == 0.0
 
 
 @pytest.mark.parametrize("name", ["ur5", "iiwa7"])
@@ -81,3 +91,22 @@ def test_a_flange_askew_is_left_as_it_is():
     rotation = pinocchio.rpy.rpyToMatrix(0.0, 0.6, 0.0)
     quaternion, note = flange_rotation(arm_with_flange(rotation, [0, 0, 0.1]), "tip")
     assert (quaternion.tolist(), note) == ([1, 0, 0, 0], "")
+
+
+@pytest.mark.parametrize(
+    ("capsules", "beside"),
+    [
+        ([], 0.0),
+        # The base at 0.5 m counts, not what turns on it; the first link does where it has no shape.
+        ([("base_link", [[0.3, 0.4, 0.0]] * 2), ("shoulder_link", [[0.0] * 3] * 2)], 0.4),
+        ([("shoulder_link", [[0.0, 0.0, -0.3], [0.0, 0.0, 0.3]])], 0.0),
+        ([("forearm_link", [[0.0] * 3] * 2)], 0.0),
+    ],
+)  # fmt: skip
+def test_a_column_is_under_what_stands_on_it(capsules, beside):
+    robot = load_robot("ur5", "none")
+    config = RobotConfig.model_validate(robot.content["config"])
+    shapes = [CapsuleConfig(link=link, ends_m=ends, radius_m=0.1) for link, ends in capsules]
+    assert base_offset(robot.model, config.model_copy(update={"capsules": shapes})) == (
+        pytest.approx(beside)
+    )
