@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio
 
+from besman.geometry.joint_axis import joint_axis
 from besman.robot.capsules import distances_to_axis
 from besman.robot.collision import distances
 from besman.robot.config import RobotConfig
@@ -170,7 +171,7 @@ def outward_axis(model: Any, tip: str) -> FloatArray | None:
         A unit vector; None where neither way along the axis leads away.
     """
     flange = model.frames[model.getFrameId(tip, pinocchio.FrameType.BODY)].placement
-    axis = _last_axis(model)
+    axis = joint_axis(model.joints[model.njoints - 1])[1]
     out = float(axis @ flange.translation)
     if abs(out) < 1e-3:
         # The flange is at the joint: the way that led there points out.
@@ -180,15 +181,6 @@ def outward_axis(model: Any, tip: str) -> FloatArray | None:
         return None
     outwards: FloatArray = flange.rotation.T @ (axis if out >= 0 else -axis)
     return outwards
-
-
-def _last_axis(model: Any) -> FloatArray:
-    """Return the axis of the last joint in its frame."""
-    joint = model.joints[model.njoints - 1]
-    data = joint.createData()
-    joint.calc(data, np.zeros(joint.nq), np.zeros(joint.nv))
-    axis: FloatArray = np.asarray(data.S, dtype=np.float64).reshape(6)[3:]
-    return axis
 
 
 def find_home(robot: Robot, reach: float) -> tuple[FloatArray, bool]:
