@@ -16,6 +16,7 @@ import numpy as np
 
 from besman.exceptions import RecordingError, in_one_line, why_not_there
 from besman.io.recordings.conventions import turn
+from besman.io.recordings.lengths import in_metres
 from besman.live.stream import Inbox, Packet, StreamFormat
 from besman.records import Axis, FloatArray
 
@@ -254,7 +255,7 @@ def read_markers(packet: Any) -> FloatArray | None:
         return None
     n = _count_whole(packet, at, _NAMED_BYTES)
     values = np.frombuffer(packet.data, "<f4", 3 * n, at + _HEAD_BYTES).reshape(n, 3)
-    return values.astype(np.float64) * _MM
+    return in_metres(values, _MM)
 
 
 def read_unnamed(packet: Any, columns: dict[int, int]) -> FloatArray | None:
@@ -291,7 +292,7 @@ def read_unnamed(packet: Any, columns: dict[int, int]) -> FloatArray | None:
         if number not in columns:
             columns[number] = free.pop()
     positions = np.full((UNNAMED, 3), np.nan)
-    positions[[columns[number] for number in numbers]] = found["place"][:UNNAMED] * _MM
+    positions[[columns[number] for number in numbers]] = in_metres(found["place"][:UNNAMED], _MM)
     return positions
 
 

@@ -7,6 +7,7 @@ name terabytes.
 from __future__ import annotations
 
 import math
+import tokenize
 import zipfile
 import zlib
 from pathlib import Path
@@ -25,6 +26,8 @@ ERRORS = (
     OverflowError,
     NotImplementedError,
     RuntimeError,
+    # NumPy reads headers of arrays by Python's tokens.
+    tokenize.TokenError,
     zipfile.BadZipFile,
     zlib.error,
 )

@@ -58,6 +58,12 @@ def test_nothing_is_allocated_because_a_header_says_so(tmp_path, content, messag
         archive["one"]
 
 
+def test_a_header_that_does_not_end_is_one_of_the_errors(tmp_path):
+    content = header((2,), bytes(16)).replace(b"}", b" ")
+    with Arrays(written(tmp_path / "a.npz", content)) as archive, pytest.raises(ERRORS):
+        archive["one"]
+
+
 def test_a_file_that_is_too_large_or_none_is_refused(tmp_path):
     path = written(tmp_path / "a.npz", header((1000,), bytes(8000)))
     with pytest.raises(ValueError, match=r"0 MB, expected at most 0\.001"):

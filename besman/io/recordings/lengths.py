@@ -6,6 +6,7 @@ import re
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from besman.exceptions import RecordingError
 from besman.io.recordings.format import Units
@@ -62,10 +63,10 @@ class Length(NamedTuple):
     told_by: str
 
 
-def in_metres(values: FloatArray, unit_m: float) -> FloatArray:
-    """Return lengths in metres; what is no number at all, signalling or not, is NaN."""
+def in_metres(values: npt.NDArray[np.floating], unit_m: float) -> FloatArray:
+    """Return lengths in metres, as doubles; what is no number, signalling or not, is NaN."""
     with np.errstate(invalid="ignore"):
-        return np.asarray(values * unit_m)
+        return np.asarray(values, np.float64) * unit_m
 
 
 def parse_unit(word: str) -> str | None:

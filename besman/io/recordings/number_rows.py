@@ -16,6 +16,7 @@ import numpy.typing as npt
 from besman.exceptions import RecordingError
 from besman.foreign.numbers import parse_number
 from besman.io.recordings.number_cells import parse_cells, parse_table, prepare
+from besman.io.recordings.table_end import find_end
 from besman.io.recordings.text_lines import TextLines, count_lines
 from besman.records import FloatArray
 
@@ -143,7 +144,7 @@ def read_rows(
     partial: bool = False,
     texts: tuple[int, ...] = (),
 ) -> FloatArray:
-    """Read rows of numbers up to the first blank line, or to the end.
+    """Read rows of numbers up to the first blank line, below which no row may be, or to the end.
 
     Parameters
     ----------
@@ -264,7 +265,7 @@ def _read_blocks(
             values = parse_cells(text, n_lines * width)
         if values is None:
             body = text.split(b"\n")
-            end = next((at for at, line in enumerate(body) if not line.strip(b"\t ")), n_lines)
+            end = find_end(body, lines, row, cells.split, path)
             body = body[:end]
             if is_last and end == n_lines:
                 above = lines.last(min(_ROWS_ABOVE, len(lines) - first))[:-1]

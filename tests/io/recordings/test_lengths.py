@@ -85,3 +85,8 @@ def test_what_is_no_number_is_nan_in_metres_without_a_warning():
         found = in_metres(signalling, 0.01)
     assert np.isnan(found[0])
     assert found[1] == 0.2
+    single = np.frombuffer(b"\1\0\x80\x7f" + np.float32(0.1).tobytes(), np.float32)
+    with np.errstate(all="raise"):
+        found = in_metres(single, 0.001)
+    assert np.isnan(found[0])
+    assert found[1] == np.float64(np.float32(0.1)) * 0.001
