@@ -186,8 +186,12 @@ class GrowingSqlite:
     def _connect(self, how: str) -> sqlite3.Connection:
         name = f"file:{quote(str(self.path))}?{how}"
         connection = sqlite3.connect(name, uri=True, timeout=0)
-        # The file is opened by what is asked of it first.
-        connection.execute("PRAGMA schema_version")
+        try:
+            # The file is opened by what is asked of it first.
+            connection.execute("PRAGMA schema_version")
+        except BaseException:
+            connection.close()
+            raise
         return connection
 
     def _wait(self, why: str) -> None:

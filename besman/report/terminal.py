@@ -162,12 +162,14 @@ def _arm_lines(results: dict[str, Any], suffix: str) -> list[str]:
         if not suffix and stage in results:
             lines.append(_simulation(results[stage], how))
     refine = results.get(f"refine{suffix}", {})
+    shared = refine.get("episodes_shared")
     if refine:
         lines.append(
             f"refinement: {refine['n_success']} of {refine['n_motions']} succeed, miss "
             f"{centimetres(refine['miss_before_m']['median'], 'unknown')} before, "
             f"{centimetres(refine['miss_m']['median'], 'unknown')} after (medians), "
-            f"{refine['episodes']['median']:.0f} episodes"
+            f"{refine['episodes']['median']:g} episodes"
+            + (f" ({shared} more that all share)" if shared else "")
         )
     for why, n in Counter(refine.get("handed_over", {}).values()).items():
         lines.append(f"refinement: {n} of {refine['n_motions']} by CMA-ES in the end: {why}")

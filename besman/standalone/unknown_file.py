@@ -30,7 +30,7 @@ _OTHERS = (
     ),
     (rb"(#[^\n]*\n|\s)*name:[^\n]*\nrecordings:", "a pipeline: besman check FILE"),
     (
-        rb'\s*\{.{0,200}"people"\s*:|\s*[{\[].{0,3000}"(annotations|image_id)"\s*:',
+        rb'\s*\{.{0,200}"people"\s*:|\s*[{\[].{0,3000}"(annotations|image_id|images|licenses)"\s*:',
         "points in a picture (OpenPose, COCO), not in space: give what was triangulated from two "
         "cameras or more, for one a TRC of Pose2Sim",
     ),

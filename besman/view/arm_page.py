@@ -12,7 +12,7 @@ import numpy as np
 
 from besman.config.yaml_file import load_config
 from besman.exceptions import BesmanError
-from besman.pipeline.arm_trial import SHORT_M, ArmTrial
+from besman.pipeline.arm_trial import SHORT_M, SMALLEST, ArmTrial
 from besman.pipeline.stored_run import open_run
 from besman.records import RefinedMotion
 from besman.report.html_tables import html_table
@@ -336,9 +336,10 @@ def _next_steps(tried: TriedArm) -> str:
     """Say how to go on."""
     source, tool = html.escape(tried.robot.source), html.escape(tried.robot.tool.name)
     folder = html.escape(str(tried.trial.folder))
+    scale = f" --set map.scale=[{SMALLEST:g},1]" if tried.trial.scaled else ""
     return (
         "<h2>How to go on</h2><pre>"
-        f"besman run ur5_stick_throw --set robot={source} --tool {tool}\n"
+        f"besman run ur5_stick_throw --set robot={source} --tool {tool}{scale}\n"
         f"besman view {folder}\n"
         f"besman robots check {source}</pre>"
     )

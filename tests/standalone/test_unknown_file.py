@@ -1,5 +1,7 @@
 import pytest
 
+from besman.exceptions import RecordingError
+from besman.standalone.look_files import look_at
 from besman.standalone.unknown_file import describe_unknown
 
 
@@ -21,6 +23,7 @@ from besman.standalone.unknown_file import describe_unknown
         ("a.yaml", b"# mine\nname: a\nrecordings: b\n", "a pipeline: besman check FILE"),
         ("a.json", b'{"version":1.3,"people":[{"pose_keypoints_2d":[1,2]}]}', "points in"),
         ("a.json", b'{"images":[],\n"annotations":[{"image_id":1}]}', "not in space"),
+        ("a.json", b'{\n "info": {},\n "licenses": [],\n "images": []}', "points in a picture (Op"),
         ("a.json", b'[{"image_id":1,"keypoints":[1,2,2]}]', "points in a picture (OpenPose, COCO)"),
         ("a.mot", b"Coordinates\nversion=1\nendheader\ntime\ta\n", "give the TRC they are from"),
         ("a.amc", b"#!OML:ASF\n:FULLY-SPECIFIED\n:DEGREES\n1\n", "Acclaim's motion (AMC)"),
@@ -39,3 +42,19 @@ def test_what_a_file_looks_like(tmp_path, name, content, said):
     path = tmp_path / name
     path.write_bytes(content)
     assert said in describe_unknown(path)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        '{"info": {"year": 2020}, "licenses": [{"id": 1}], "images": [{"id": 1}], "annotations": '
+        '[{"id": 1, "image_id": 1, "keypoints": [1, 2, 2, 3, 4, 2]}], "categories": [{"keypoints": '
+        '["nose", "left_shoulder", "left_wrist"]}]}',
+        '[{"image_id": 1, "keypoints": [300.0, 105.0, 2, 335.2, 347.2, 1, 1.5, 2.5, 1]}]',
+    ],
+)
+def test_points_in_pictures_are_not_taken_for_a_recording(tmp_path, content):
+    path = tmp_path / "a.json"
+    path.write_text(content)
+    with pytest.raises(RecordingError, match=r"points in a picture \(OpenPose, COCO\), not in sp"):
+        look_at(path)
