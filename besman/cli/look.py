@@ -66,7 +66,10 @@ def look(
     n_warned = sum(isinstance(one, Look) and bool(one.warnings) for one in found)
     if n_warned:
         complain("", f"{n_warned} of {len(found)} with warnings: besman look FILE shows them")
-    if not any(isinstance(one, Look) for one in found):
+    n_unread = sum(not isinstance(one, Look) for one in found)
+    if 0 < n_unread < len(found):
+        complain("", f"{n_unread} of {len(found)} cannot be read: besman look FILE says why")
+    if n_unread == len(found):
         raise RecordingError(f"none of {len(found)} recordings can be read")
 
 

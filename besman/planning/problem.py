@@ -146,7 +146,10 @@ def _place(one: Standing, things: tuple[str, ...], learnt: Learnt) -> int:
             f"{one}: nobody has shown how to put something on top of {one.place}; places: "
             f"{', '.join(names)}"
         )
-    raise PlanError(f"{one}: no place {one.place!r:.80}; {nearest(one.place, names)}")
+    raise PlanError(
+        f"{one}: no place {one.place!r:.80}; {nearest(one.place, names)}; a run knows the places "
+        "of its actions (select.action)"
+    )
 
 
 def _spot(one: Standing, things: tuple[str, ...], learnt: Learnt, one_way: bool = False) -> Spot:

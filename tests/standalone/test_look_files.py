@@ -243,8 +243,9 @@ def test_a_folder_is_a_table_with_a_row_for_what_cannot_be_read(monkeypatch, tmp
     assert not found[0][1].startswith(str(tmp_path))
     out = tmp_path / "out.json"
     assert besman(monkeypatch, "look", tmp_path, "--json", out) == 0
-    text = capsys.readouterr().out
+    text, said = capsys.readouterr()
     assert all(one in text for one in ("bad.c3d", "not read", "right_arm"))
+    assert "1 of 2 cannot be read: besman look FILE says why" in said
     rows = json.loads(out.read_text())
     assert [sorted(row)[:1] for row in rows] == [["error"], ["duration_s"]]
     (tmp_path / "good.tsv").unlink()
