@@ -71,7 +71,7 @@ def test_a_heading_that_is_open_is_as_shown_or_turned_about_the_arm():
         (
             "box1 on tabel",
             "",
-            r"box1 on tabel: no place 'tabel'; did you mean 'table'\? allowed.*; a run knows the pl",
+            r"box1 on tabel: no place 'tabel'; did you mean 'table'\? allowed.*; a run knows the",
         ),
         ("box1 on shelf", "box1 on shef", r"no place 'shef'; did you mean 'shelf'"),
         (
