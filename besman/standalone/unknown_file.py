@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+from besman.io.recordings.format import IN_PICTURES
 from besman.io.recordings.formats import FORMATS
 
 _HEAD_BYTES = 4096
@@ -30,7 +31,7 @@ _OTHERS = (
     ),
     (rb"(#[^\n]*\n|\s)*name:[^\n]*\nrecordings:", "a pipeline: besman check FILE"),
     (
-        rb'\s*\{.{0,200}"people"\s*:|\s*[{\[].{0,3000}"(annotations|image_id|images|licenses)"\s*:',
+        rb'\s*\{.{0,200}"people"\s*:|\s*[{\[].{0,3000}(' + IN_PICTURES.pattern + rb")",
         "points in a picture (OpenPose, COCO), not in space: give what was triangulated from two "
         "cameras or more, for one a TRC of Pose2Sim",
     ),

@@ -52,3 +52,16 @@ def test_motions_that_are_not_exported_are_named():
     assert line.startswith("warning: 5 of 7 not exported: a_1 (beyond the limit of velocity in 1")
     assert line.endswith(" and 2 more")
     assert not outcome_lines({"exports": {"n_motions": 7, "withheld": {}}})
+
+
+@pytest.mark.parametrize(
+    ("shared", "said"),
+    [({"episodes_shared": 415}, "26.5 episodes (415 more that all share)"), ({}, "26.5 episodes")],
+)
+def test_episodes_that_all_motions_share_stand_beside_the_median(shared, said):
+    refine = {"n_success": 3, "n_motions": 3, "episodes": {"median": 26.5}, **shared}
+    refine |= {"miss_before_m": {"median": 0.15}, "miss_m": {"median": None}}
+    (line,) = outcome_lines({"refine": refine})
+    assert line == (
+        f"refinement: 3 of 3 succeed, miss 15.0 cm before, unknown after (medians), {said}"
+    )

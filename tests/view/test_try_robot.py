@@ -120,6 +120,8 @@ def test_a_file_is_brought_in_once_and_an_arm_that_can_do_nothing_has_its_page(
     assert "less than a person's arm (0.6 m): movements are made smaller" in said[0]
     text = text_of(done.page)
     assert "The run ended early: none fits" in text
+    # As it was tried, movements made smaller.
+    assert "--set map.scale=[0.2,1]\n" in text
     assert "None was mapped." in text
     before = done.robot.read_bytes()
     assert try_robot(str(urdf), Wishes(), out=tmp_path / "out").robot.read_bytes() == before

@@ -295,9 +295,8 @@ _NAMED = re.compile(rb'"[^"\n]+"\s*:\s*' + _POSITION)
 _LISTED = re.compile(rb'"[^"\n]+"\s*:\s*\[\s*' + _POSITION)
 _FRAMED = re.compile(rb'"(frames|tracking|data|keypoints|markers|poses)"\s*:\s*\[\s*\{')
 _RATED = re.compile(rb'"(fps|rate_hz|rate|frame_rate|framerate|sampling_rate|sample_rate)"\s*:')
-_IN_PICTURES = re.compile(
-    rb'"image_id"\s*:|"(images|licenses)"\s*:\s*\['
-)  # COCO: two numbers a point
+IN_PICTURES = re.compile(rb'"image_id"\s*:|"(images|licenses|annotations)"\s*:\s*\[')
+"""What COCO's files hold: points in pictures, of two numbers."""
 _LONG = 16_384  # of a file no more is looked at
 # Names of people's parts beside numbers, in whatever way a place is written.
 _PARTS = re.compile(
@@ -312,7 +311,7 @@ _PLACES = re.compile(
 def is_keypoints(head: bytes) -> bool:
     """Tell keypoints: frames of which each has names of positions, or names with lists of them."""
     text = _text(head)
-    if text[:1] not in (b"{", b"[") or _IN_PICTURES.search(text):
+    if text[:1] not in (b"{", b"[") or IN_PICTURES.search(text):
         return False
     if b'"pose_keypoints_3d"' in text or b'"joints19"' in text:
         return True

@@ -26,11 +26,11 @@ from besman.io.recordings.c3d_names import find_names
 from besman.io.recordings.clock import RowClock, read_rate, settle_clock
 from besman.io.recordings.format import Units
 from besman.io.recordings.lengths import find_length, parse_unit
+from besman.io.recordings.number_cells import is_number_cell
 from besman.io.recordings.number_rows import (
     ROWS_SEEN,
     Cells,
     find_cells,
-    is_number_cell,
     read_tracks,
     see_commas,
 )

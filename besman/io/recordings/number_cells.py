@@ -9,6 +9,8 @@ from importlib import import_module
 import numpy as np
 import numpy.typing as npt
 
+from besman.foreign.numbers import parse_number
+
 FloatArray = npt.NDArray[np.float64]
 
 # Of anything else NumPy's and Python's opinions differ.
@@ -114,3 +116,12 @@ def _read_all(text: bytes) -> FloatArray:
         return np.fromstring(text, sep=" ")
     except (ValueError, DeprecationWarning):
         return np.empty(0)
+
+
+def is_number_cell(cell: str) -> bool:
+    """Tell whether a cell is a number, with a point or a comma."""
+    try:
+        parse_number(cell.replace(",", "."))
+    except ValueError:
+        return False
+    return True

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from besman.exceptions import RecordingError
 from besman.foreign.numbers import parse_number
-from besman.io.recordings.number_cells import parse_cells, parse_table, prepare
+from besman.io.recordings.number_cells import is_number_cell, parse_cells, parse_table, prepare
 from besman.io.recordings.table_end import find_end
 from besman.io.recordings.text_lines import TextLines, count_lines
 from besman.records import FloatArray
@@ -118,15 +118,6 @@ def see_commas(cells: Cells, rows: Sequence[str]) -> Cells:
 def is_word(cell: str) -> bool:
     """Tell whether a cell is a word, and none that stands for a number that is not there."""
     return any(map(str.isalpha, cell)) and cell.lower() not in _MISSING and not is_number_cell(cell)
-
-
-def is_number_cell(cell: str) -> bool:
-    """Tell whether a cell is a number, with a point or a comma."""
-    try:
-        parse_number(cell.replace(",", "."))
-    except ValueError:
-        return False
-    return True
 
 
 def is_blank(line: str) -> bool:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from besman.exceptions import RecordingError
-from besman.foreign.numbers import parse_number
+from besman.io.recordings.number_cells import is_number_cell
 
 _LINES_LOOKED_AT = 20
 
@@ -51,18 +51,10 @@ def find_end(
     for number, line in enumerate(below):
         cells = split(line)
         if any(cells):
-            if len(cells) > 1 and _is_number(cells[0]):
+            if len(cells) > 1 and is_number_cell(cells[0]):
                 raise RecordingError(
                     f"{path}:{at + 1}: an empty line among the rows, which go on in line "
                     f"{at + number + 1}; expected rows one below the other"
                 )
             break
     return end
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        parse_number(cell.replace(",", "."))
-    except ValueError:
-        return False
-    return True

@@ -24,12 +24,12 @@ from besman.io.recordings.c3d_names import find_names
 from besman.io.recordings.clock import read_rate, settle_clock
 from besman.io.recordings.format import Units
 from besman.io.recordings.lengths import find_length
+from besman.io.recordings.number_cells import is_number_cell
 from besman.io.recordings.number_rows import (
     ROWS_SEEN,
     Cells,
     find_cells,
     is_blank,
-    is_number_cell,
     read_tracks,
     see_commas,
 )

@@ -62,9 +62,11 @@ def test_each_part_begins_in_the_state_in_which_it_does_in_the_whole():
     whole = search_blocks(parts, way, trials, budget=1, seed=0, sigma=1.0).plan
     outcomes = trials.attempt_whole(whole, plans, [part.goal for part in parts])
     assert all(outcome.success for outcome in outcomes)
-    for one, outcome in zip(ends, outcomes, strict=True):
-        # A part ends at a step of its own, less than 2 ms beside that of the whole.
-        np.testing.assert_allclose(one.qpos, outcome.end.qpos, atol=2e-3)
+    n = trials.robot.n
+    # The arm gives way by up to 1 mrad where the box is put down, not alike in both.
+    for one, outcome, away in zip(ends, outcomes, (1e-3, 2e-3, 1e-3), strict=True):
+        np.testing.assert_allclose(one.qpos[:n], outcome.end.qpos[:n], atol=away)
+        np.testing.assert_allclose(one.qpos[n:], outcome.end.qpos[n:], atol=1e-3)
         assert one.closed_m == pytest.approx(outcome.end.closed_m, abs=1e-3)
 
 
