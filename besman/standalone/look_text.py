@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 _MOST_GAPS, _MOST_MOVERS, _MOST_NAMES = 8, 4, 12
-_WIDEST_NAME = 32
+_WIDEST_NAME, _MOST_OTHERS = 32, 4
 _REACH_LABEL = "approach_forward"  # what the recipe ur5_reach takes
 _THROW_LABEL = "throw"  # what ur5_stick_throw takes
 _BALL, _FLIES_M_S = "ball", 3.5  # faster than what is carried; what ur5_free_throw takes
@@ -83,6 +83,8 @@ def find_next(look: Look, options: list[str]) -> list[str]:
         if "upright" in look.fault and "--up" not in options:
             return [f"besman look {file} --up {'y' if look.origin.up == 'z' else 'z'}{how}"]
         return [f"besman look {file} --plot {pasted(f'{stem}.png')}{how}"]
+    if fit is not None and "--subject" in fit.fault:
+        return [f"besman look {file} --subject {pasted(look.subjects[0])}{how}"]
     unnamed = len(look.recording.names) - look.n_named
     commands = []
     if unnamed:
@@ -199,6 +201,14 @@ def look_table(found: list[Look | tuple[Path, str]]) -> Table:
             _short_fit(look),
         )
     return table
+
+
+def name_others(others: list[Path]) -> str:
+    """Say which files of a folder are no recordings."""
+    shown = ", ".join(one.name for one in others[:_MOST_OTHERS])
+    more = f" and {len(others) - _MOST_OTHERS} more" if len(others) > _MOST_OTHERS else ""
+    are = "file that is no recording" if len(others) == 1 else "files that are no recordings"
+    return f"besides {len(others)} {are}: {shown}{more}"
 
 
 def row_of(path: Path, reason: str) -> dict[str, Any]:

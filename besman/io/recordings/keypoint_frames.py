@@ -126,18 +126,20 @@ def _frames_of_mapping(
         if isinstance(inner, dict):
             inner = _by_number(inner) or inner
         framed = dict | list if names else dict
-        if isinstance(inner, list) and inner and isinstance(inner[0], framed):
+        is_list = isinstance(inner, list) and inner and isinstance(inner[0], framed)
+        # Names and places are the keypoints of one frame.
+        if is_list and not _named_place(inner[0]):
             return inner
     numbered = _by_number(content)
     return numbered if numbered is not None else _turn_over(content, path) or _find_list(content)
 
 
-def _find_list(content: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Return the longest list of mappings with places in them, whatever it is called."""
-    lists = (one for one in content.values() if isinstance(one, list) and one)
+def _find_list(content: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return the longest list of mappings with places in them; of people it makes one frame."""
+    lists = {key: one for key, one in content.items() if isinstance(one, list) and one}
     framed = [
-        one
-        for one in lists
+        [content] if key.lower() in _PEOPLE else one
+        for key, one in lists.items()
         if all(isinstance(frame, dict) for frame in one)
         and not _named_place(one[0])
         and any(_is_position(value) for _, value in _flatten(one[0]))

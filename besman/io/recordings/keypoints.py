@@ -26,6 +26,7 @@ from besman.foreign.json_text import parse_json
 from besman.io.recordings.c3d_names import keep_single_names
 from besman.io.recordings.clock import TIME_NAMES, in_seconds, read_rate, settle_clock
 from besman.io.recordings.format import Units, parse_up
+from besman.io.recordings.frame_folder import parse_frame_files
 from besman.io.recordings.keypoint_frames import (
     collect_positions,
     find_frames,
@@ -54,7 +55,7 @@ def read_keypoints(path: Path, units: Units | None = None) -> Recording:
     Parameters
     ----------
     path : Path
-        The file.
+        The file, or a folder of them, each of one frame.
     units : "m", "cm", "mm", "in" or "ft", optional
         What the coordinates are in, whatever the file says.
 
@@ -74,13 +75,15 @@ def read_keypoints(path: Path, units: Units | None = None) -> Recording:
     RecordingWarning
         For what was concluded of units and rate.
     """
-    content = _parse(path)
-    frames, about = find_frames(content, path)
+    if path.is_dir():
+        frames, about = parse_frame_files(path)
+    else:
+        frames, about = find_frames(_parse(path), path)
     names, positions = collect_positions(frames, names_for_all(about), path)
     if len(positions) == 1:
         raise RecordingError(
             f"{path}: a recording of one frame; expected at least two: where each frame has a file "
-            "of its own, `jq -c . FOLDER/*.json > take.jsonl` makes one of them"
+            "of its own, give their folder"
         )
     numbers = _column(frames, _NUMBERS, path)
     rate_hz = _find_rate(about)
