@@ -86,8 +86,13 @@ def look_into(folder: Path) -> Folder:
             places[inner] = _find_frame_files(inner, list(inner.iterdir()))
     of_frames = [one for found in places.values() for one in found]
     taken = {file for one in of_frames for file in one.files}
-    recordings = [place for place, found in places.items() if any(not one.fault for one in found)]
-    others = []
+    recordings = [
+        # It is called by its name; "." has none.
+        place.resolve() if place.name in ("", "..") else place
+        for place, found in places.items()
+        if any(not one.fault for one in found)
+    ]
+    others: list[Path] = []
     for file in sorted(set(files) - taken, key=_natural_order):
         (recordings if _is_recording(file) else others).append(file)
     refused = [one for one in of_frames if one.fault]

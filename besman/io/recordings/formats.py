@@ -217,10 +217,9 @@ def read_recording(
     if path.is_dir():
         # A recording is called by its name; "." has none.
         path = path.resolve() if path.name in ("", "..") else path
-        found, head = next(entry for entry in FORMATS if entry.takes_folders), b""
-    else:
-        head = read_head(path)
-        found = recognise(head)
+    is_folder = path.is_dir()
+    head = b"" if is_folder else read_head(path)
+    found = next(e for e in FORMATS if e.takes_folders) if is_folder else recognise(head)
     if found is None:
         what = "a format that is not known" if head.strip() else "the file is empty"
         more = see_look(str(path)) if head.strip() else ""

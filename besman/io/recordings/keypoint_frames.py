@@ -126,10 +126,10 @@ def _frames_of_mapping(
         if isinstance(inner, dict):
             inner = _by_number(inner) or inner
         framed = dict | list if names else dict
-        is_list = isinstance(inner, list) and inner and isinstance(inner[0], framed)
-        # Names and places are the keypoints of one frame.
-        if is_list and not _named_place(inner[0]):
-            return inner
+        if isinstance(inner, list) and inner and isinstance(inner[0], framed):
+            # Names and places are the keypoints of one frame.
+            if not _named_place(inner[0]):
+                return inner
     numbered = _by_number(content)
     return numbered if numbered is not None else _turn_over(content, path) or _find_list(content)
 
@@ -299,10 +299,11 @@ def _flatten_list(
     name: str, value: list[Any], prefix: str, names: Sequence[str]
 ) -> Iterator[tuple[str, Any]]:
     """Yield what a list in a frame holds: a place, people, or keypoints."""
-    named = [_named_place(one) for one in value]
     if name in ORDERS:
         yield from unfold(name, value, prefix)
-    elif named and all(named):
+        return
+    named = [_named_place(one) for one in value]
+    if named and all(named):
         yield from ((f"{prefix}{one[0]}", one[1]) for one in named if one is not None)
     elif name.lower() in _PEOPLE:
         for at, person in enumerate(value):

@@ -23,6 +23,7 @@ import numpy as np
 
 from besman.exceptions import RecordingError
 from besman.foreign.json_text import parse_json
+from besman.foreign.names import split_subject
 from besman.io.recordings.c3d_names import keep_single_names
 from besman.io.recordings.clock import TIME_NAMES, in_seconds, read_rate, settle_clock
 from besman.io.recordings.format import Units, parse_up
@@ -202,8 +203,16 @@ def find_keypoint_length(
     is_body = all(any(part in name for name in lowered for part in parts) for parts in _ENDS)
     if is_body and units is None and (word is None or parse_unit(word) is None):
         kept = [k for k, name in enumerate(lowered) if not any(one in name for one in _NO_BODY)]
-        return body_length(positions[:, kept], None, str(path))
+        return body_length(positions[:, _most_seen(lowered, kept, positions)], None, str(path))
     return find_length(word, units, positions, str(path), "units")
+
+
+def _most_seen(names: Sequence[str], kept: list[int], positions: FloatArray) -> list[int]:
+    """Return the columns of the one of several people who is seen most: they may stand apart."""
+    of_each: dict[str, list[int]] = {}
+    for column in kept:
+        of_each.setdefault(split_subject(names[column])[0], []).append(column)
+    return max(of_each.values(), key=lambda columns: np.isfinite(positions[:, columns, 0]).sum())
 
 
 def _read_up(about: Mapping[str, Any]) -> tuple[Axis, str]:
