@@ -126,10 +126,14 @@ def _frames_of_mapping(
         if isinstance(inner, dict):
             inner = _by_number(inner) or inner
         framed = dict | list if names else dict
-        if isinstance(inner, list) and inner and isinstance(inner[0], framed):
-            # Names and places are the keypoints of one frame.
-            if not _named_place(inner[0]):
-                return inner
+        # Names and places are the keypoints of one frame.
+        if (
+            isinstance(inner, list)
+            and inner
+            and isinstance(inner[0], framed)
+            and not _named_place(inner[0])
+        ):
+            return inner
     numbered = _by_number(content)
     return numbered if numbered is not None else _turn_over(content, path) or _find_list(content)
 
