@@ -14,6 +14,7 @@ import numpy.typing as npt
 from pydantic import Field
 
 from besman.config.stage import Config
+from besman.person.torn_hands import find_exchanged, find_torn, hold_to_forearm
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -83,11 +84,14 @@ class DerivedMarkers(NamedTuple):
         Metres in the laboratory frame; NaN where a point that they need is not seen.
     filled : bool array, shape (T, D)
         True where a point that they need was filled.
+    n_held : int
+        Frames in which a hand goes along with its forearm, as a finger is not seen.
     """
 
     names: tuple[str, ...]
     positions: FloatArray
     filled: npt.NDArray[np.bool_]
+    n_held: int = 0
 
 
 class PointFrames(Config):
@@ -145,6 +149,47 @@ class PointFrames(Config):
             said.append("a forearm is turned neither in nor out: the thumb is in the elbow's plane")
         return tuple(said)
 
+    def find_misplaced(
+        self, positions: FloatArray, markers: tuple[str, ...], rate_hz: float
+    ) -> npt.NDArray[np.bool_]:
+        """Find points of hands that are farther from their wrist than a hand is long.
+
+        And where the two sides of a hand are exchanged for a moment; see
+        `besman.person.torn_hands`.
+
+        Parameters
+        ----------
+        positions : array, shape (T, M, 3)
+            Metres in any frame; NaN where not seen.
+        markers : tuple of str, length M
+        rate_hz : float
+
+        Returns
+        -------
+        bool array, shape (T, M)
+        """
+        found = np.zeros(positions.shape[:2], dtype=np.bool_)
+        points = _Points(positions, markers, found)
+        for _, whole in self.hands:
+            hand = _limit(whole, markers)
+            if hand is None:
+                continue
+            fingers = {*hand.fingers, *hand.thumb_side, *hand.little_side} - {*hand.wrist}
+            columns = [column for column, name in enumerate(markers) if name in fingers]
+            if not columns:
+                continue
+            elbow, wrist = points.mean(hand.elbow), points.mean(hand.wrist)
+            torn = find_torn(elbow, wrist, positions[:, columns], rate_hz)
+            found[:, columns] |= torn.points
+            found[:, [markers.index(name) for name in hand.wrist]] |= torn.wrist[:, None]
+            sides = [markers.index(name) for name in (*hand.thumb_side, *hand.little_side)]
+            if hand.thumb_side and hand.little_side:
+                seen = np.where(found[:, :, None], np.nan, positions)
+                kept = _Points(seen, markers, found)
+                thumb, little = kept.mean(hand.thumb_side), kept.mean(hand.little_side)
+                found[:, sides] |= find_exchanged(thumb, little, rate_hz)[:, None]
+        return found
+
     def derive(
         self, positions: FloatArray, markers: tuple[str, ...], filled: npt.NDArray[np.bool_]
     ) -> DerivedMarkers:
@@ -176,12 +221,15 @@ class PointFrames(Config):
         is_filled = points.filled(trunk)
         for part, path in zip(_PARTS, back, strict=True):
             found[f"back_{part}"] = (path, is_filled)
+        n_held = 0
         for prefix, whole in self.hands:
             hand = _limit(whole, markers_seen)
             if hand is None:
                 continue
             outwards = -rightwards if prefix else rightwards
-            is_filled = points.filled(hand)
+            held = points.hold_fingers(hand)
+            n_held += int(held.sum())
+            is_filled = points.filled(hand) | held
             for name, group in (("shoulder", hand.shoulder), ("elbow", hand.elbow)):
                 found[f"{prefix}{name}"] = (points.mean(group), is_filled)
             for part, path in zip(_PARTS, _place_hand(points, hand, prefix, outwards), strict=True):
@@ -191,6 +239,7 @@ class PointFrames(Config):
             names,
             np.stack([found[name][0] for name in names], axis=1),
             np.stack([found[name][1] for name in names], axis=1),
+            n_held,
         )
 
 
@@ -216,6 +265,18 @@ class _Points:
         paths = self._positions[:, [self._columns[name] for name in names]]
         mean: FloatArray = paths.mean(axis=1)
         return mean
+
+    def hold_fingers(self, hand: HandPoints) -> npt.NDArray[np.bool_]:
+        """Let fingers that are not seen go along with the forearm; tell where, shape (T,)."""
+        fingers = {*hand.fingers, *hand.thumb_side, *hand.little_side} - {*hand.wrist}
+        columns = [column for name, column in self._columns.items() if name in fingers]
+        if np.isfinite(self._positions[:, columns]).all():
+            return np.zeros(len(self._positions), dtype=np.bool_)
+        arm = (self.mean(hand.shoulder), self.mean(hand.elbow), self.mean(hand.wrist))
+        points, held = hold_to_forearm(*arm, self._positions[:, columns])
+        self._positions = self._positions.copy()
+        self._positions[:, columns] = points
+        return held
 
     def filled(self, part: BackPoints | HandPoints) -> npt.NDArray[np.bool_]:
         """Tell, shape (T,), where a point of a part was filled."""

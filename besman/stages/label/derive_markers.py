@@ -2,18 +2,63 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
 
-from besman.exceptions import LabellingError
+from besman.exceptions import LabellingError, RecordingWarning
 from besman.person.marker_set import MarkerSet
 from besman.person.point_frames import DerivedMarkers, PointFrames
-from besman.records import LabelledRecording
+from besman.records import FloatArray, LabelledRecording, Recording
+from besman.stages.label.joined_trajectories import WovenRecording
 from besman.stages.label.named_recording import NamedRecording
 
 Named = TypeVar("Named", LabelledRecording, NamedRecording)
+
+
+def leave_out_misplaced(
+    positions: FloatArray,
+    markers: tuple[str, ...],
+    marker_set: MarkerSet,
+    recording: Recording | WovenRecording,
+) -> FloatArray:
+    """Make gaps of points of a hand that cannot be where they are.
+
+    Parameters
+    ----------
+    positions : array, shape (T, M, 3)
+        Metres; not written to.
+    markers : tuple of str, length M
+    marker_set : MarkerSet
+    recording : Recording or WovenRecording
+        Where they are from.
+
+    Returns
+    -------
+    array, shape (T, M, 3)
+        The same one where nothing is left out.
+
+    Warns
+    -----
+    RecordingWarning
+        With the points and how many of their samples became gaps.
+    """
+    if not isinstance(marker_set.frames, PointFrames):
+        return positions
+    found = marker_set.frames.find_misplaced(positions, markers, recording.rate_hz)
+    if not found.any():
+        return positions
+    counts = found.sum(axis=0)
+    named = ", ".join(f"{markers[k]} {counts[k]}" for k in np.flatnonzero(counts))
+    warnings.warn(
+        f"{recording.source}: samples that lie farther from their wrist than a hand is long, or "
+        f"on its other side for a moment, became gaps: {named}",
+        RecordingWarning,
+        stacklevel=4,
+    )
+    return np.where(found[:, :, None], np.nan, positions)
 
 
 def derive_markers(labelled: Named, marker_set: MarkerSet) -> Named:
@@ -36,6 +81,13 @@ def derive_markers(labelled: Named, marker_set: MarkerSet) -> Named:
     added: DerivedMarkers
     if isinstance(frames, PointFrames):
         added = frames.derive(labelled.positions, labelled.markers, labelled.filled)
+        if added.n_held:
+            warnings.warn(
+                f"{labelled.source}: a hand of which a finger is not seen goes along with its "
+                f"forearm, in {added.n_held} frames",
+                RecordingWarning,
+                stacklevel=4,
+            )
     elif orientations is None:
         raise LabellingError(
             f"{labelled.source}: nothing tells how {frames.hand} of {marker_set.name} is turned"
