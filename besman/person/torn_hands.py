@@ -130,9 +130,9 @@ def hold_to_forearm(
         Where one of them was filled.
     """
     forearms = _forearm_axes(shoulder, elbow, wrist)
-    known = np.isfinite(forearms).all(axis=(1, 2)) & np.isfinite(wrist).all(axis=1)
+    known = np.isfinite(np.concatenate([forearms, wrist[:, None]], axis=1)).all(axis=(1, 2))
     local = np.einsum("tji,tpj->tpi", forearms, points - wrist[:, None])
-    seen = np.isfinite(local).all(axis=2)
+    seen: BoolArray = np.isfinite(local).all(axis=2)
     rows = np.arange(len(points))
     held = known[:, None] & ~seen & seen.any(axis=0)
     result = points.copy()
@@ -143,7 +143,7 @@ def hold_to_forearm(
         result[gone, column] = wrist[gone] + np.einsum(
             "tij,tj->ti", forearms[gone], local[gone, column]
         )
-    return result, np.asarray(held.any(axis=1))
+    return result, np.asarray(held.any(axis=1), dtype=np.bool_)
 
 
 def _forearm_axes(shoulder: FloatArray, elbow: FloatArray, wrist: FloatArray) -> FloatArray:
