@@ -297,6 +297,7 @@ def _sets(look: Look) -> list[str]:
     fit = look.best
     if fit is None:
         why = "no name is known" if look.n_named else "names have to be found first"
+        why += "; a run needs back, shoulder, elbow and hand of a person"
         return [f"  marker set  none: {why}"]
     n_found, n_all = len(fit.found), len(fit.marker_set.markers)
     lines = [f"  marker set  {fit.marker_set.name}: {n_found} of its {n_all} markers"]
@@ -312,7 +313,8 @@ def _sets(look: Look) -> list[str]:
         more = len(shown) - _MOST_NAMES
         lines.append(f"              {pairs}" + (f" and {more} more" if more > 0 else ""))
     if look.fault and fit.is_complete:
-        lines.append(f"              but {look.fault}")
+        where = f"; say it in {look.asked}" if look.asked.endswith(".yaml") else ""
+        lines.append(f"              but {look.fault}{where}")
     frames = fit.marker_set.frames
     if frames is not None and fit.is_complete:
         lines += [f"              assumed: {one}" for one in frames.find_assumptions(fit.found)]
