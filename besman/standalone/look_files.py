@@ -22,6 +22,7 @@ from besman.io.recordings.folders import find_recordings, look_into
 from besman.io.recordings.formats import FORMATS, KNOWN_FORMATS, read_recording, recognise
 from besman.io.recordings.subjects import find_subjects
 from besman.io.ring_landings import find_ring_landing
+from besman.io.segments_json import SEGMENTS_SUFFIX
 from besman.person.body import find_body
 from besman.person.marker_set import MarkerSet, load_marker_set
 from besman.person.marker_set_fit import SetFit, fit_marker_set, fit_marker_sets
@@ -159,7 +160,7 @@ class Gathered:
     unread : list of (Path, str)
         What lies beside them and looks like one, with the reason why it is not read.
     others : list of Path
-        Other files of folders, which are none.
+        Other files of folders, which are none and belong to none.
     """
 
     files: list[Path]
@@ -184,7 +185,9 @@ def gather(paths: list[Path]) -> Gathered:
             unread += [(one.folder / one.pattern, one.describe()) for one in inside.refused]
             like = [one for one in inside.others if is_like_recording(one)]
             unread += [(one, describe_unknown(one)) for one in like]
-            others += [one for one in inside.others if one not in like]
+            # Segments belong to a recording, and are read with it.
+            rest = (one for one in inside.others if one not in like)
+            others += [one for one in rest if not one.name.endswith(SEGMENTS_SUFFIX)]
             if not inside.recordings and (inside.refused or like):
                 continue
         files += find_recordings([path])

@@ -137,7 +137,8 @@ def _is_thrown(look: Look, fit: SetFit) -> bool:
 def _choose_label(look: Look) -> str:
     """Return the name of the blocks to go on with: that of a recipe, else the most frequent."""
     folder = look.path if look.path.is_dir() else look.path.parent
-    path = find_segments(folder / look.recording.source)
+    # A folder of one frame a file is a recording itself.
+    path = find_segments(look.path) or find_segments(folder / look.recording.source)
     with warnings.catch_warnings():
         # Whoever uses the segments is warned of what is odd about them; here they give a hint.
         warnings.simplefilter("ignore", RecordingWarning)
@@ -151,9 +152,8 @@ def _choose_label(look: Look) -> str:
 
 def _has_segments(path: Path) -> bool:
     """Tell whether a file with segments is beside a recording, or beside one of a folder."""
-    if path.is_dir():
-        return any(path.glob(f"*{SEGMENTS_SUFFIX}"))
-    return find_segments(path) is not None
+    within = path.is_dir() and any(path.glob(f"*{SEGMENTS_SUFFIX}"))
+    return within or find_segments(path) is not None
 
 
 def find_next_of_all(

@@ -361,6 +361,7 @@ def test_a_folder_has_a_line_for_all_that_looks_like_a_recording(monkeypatch, tm
     (folder / "broken.trc").write_text("nothing")
     (folder / "README.md").touch()
     (folder / "plot.py").touch()
+    segments_path(folder / "a.tsv").write_text("[]")
     pictures = folder / "openpose"
     pictures.mkdir()
     for number in range(3):
@@ -394,3 +395,10 @@ def test_a_folder_of_one_frame_a_file_has_a_page(monkeypatch, tmp_path, capsys):
     assert told.splitlines()[-1] == "besides 1 file that is no recording: calibration.json"
     # Of two people one is chosen first.
     assert f"besman look {folder} --subject person0\n" in told
+    with reading(subject="person0"):
+        look = look_at(folder)
+    assert find_next(look, [])[1].startswith(f"besman annotate {folder}")
+    segments = [{"start index": 100, "end index": 102, "label": "wave"}]
+    segments_path(folder).write_text(json.dumps(segments))
+    assert [one.split()[1] for one in find_next(look, [])] == ["segment", "check", "run"]
+    assert find_next(look, [])[-1].endswith("--set select.label=wave")
