@@ -96,7 +96,9 @@ def find_frame_files(folder: Path, names: Iterable[str] | None = None) -> list[F
         numbered.sort()
         files = tuple(folder / name for _, name in numbered)
         kinds = _tell_all(files)
-        if "other" not in kinds and kinds & {"frame", "picture"}:
+        # One may be damaged: that is said when all are read.
+        n_others = kinds.count("other")
+        if n_others <= (len(files) >= _MANY) and {"frame", "picture"} & set(kinds):
             numbers = tuple(number for number, _ in numbered)
             fault = "" if "frame" in kinds else _IN_PICTURE
             found.append(FrameFiles(folder, f"{before}*{after}", files, numbers, fault))
@@ -120,12 +122,12 @@ def _group(names: Iterable[str]) -> dict[tuple[str, str], list[tuple[int, str]]]
     return {key: found for key, found in groups.items() if len(found) >= _FEWEST}
 
 
-def _tell_all(files: Sequence[Path]) -> set[_Kind]:
+def _tell_all(files: Sequence[Path]) -> list[_Kind]:
     """Tell what the first, middle and last file hold; where nobody is in these, what others do."""
-    kinds = {_tell(files[at], len(files)) for at in (0, len(files) // 2, -1)}
-    if kinds <= {"nobody", "cut"}:
+    kinds = [_tell(files[at], len(files)) for at in (0, len(files) // 2, -1)]
+    if set(kinds) <= {"nobody", "cut"}:
         others = (_tell(file, len(files)) for file in files)
-        kinds |= {next((one for one in others if one not in kinds), "nobody")}
+        kinds.append(next((one for one in others if one not in kinds), "nobody"))
     return kinds
 
 
@@ -191,7 +193,9 @@ def take_frame_files(folder: Path) -> FrameFiles:
     return usable[0]
 
 
-def parse_frame_files(folder: Path) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+def parse_frame_files(
+    folder: Path,
+) -> tuple[list[dict[str, Any]], dict[str, Any], tuple[Path, ...]]:
     """Return frames of a folder, and what its layout says of all of them.
 
     Parameters
@@ -203,6 +207,8 @@ def parse_frame_files(folder: Path) -> tuple[list[dict[str, Any]], dict[str, Any
     frames, about
         As of `besman.io.recordings.keypoint_frames.find_frames`; ``frame`` is the number in the
         file's name.
+    files : tuple of Path
+        Of each frame.
 
     Raises
     ------
@@ -223,7 +229,7 @@ def parse_frame_files(folder: Path) -> tuple[list[dict[str, Any]], dict[str, Any
         said = _RATE.search(str(about.get("fpsType", "")))
         rate = {} if said is None else {"fps": float(f"{said[1]}.{said[2] or 0}")}
         about = {"units": "cm", "up": "-y", **rate, **about}
-    return frames, about
+    return frames, about, series.files
 
 
 def digest_frame_files(folder: Path) -> str:

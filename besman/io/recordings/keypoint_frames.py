@@ -344,7 +344,7 @@ def _identify(person: Mapping[str, Any], at: int) -> str:
 
 
 def collect_positions(
-    frames: list[dict[str, Any]], names: Sequence[str], path: Path
+    frames: list[dict[str, Any]], names: Sequence[str], path: Path, files: Sequence[Path] = ()
 ) -> tuple[list[str | None], FloatArray]:
     """Return names, and positions of shape (T, M, 3) in the file's units.
 
@@ -356,6 +356,8 @@ def collect_positions(
         Of keypoints that the frames hold without; see `names_for_all`.
     path : Path
         Named in messages.
+    files : sequence of Path, length T, optional
+        Of each frame, where it has a file of its own.
 
     Raises
     ------
@@ -373,8 +375,9 @@ def collect_positions(
             if name.rpartition(":")[2].lower() in _IDS:
                 continue
             if not _is_position(value):
+                where = files[at - 1] if files else f"{path}: frame {at}"
                 raise RecordingError(
-                    f"{path}: frame {at}: {name!r:.60} is {value!r:.60}; expected three numbers"
+                    f"{where}: {name!r:.60} is {value!r:.60}; expected three numbers"
                 )
             place = places.setdefault(name, len(places))
             row[place] = [np.nan if one is None else float(one) for one in value[:3]]

@@ -76,11 +76,12 @@ def read_keypoints(path: Path, units: Units | None = None) -> Recording:
     RecordingWarning
         For what was concluded of units and rate.
     """
+    files: tuple[Path, ...] = ()
     if path.is_dir():
-        frames, about = parse_frame_files(path)
+        frames, about, files = parse_frame_files(path)
     else:
         frames, about = find_frames(_parse(path), path)
-    names, positions = collect_positions(frames, names_for_all(about), path)
+    names, positions = collect_positions(frames, names_for_all(about), path, files)
     if len(positions) == 1:
         raise RecordingError(
             f"{path}: a recording of one frame; expected at least two: where each frame has a file "
@@ -97,7 +98,7 @@ def read_keypoints(path: Path, units: Units | None = None) -> Recording:
             break
     if numbers is None and times is None:
         numbers = np.arange(1.0, len(positions) + 1)
-    clock = settle_clock(numbers, times, rate_hz, path, 1, 0.0)
+    clock = settle_clock(numbers, times, rate_hz, path, None, 0.0)
     positions = clock.spread(positions)
     word = about.get("units", about.get("unit"))
     word = word if isinstance(word, str) else None

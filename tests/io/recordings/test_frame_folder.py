@@ -1,9 +1,12 @@
 import hashlib
 import json
+import random
+import warnings
 from pathlib import Path
 
 import numpy as np
 import pytest
+from fuzz.mutations import json_file
 from one_frame_files import panoptic_body, write_panoptic
 
 from besman.exceptions import RecordingError, RecordingWarning
@@ -152,3 +155,25 @@ def test_one_checksum_for_all_files(tmp_path):
     folder = write_frames(tmp_path / "a", frames(12))
     text = b"".join((folder / f"pose_{number}.json").read_bytes() for number in range(1, 13))
     assert digest_frame_files(folder) == hashlib.sha256(text).hexdigest()
+
+
+def test_damaged_frames_end_in_one_line_that_names_the_file_or_are_taken(tmp_path):
+    folder = write_panoptic(tmp_path / "take", 12)
+    files = sorted(folder.iterdir())
+    whole = [file.read_bytes() for file in files]
+    refused = 0
+    for seed in range(30):
+        rng = random.Random(seed)
+        at = rng.randrange(len(files))
+        files[at].write_bytes(json_file(rng, whole[at]))
+        said = ""
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                assert len(read_recording(folder).time) >= 11
+        except RecordingError as error:
+            said = str(error)
+        assert "\n" not in said
+        refused += said != ""
+        files[at].write_bytes(whole[at])
+    assert 5 < refused < 30
