@@ -14,7 +14,7 @@ import numpy.typing as npt
 from pydantic import Field
 
 from besman.config.stage import Config
-from besman.person.torn_hands import find_exchanged, find_torn, hold_to_forearm
+from besman.person.torn_hands import find_torn, find_turned_over, hold_to_forearm
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -187,7 +187,7 @@ class PointFrames(Config):
                 seen = np.where(found[:, :, None], np.nan, positions)
                 kept = _Points(seen, markers, found)
                 thumb, little = kept.mean(hand.thumb_side), kept.mean(hand.little_side)
-                found[:, sides] |= find_exchanged(thumb, little, rate_hz)[:, None]
+                found[:, sides] |= find_turned_over(thumb, little, rate_hz)[:, None]
         return found
 
     def derive(

@@ -73,7 +73,7 @@ def find_torn(elbow: FloatArray, wrist: FloatArray, points: FloatArray, rate_hz:
     return Torn(_widen(far, n_leading), _widen(by_wrist[:, None], n_leading)[:, 0])
 
 
-def find_exchanged(thumb: FloatArray, little: FloatArray, rate_hz: float) -> BoolArray:
+def find_turned_over(thumb: FloatArray, little: FloatArray, rate_hz: float) -> BoolArray:
     """Find where thumb and little finger are taken for each other for a moment.
 
     Parameters

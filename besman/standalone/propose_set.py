@@ -96,16 +96,14 @@ def propose_set(recording: Recording, name: str) -> str:
     parts = _find_parts([recording.names[column] for column in columns], markers)
     frames = _write_frames(parts)
     if frames:
-        sided = [group for part, group in parts.items() if part.startswith(("left_", "right_"))]
-        needed = {one for group in sided for one in group}
-        required = [marker for marker in markers if marker in needed]
+        required = [marker for marker in markers if marker in _with_side(parts)]
     where = "on the arms" if frames else f"seen in {100 * _SEEN:g} % of the frames"
     lines.append(f"# Guessed: {where}.")
     lines += _wrap(f"required: [{', '.join(required)}]")
     lines += _write_clusters(clusters)
     ways = measure_ways(recording.positions[:, columns], recording.rate_hz)
-    moved = [float(np.mean([ways[markers.index(one)] for one in group])) for group in clusters]
-    lines += frames or _take_roles(markers) or _ask_for_roles(parts, moved)
+    travelled = dict(zip(markers, ways.tolist(), strict=True))
+    lines += frames or _take_roles(markers) or _ask_for_roles(parts, clusters, travelled)
     if all(recording.names[column] is None for column in columns):
         lines += _write_pose(recording, columns, markers)
     return "\n".join(lines) + "\n"
@@ -160,6 +158,12 @@ def _find_parts(names: Sequence[str | None], markers: Sequence[str]) -> dict[str
         if part:
             parts.setdefault(f"{side}_{part}".strip("_"), []).append(marker)
     return parts
+
+
+def _with_side(parts: dict[str, list[str]]) -> set[str]:
+    """Return the markers of parts of which the side is known."""
+    sided = [group for part, group in parts.items() if part.startswith(("left_", "right_"))]
+    return {one for group in sided for one in group}
 
 
 def _write_frames(parts: dict[str, list[str]]) -> list[str]:
@@ -220,8 +224,11 @@ def measure_ways(positions: FloatArray, rate_hz: float) -> FloatArray:
     return ways
 
 
-def _ask_for_roles(parts: dict[str, list[str]], moved: Sequence[float]) -> list[str]:
+def _ask_for_roles(
+    parts: dict[str, list[str]], clusters: list[tuple[str, ...]], ways: dict[str, float]
+) -> list[str]:
     """Return comments that say what a person has to add, and what movement tells of clusters."""
+    moved = [sum(ways[one] for one in group) / len(group) for group in clusters]
     known = ", ".join(f"{part} {' '.join(group)}" for part, group in sorted(parts.items()))
     said = (
         "# Not told by names: which markers are shoulder, elbow and hand. Rename those of back and "
