@@ -1,13 +1,16 @@
 """Commands that say what is in a recording: look, markers new."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from besman.cli.options import Json, Recordings, target_file
 from besman.cli.terminal import complain, say
 from besman.exceptions import RecordingError
+
+if TYPE_CHECKING:
+    from besman.standalone.look_files import Look
 
 
 def look(
@@ -24,7 +27,13 @@ def look(
     """Say what is in a recording, which marker set fits and how to go on; of several a table."""
     from besman.io.atomic_files import write_json
     from besman.io.recordings.format import reading_options
-    from besman.standalone.look_files import Look, content_of, gather, look_at_all
+    from besman.standalone.look_files import (
+        Look,
+        content_of,
+        gather,
+        look_at_all,
+        put_alike_together,
+    )
     from besman.standalone.look_text import (
         find_next,
         find_next_of_all,
@@ -44,7 +53,7 @@ def look(
     if plot is not None:
         raise RecordingError("--plot: several recordings; expected one")
     looked = look_at_all(gathered.files, markers)
-    found = [*looked, *gathered.unread]
+    found = put_alike_together([*looked, *gathered.unread])
     from besman.cli.terminal import open_terminal
 
     open_terminal().print(look_table(found))
@@ -58,10 +67,15 @@ def look(
             for one in found
         ]
         write_json(json_file, rows)
-    n_warned = sum(isinstance(one, Look) and bool(one.warnings) for one in found)
+    _complain_of(found)
+
+
+def _complain_of(found: "list[Look | tuple[Path, str]]") -> None:
+    """Say how many recordings had warnings, or could not be read."""
+    looks = [one for one in found if not isinstance(one, tuple)]
+    n_warned, n_unread = sum(bool(one.warnings) for one in looks), len(found) - len(looks)
     if n_warned:
         complain("", f"{n_warned} of {len(found)} with warnings: besman look FILE shows them")
-    n_unread = sum(not isinstance(one, Look) for one in found)
     if 0 < n_unread < len(found):
         complain("", f"{n_unread} of {len(found)} cannot be read: besman look FILE says why")
     if n_unread == len(found):

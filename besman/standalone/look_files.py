@@ -34,6 +34,7 @@ _HEAD_BYTES = 16_384
 _UNKNOWN = "a format that is not known"
 _MOST_MEASURED = 100_000  # samples by which an extent is told
 _STEP_S = 0.1  # over which speeds are measured: noise of single frames is no movement
+_MANY_ALIKE = 20  # files whose names differ in a number have one line
 STILL_M = 0.02
 """What keeps within a cube of this edge stands still, metres."""
 
@@ -194,6 +195,27 @@ def gather(paths: list[Path]) -> Gathered:
     if len(unread) == 1 and not files:
         raise RecordingError(": ".join(map(str, unread[0])))
     return Gathered(list(dict.fromkeys(files)), unread, others)
+
+
+def put_alike_together(found: list[Look | tuple[Path, str]]) -> list[Look | tuple[Path, str]]:
+    """Return what was looked at, one line for many unread files that differ in a number alone."""
+    from besman.io.recordings.frame_folder import group_numbered
+
+    unread = [one for one in found if isinstance(one, tuple)]
+    if len(unread) < _MANY_ALIKE:
+        return found
+    reasons = dict(unread)
+    told: list[Look | tuple[Path, str]] = []
+    for folder in dict.fromkeys(path.parent for path in reasons):
+        names = [path.name for path in reasons if path.parent == folder]
+        for (before, after), numbered in group_numbered(names).items():
+            if len(numbered) >= _MANY_ALIKE:
+                files = [folder / name for _, name in sorted(numbered)]
+                said = f"{len(files)} files, the first: {reasons[files[0]]}"
+                told.append((folder / f"{before}*{after}", said))
+                reasons = {path: why for path, why in reasons.items() if path not in files}
+    looks = [one for one in found if isinstance(one, Look)]
+    return [*looks, *told, *reasons.items()]
 
 
 def look_at_all(paths: list[Path], markers: str | None = None) -> list[Look | tuple[Path, str]]:

@@ -402,3 +402,17 @@ def test_a_folder_of_one_frame_a_file_has_a_page(monkeypatch, tmp_path, capsys):
     segments_path(folder).write_text(json.dumps(segments))
     assert [one.split()[1] for one in find_next(look, [])] == ["segment", "check", "run"]
     assert find_next(look, [])[-1].endswith("--set select.label=wave")
+
+
+def test_many_files_that_differ_in_a_number_have_one_line(monkeypatch, tmp_path, capsys):
+    for number in range(20):
+        (tmp_path / f"{number:06d}.json").write_text('[{"Rh": [1, 2, 3], "pose": [1, 2, 3, 4]}]')
+        (tmp_path / f"take{number}.tak").write_text("x")
+    (tmp_path / "other.mot").write_text("Coordinates\nendheader\n")
+    monkeypatch.setenv("COLUMNS", "300")
+    assert besman(monkeypatch, "look", str(tmp_path)) == 2
+    told = capsys.readouterr()
+    rows = {line.split()[0]: line for line in told.out.splitlines()[1:]}
+    assert set(rows) == {"*.json", "take*.tak", "other.mot"}
+    assert "20 files, the first: " in rows["*.json"]
+    assert "20 files, the first: by its ending it is a take of Motive" in rows["take*.tak"]

@@ -3,13 +3,16 @@
 Variants seen: CMU Panoptic 0.7 (``body3DScene_00000000.json``: ``bodies``, each with ``id`` and
 ``joints19``, centimetres, y down; ``univTime`` in milliseconds, ``fpsType`` as ``hd_29_97`` or
 ``vga_25``; nobody there: no bodies); OpenPose's 3D (``NAME_000000000000_keypoints.json``:
-``people`` with ``pose_keypoints_3d``); a file of ``{name: [x, y, z]}``, or whatever else one frame
-may look like in `besman.io.recordings.keypoint_frames`. Frames without a file are gaps. What is in
-pictures (OpenPose's ``pose_keypoints_2d``) is refused once for all of its files.
+``people`` with ``pose_keypoints_3d``); EasyMocap (``keypoints3d/000000.json``: a list of people,
+each with ``id`` and ``keypoints3d``, x, y, z and how sure it is, in the order of BODY_25); a file
+of ``{name: [x, y, z]}``, or whatever else one frame may look like in
+`besman.io.recordings.keypoint_frames`. Frames without a file are gaps. What is in pictures
+(OpenPose's ``pose_keypoints_2d``) is refused once for all of its files.
 
 References
 ----------
-CMU Panoptic Studio toolbox, skeleton output format; OpenPose, output format (demo output).
+CMU Panoptic Studio toolbox, skeleton output format; OpenPose, output format (demo output);
+EasyMocap, output (doc/02_output.md).
 """
 
 from __future__ import annotations
@@ -22,8 +25,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
-
-import numpy as np
 
 from besman.exceptions import RecordingError
 from besman.foreign.json_text import parse_json
@@ -41,6 +42,7 @@ _IN_PICTURE = (
     "points in a picture, not in space: give what was triangulated from two cameras or more, for "
     "one a TRC of Pose2Sim"
 )
+_NAMELESS, _FIRST_OF_BODY = "keypoints3d", 15  # BODY_15 is what BODY_25 begins with
 _LOOKED_AT = 1000  # frames in which somebody may be
 _PEOPLE = ("people", "bodies")
 _RATE = re.compile(r"(\d+)(?:_(\d+))?\Z")  # of hd_29_97
@@ -90,7 +92,8 @@ def find_frame_files(folder: Path, names: Iterable[str] | None = None) -> list[F
     """
     if names is None:
         names = (one.name for one in folder.iterdir())
-    groups = _group(name for name in names if name.lower().endswith(".json") and name[0] != ".")
+    shown = (name for name in names if not name.startswith("."))
+    groups = group_numbered(name for name in shown if name.lower().endswith(".json"))
     found = []
     for (before, after), numbered in groups.items():
         numbered.sort()
@@ -105,8 +108,18 @@ def find_frame_files(folder: Path, names: Iterable[str] | None = None) -> list[F
     return found
 
 
-def _group(names: Iterable[str]) -> dict[tuple[str, str], list[tuple[int, str]]]:
-    """Put names together that differ in one number: the one in which most differ."""
+def group_numbered(names: Iterable[str]) -> dict[tuple[str, str], list[tuple[int, str]]]:
+    """Put names together that differ in one number: the one in which most differ.
+
+    Parameters
+    ----------
+    names : iterable of str
+
+    Returns
+    -------
+    dict
+        For what stands before and after the number, the numbers with their names; of two and more.
+    """
     parts: dict[str, list[tuple[str, int, str]]] = {}
     for name in names:
         runs = re.finditer(r"[0-9]{1,15}", name)
@@ -134,9 +147,12 @@ def _tell_all(files: Sequence[Path]) -> list[_Kind]:
 def _tell(file: Path, n_files: int) -> _Kind:
     """Tell what a file holds: a frame, one of a picture or without anybody, or something else."""
     try:
-        content = _parse(file) if file.stat().st_size <= _LARGEST_BYTES else []
+        content = _parse(file) if file.stat().st_size <= _LARGEST_BYTES else None
     except (OSError, RecordingError):
         return "cut"
+    if isinstance(content, list) and content and _is_nameless(content):
+        return "frame"
+    content = {"people": []} if content == [] else content
     if not isinstance(content, dict):
         return "other"
     people = _people_of(content)
@@ -146,10 +162,15 @@ def _tell(file: Path, n_files: int) -> _Kind:
         return "frame"
     if any(key.endswith("_2d") for person in people for key in person):
         return "picture"
-    n_named = _count_places(content)
-    is_body = n_named > 0 and is_keypoints(json.dumps(content).encode())
-    least = _FEWEST_PLACES if is_body or n_files >= _MANY else np.inf
-    return "frame" if n_named >= least else "other"
+    return "frame" if _has_places(content, n_files) else "other"
+
+
+def _has_places(content: dict[str, Any], n_files: int) -> bool:
+    """Tell whether a frame has places enough, which are of a body, or in many files."""
+    n_places = _count_places(content)
+    if n_places < _FEWEST_PLACES:
+        return False
+    return n_files >= _MANY or is_keypoints(json.dumps(content).encode())
 
 
 def _count_places(content: dict[str, Any]) -> int:
@@ -220,6 +241,8 @@ def parse_frame_files(
     about: dict[str, Any] = {}
     for file, number in zip(series.files, series.numbers, strict=True):
         content = _parse(file)
+        if isinstance(content, list) and _is_nameless(content):
+            content = _name(content, file)
         if not isinstance(content, dict):
             raise RecordingError(f"{file}: got {content!r:.60}; expected positions by name")
         if not frames:
@@ -238,6 +261,31 @@ def digest_frame_files(folder: Path) -> str:
     for file in take_frame_files(folder).files:
         sha.update(file.read_bytes())
     return sha.hexdigest()
+
+
+def _is_nameless(content: list[Any]) -> bool:
+    """Tell whether a frame is a list of people with keypoints in an order, as EasyMocap writes."""
+    return all(isinstance(one, dict) and isinstance(one.get(_NAMELESS), list) for one in content)
+
+
+def _name(people: list[dict[str, Any]], file: Path) -> dict[str, Any]:
+    """Return a frame of a list of people as one of OpenPose's body."""
+    key, named = "pose_keypoints_3d", []
+    n_names = len(ORDERS[key])
+    for person in people:
+        points = person[_NAMELESS]
+        if len(points) != _FIRST_OF_BODY and len(points) < n_names:
+            raise RecordingError(
+                f"{file}: {len(points)} keypoints without names; expected {_FIRST_OF_BODY}, or "
+                f"{n_names} and more, in the order of BODY_25"
+            )
+        short = next((one for one in points if not isinstance(one, list) or len(one) != 4), None)
+        if short is not None:
+            raise RecordingError(f"{file}: a keypoint is {short!r:.60}; expected four numbers")
+        points = [*points, *[[0, 0, 0, 0]] * n_names][:n_names]
+        told = {name: person[name] for name in ("id",) if name in person}
+        named.append(told | {key: [value for point in points for value in point]})
+    return {"people": named}
 
 
 def _people_of(frame: dict[str, Any]) -> list[dict[str, Any]]:

@@ -87,6 +87,34 @@ def test_other_layouts_read_as_their_frames_in_one_file(tmp_path, change):
     np.testing.assert_array_equal(read.positions, expected.positions)
 
 
+def easymocap(n_points, row=0):
+    places = [[0.01 * row, 0.1 * k, 2.0 - 0.05 * k, 0.9] for k in range(n_points)]
+    places[4][3] = 0
+    return [{"id": 3, "keypoints3d": places}]
+
+
+@pytest.mark.parametrize("n_points", [15, 25, 67])
+def test_people_without_names_are_bodies_of_openpose(tmp_path, n_points):
+    contents = [easymocap(n_points, row) for row in range(12)]
+    contents[6] = []
+    folder = write_frames(tmp_path / "keypoints3d", contents, "{:06d}.json", start=0)
+    recording = read_recording(folder, units="m", rate_hz=30.0, up="z")
+    assert recording.first_frame == 0
+    assert recording.names[:3] == ("person3:Nose", "person3:Neck", "person3:RShoulder")
+    seen = np.isfinite(recording.positions[:, :, 0]).sum(axis=1)
+    assert seen.tolist() == [min(n_points, 25) - 1] * 6 + [0] + [min(n_points, 25) - 1] * 5
+    np.testing.assert_allclose(recording.positions[5, 7], [0.05, 0.7, 1.65])
+
+
+def test_people_without_names_in_an_order_that_is_not_known(tmp_path):
+    folder = write_frames(tmp_path / "a", [easymocap(17)] * 12, "{:06d}.json")
+    with pytest.raises(RecordingError, match=r"000001.json: 17 keypoints without names; expec"):
+        read_recording(folder, rate_hz=30.0)
+    write_frames(folder, [[{"keypoints3d": [[1, 2, 3]] * 25}]] * 12, "{:06d}.json")
+    with pytest.raises(RecordingError, match=r"000001.json: a keypoint is \[1, 2, 3\]; expected"):
+        read_recording(folder, rate_hz=30.0)
+
+
 def test_numbers_count_by_value_whatever_else_is_in_names(tmp_path):
     folder = write_frames(tmp_path / "a", frames(11), "S2_hd_{}_body3d.json")
     (found,) = find_frame_files(folder)
