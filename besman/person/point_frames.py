@@ -70,6 +70,11 @@ class HandPoints(Config):
     thumb_side: tuple[str, ...] = ()
     little_side: tuple[str, ...] = ()
 
+    @property
+    def points_beyond(self) -> set[str]:
+        """Points of the hand itself."""
+        return {*self.fingers, *self.thumb_side, *self.little_side} - {*self.wrist}
+
 
 Part = TypeVar("Part", BackPoints, HandPoints)
 
@@ -92,6 +97,22 @@ class DerivedMarkers(NamedTuple):
     positions: FloatArray
     filled: npt.NDArray[np.bool_]
     n_held: int = 0
+
+
+class MendedHands(NamedTuple):
+    """Points without what no hand does.
+
+    Attributes
+    ----------
+    positions : array, shape (T, M, 3)
+        Metres, in the frame they were given in; NaN where left out.
+    gaps, exchanged : bool array, shape (T, M)
+        What was left out, and what stands in another point's place now.
+    """
+
+    positions: FloatArray
+    gaps: npt.NDArray[np.bool_]
+    exchanged: npt.NDArray[np.bool_]
 
 
 class PointFrames(Config):
@@ -149,46 +170,52 @@ class PointFrames(Config):
             said.append("a forearm is turned neither in nor out: the thumb is in the elbow's plane")
         return tuple(said)
 
-    def find_misplaced(
-        self, positions: FloatArray, markers: tuple[str, ...], rate_hz: float
-    ) -> npt.NDArray[np.bool_]:
-        """Find points of hands that are farther from their wrist than a hand is long.
+    def mend(self, positions: FloatArray, markers: tuple[str, ...], rate_hz: float) -> MendedHands:
+        """Leave out points that no hand has there, and exchange its sides back.
 
-        And where the two sides of a hand are exchanged for a moment; see
-        `besman.person.torn_hands`.
+        See `besman.person.torn_hands`.
 
         Parameters
         ----------
         positions : array, shape (T, M, 3)
-            Metres in any frame; NaN where not seen.
+            Metres in any frame; NaN where not seen. Not written to.
         markers : tuple of str, length M
         rate_hz : float
+            Frames per second.
 
         Returns
         -------
-        bool array, shape (T, M)
+        MendedHands
         """
-        found = np.zeros(positions.shape[:2], dtype=np.bool_)
-        points = _Points(positions, markers, found)
+        gaps, exchanged = np.zeros((2, *positions.shape[:2]), dtype=np.bool_)
+        mended = positions
+        points = _Points(positions, markers, gaps)
         for _, whole in self.hands:
             hand = _limit(whole, markers)
-            if hand is None:
-                continue
-            fingers = {*hand.fingers, *hand.thumb_side, *hand.little_side} - {*hand.wrist}
+            fingers = set() if hand is None else hand.points_beyond
             columns = [column for column, name in enumerate(markers) if name in fingers]
-            if not columns:
+            if hand is None or not columns:
                 continue
             elbow, wrist = points.mean(hand.elbow), points.mean(hand.wrist)
             torn = find_torn(elbow, wrist, positions[:, columns], rate_hz)
-            found[:, columns] |= torn.points
-            found[:, [markers.index(name) for name in hand.wrist]] |= torn.wrist[:, None]
-            sides = [markers.index(name) for name in (*hand.thumb_side, *hand.little_side)]
-            if hand.thumb_side and hand.little_side:
-                seen = np.where(found[:, :, None], np.nan, positions)
-                kept = _Points(seen, markers, found)
-                thumb, little = kept.mean(hand.thumb_side), kept.mean(hand.little_side)
-                found[:, sides] |= find_turned_over(thumb, little, rate_hz)[:, None]
-        return found
+            gaps[:, columns] |= torn.points
+            gaps[:, [markers.index(name) for name in hand.wrist]] |= torn.wrist[:, None]
+            over = [markers.index(name) for name in hand.thumb_side]
+            back = [markers.index(name) for name in hand.little_side]
+            if not (over and back):
+                continue
+            kept = _Points(np.where(gaps[:, :, None], np.nan, positions), markers, gaps)
+            thumb, little = kept.mean(hand.thumb_side), kept.mean(hand.little_side)
+            turned = find_turned_over(thumb, little, rate_hz)
+            gaps[:, [*over, *back]] |= turned.on_the_way[:, None]
+            if turned.over.any() and len(over) == len(back):
+                mended = mended.copy() if mended is positions else mended
+                rows = np.flatnonzero(turned.over)[:, None]
+                mended[rows, [*over, *back]] = mended[rows, [*back, *over]]
+                exchanged[rows, [*over, *back]] = True
+        if gaps.any():
+            mended = np.where(gaps[:, :, None], np.nan, mended)
+        return MendedHands(mended, gaps, exchanged)
 
     def derive(
         self, positions: FloatArray, markers: tuple[str, ...], filled: npt.NDArray[np.bool_]
@@ -268,7 +295,7 @@ class _Points:
 
     def hold_fingers(self, hand: HandPoints) -> npt.NDArray[np.bool_]:
         """Let fingers that are not seen go along with the forearm; tell where, shape (T,)."""
-        fingers = {*hand.fingers, *hand.thumb_side, *hand.little_side} - {*hand.wrist}
+        fingers = hand.points_beyond
         columns = [column for name, column in self._columns.items() if name in fingers]
         if np.isfinite(self._positions[:, columns]).all():
             return np.zeros(len(self._positions), dtype=np.bool_)

@@ -73,7 +73,21 @@ def find_torn(elbow: FloatArray, wrist: FloatArray, points: FloatArray, rate_hz:
     return Torn(_widen(far, n_leading), _widen(by_wrist[:, None], n_leading)[:, 0])
 
 
-def find_turned_over(thumb: FloatArray, little: FloatArray, rate_hz: float) -> BoolArray:
+class TurnedOver(NamedTuple):
+    """Where thumb and little finger are taken for each other.
+
+    Attributes
+    ----------
+    over : bool array, shape (T,)
+    on_the_way : bool array, shape (T,)
+        There and back, where smoothed paths cross.
+    """
+
+    over: BoolArray
+    on_the_way: BoolArray
+
+
+def find_turned_over(thumb: FloatArray, little: FloatArray, rate_hz: float) -> TurnedOver:
     """Find where thumb and little finger are taken for each other for a moment.
 
     Parameters
@@ -85,13 +99,13 @@ def find_turned_over(thumb: FloatArray, little: FloatArray, rate_hz: float) -> B
 
     Returns
     -------
-    bool array, shape (T,)
-        True from where a hand seems to turn over within 0.1 s until it has turned back, if that
-        takes 0.3 s at most.
+    TurnedOver
+        From where a hand seems to turn over within 0.1 s until it has turned back, if that takes
+        0.3 s at most.
     """
     across = thumb - little
     breadths = np.linalg.norm(across, axis=1)
-    found = np.zeros(len(across), dtype=np.bool_)
+    found = TurnedOver(*np.zeros((2, len(across)), dtype=np.bool_))
     with np.errstate(invalid="ignore"):
         rows = np.flatnonzero(breadths > _NARROW * _median(breadths))
     if len(rows) < 3:
@@ -104,9 +118,11 @@ def find_turned_over(thumb: FloatArray, little: FloatArray, rate_hz: float) -> B
         over = ~over
     for start, end in find_runs(over):
         first = rows[start - 1] + 1 if start else 0
-        last = rows[end] if end < len(rows) else len(found)
+        last = rows[end] if end < len(rows) else len(across)
         if rows[end - 1] + 1 - rows[start] <= _LONGEST_EXCHANGE_S * rate_hz:
-            found[first:last] = True
+            found.on_the_way[first:last] = True
+            found.on_the_way[rows[start:end]] = False
+            found.over[rows[start:end]] = True
     return found
 
 

@@ -18,13 +18,13 @@ from besman.stages.label.named_recording import NamedRecording
 Named = TypeVar("Named", LabelledRecording, NamedRecording)
 
 
-def leave_out_misplaced(
+def mend_hands(
     positions: FloatArray,
     markers: tuple[str, ...],
     marker_set: MarkerSet,
     recording: Recording | WovenRecording,
 ) -> FloatArray:
-    """Make gaps of points of a hand that cannot be where they are.
+    """Make gaps of points of a hand that cannot be where they are, and exchange its sides back.
 
     Parameters
     ----------
@@ -43,22 +43,21 @@ def leave_out_misplaced(
     Warns
     -----
     RecordingWarning
-        With the points and how many of their samples became gaps.
+        With the points and how many of their samples became gaps, or were exchanged.
     """
     if not isinstance(marker_set.frames, PointFrames):
         return positions
-    found = marker_set.frames.find_misplaced(positions, markers, recording.rate_hz)
-    if not found.any():
-        return positions
-    counts = found.sum(axis=0)
-    named = ", ".join(f"{markers[k]} {counts[k]}" for k in np.flatnonzero(counts))
-    warnings.warn(
-        f"{recording.source}: samples that lie farther from their wrist than a hand is long, or "
-        f"on its other side for a moment, became gaps: {named}",
-        RecordingWarning,
-        stacklevel=4,
-    )
-    return np.where(found[:, :, None], np.nan, positions)
+    mended = marker_set.frames.mend(positions, markers, recording.rate_hz)
+    for found, what in (
+        (mended.gaps, "lie farther from their wrist than a hand is long became gaps"),
+        (mended.exchanged, "turn a hand over for a moment were exchanged back"),
+    ):
+        counts = found.sum(axis=0)
+        named = ", ".join(f"{markers[k]} {counts[k]}" for k in np.flatnonzero(counts))
+        if named:
+            said = f"{recording.source}: samples that {what}: {named}"
+            warnings.warn(said, RecordingWarning, stacklevel=4)
+    return mended.positions
 
 
 def derive_markers(labelled: Named, marker_set: MarkerSet) -> Named:
