@@ -218,7 +218,11 @@ class PointFrames(Config):
         return MendedHands(mended, gaps, exchanged)
 
     def derive(
-        self, positions: FloatArray, markers: tuple[str, ...], filled: npt.NDArray[np.bool_]
+        self,
+        positions: FloatArray,
+        markers: tuple[str, ...],
+        filled: npt.NDArray[np.bool_],
+        hold: bool = True,
     ) -> DerivedMarkers:
         """Derive the markers of back and hands.
 
@@ -231,6 +235,9 @@ class PointFrames(Config):
             sides that are not complete are not looked at, and what is there already stays.
         filled : bool array, shape (T, M)
             Which samples were filled.
+        hold : bool
+            A hand of which a finger is not seen goes along with its forearm, as told by what was
+            seen before and comes later.
 
         Returns
         -------
@@ -254,9 +261,11 @@ class PointFrames(Config):
             if hand is None:
                 continue
             outwards = -rightwards if prefix else rightwards
-            held = points.hold_fingers(hand)
-            n_held += int(held.sum())
-            is_filled = points.filled(hand) | held
+            is_filled = points.filled(hand)
+            if hold:
+                held = points.hold_fingers(hand)
+                n_held += int(held.sum())
+                is_filled = is_filled | held
             for name, group in (("shoulder", hand.shoulder), ("elbow", hand.elbow)):
                 found[f"{prefix}{name}"] = (points.mean(group), is_filled)
             for part, path in zip(_PARTS, _place_hand(points, hand, prefix, outwards), strict=True):

@@ -145,6 +145,9 @@ def test_what_is_not_seen_or_filled_is_so_in_what_is_derived():
     # A finger alone goes along with the forearm.
     assert np.flatnonzero(found.filled[:, hand[0]]).tolist() == [5, 7]
     assert found.n_held == 1
+    as_seen = frames.derive(positions, NAMES, filled, hold=False)
+    assert np.isnan(as_seen.positions[5, hand]).all()
+    assert as_seen.n_held == 0
     assert found.filled[7, hand].all()
     assert not found.filled[:, found.names.index("back_top")].any()
 

@@ -60,7 +60,7 @@ def mend_hands(
     return mended.positions
 
 
-def derive_markers(labelled: Named, marker_set: MarkerSet) -> Named:
+def derive_markers(labelled: Named, marker_set: MarkerSet, hold: bool = True) -> Named:
     """Add the markers that the set's `frames` derive from single points.
 
     Parameters
@@ -68,6 +68,8 @@ def derive_markers(labelled: Named, marker_set: MarkerSet) -> Named:
     labelled : LabelledRecording
         With the set's own markers, gaps filled.
     marker_set : MarkerSet
+    hold : bool
+        As of `besman.person.point_frames.PointFrames.derive`.
 
     Returns
     -------
@@ -79,7 +81,7 @@ def derive_markers(labelled: Named, marker_set: MarkerSet) -> Named:
         return labelled
     added: DerivedMarkers
     if isinstance(frames, PointFrames):
-        added = frames.derive(labelled.positions, labelled.markers, labelled.filled)
+        added = frames.derive(labelled.positions, labelled.markers, labelled.filled, hold)
         if added.n_held:
             warnings.warn(
                 f"{labelled.source}: a hand of which a finger is not seen goes along with its "
