@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -82,7 +83,7 @@ def look_into(folder: Path) -> Folder:
     files = [one for one in entries if one.is_file()]
     places = {folder: _find_frame_files(folder, files)}
     for inner in entries:
-        if inner.is_dir():
+        if inner.is_dir() and os.access(inner, os.R_OK | os.X_OK):
             places[inner] = _find_frame_files(inner, list(inner.iterdir()))
     of_frames = [one for found in places.values() for one in found]
     taken = {file for one in of_frames for file in one.files}
