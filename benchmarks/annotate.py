@@ -27,7 +27,8 @@ import numpy as np
 from PIL import Image
 from playwright.sync_api import Browser, Page, sync_playwright
 
-from besman.io.recordings.formats import find_recordings, read_recording, write_recording
+from besman.io.recordings.folders import find_recordings
+from besman.io.recordings.formats import read_recording, write_recording
 from besman.io.segments_json import find_segments, read_segments
 from besman.records import LabelledSegments, Recording
 from besman.records.layers import complete_truth

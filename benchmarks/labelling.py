@@ -27,7 +27,8 @@ from besman.evaluation.labelling import (
 from besman.evaluation.one_second import name_by_one_second
 from besman.evaluation.takes import make_protocols
 from besman.exceptions import RecordingError
-from besman.io.recordings.formats import find_recordings, read_recording
+from besman.io.recordings.folders import find_recordings
+from besman.io.recordings.formats import read_recording
 from besman.stages.label.fragments import split_fragments
 from besman.stages.label.naming import label_fragments
 

@@ -16,7 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
-from besman.io.recordings.formats import find_recordings, read_recording
+from besman.io.recordings.folders import find_recordings
+from besman.io.recordings.formats import read_recording
 from besman.person.marker_set import load_marker_set
 from besman.stages.label.methods import DefaultLabelConfig
 from besman.stages.segment.sampling import gather_gapless_paths

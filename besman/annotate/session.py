@@ -11,7 +11,8 @@ from typing import Any
 from besman.annotate.proposals import Name, Teacher, name_stretches
 from besman.annotate.takes import Take, shares_side, side_of_layer
 from besman.exceptions import AnnotationError, BesmanError
-from besman.io.recordings.formats import find_recordings, read_recording
+from besman.io.recordings.folders import find_recordings
+from besman.io.recordings.formats import read_recording
 from besman.records import LabelledSegments
 from besman.records.layers import LAYERS, drop_parts
 from besman.stages.recognize.model import RecognitionModel

@@ -1,13 +1,16 @@
 """Commands that say what is in a recording: look, markers new."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from besman.cli.options import Json, Recordings, target_file
 from besman.cli.terminal import complain, say
 from besman.exceptions import RecordingError
+
+if TYPE_CHECKING:
+    from besman.standalone.look_files import Look
 
 
 def look(
@@ -24,38 +27,39 @@ def look(
     """Say what is in a recording, which marker set fits and how to go on; of several a table."""
     from besman.io.atomic_files import write_json
     from besman.io.recordings.format import reading_options
-    from besman.io.recordings.formats import find_recordings
-    from besman.standalone.look_files import Look, content_of, look_at, look_at_all
+    from besman.standalone.look_files import (
+        Look,
+        content_of,
+        gather,
+        look_at_all,
+        put_alike_together,
+    )
     from besman.standalone.look_text import (
-        describe_look,
         find_next,
         find_next_of_all,
         look_table,
+        name_others,
         row_of,
     )
 
     options = reading_options()
-    if len(recordings) == 1 and not recordings[0].is_dir():
-        one = look_at(recordings[0], markers)
-        commands = find_next(one, options)
-        for line in describe_look(one, commands):
-            say(line)
-        if plot is not None:
-            from besman.report.recording_figure import draw_sticks_and_gaps
-
-            names = () if one.best is None else tuple(one.best.found.values())
-            draw_sticks_and_gaps(one.recording, names, plot)
-            say(f"wrote {plot}")
-        if json_file is not None:
-            write_json(json_file, content_of(one, commands))
+    gathered = gather(recordings)
+    is_alone = len(recordings) == 1 and not gathered.unread
+    if is_alone and gathered.files in (recordings, [recordings[0].resolve()]):
+        _look_at_one(gathered.files[0], plot, markers, json_file)
+        if gathered.others:
+            say(name_others(gathered.others))
         return
     if plot is not None:
         raise RecordingError("--plot: several recordings; expected one")
-    found = look_at_all(find_recordings(recordings), markers)
+    looked = look_at_all(gathered.files, markers)
+    found = put_alike_together([*looked, *gathered.unread])
     from besman.cli.terminal import open_terminal
 
     open_terminal().print(look_table(found))
-    for command in find_next_of_all(recordings, found, options):
+    if gathered.others:
+        say(name_others(gathered.others))
+    for command in find_next_of_all(recordings, looked, options):
         say(command)
     if json_file is not None:
         rows = [
@@ -63,14 +67,42 @@ def look(
             for one in found
         ]
         write_json(json_file, rows)
-    n_warned = sum(isinstance(one, Look) and bool(one.warnings) for one in found)
+    _complain_of(found)
+
+
+def _complain_of(found: "list[Look | tuple[Path, str]]") -> None:
+    """Say how many recordings had warnings, or could not be read."""
+    looks = [one for one in found if not isinstance(one, tuple)]
+    n_warned, n_unread = sum(bool(one.warnings) for one in looks), len(found) - len(looks)
     if n_warned:
         complain("", f"{n_warned} of {len(found)} with warnings: besman look FILE shows them")
-    n_unread = sum(not isinstance(one, Look) for one in found)
     if 0 < n_unread < len(found):
         complain("", f"{n_unread} of {len(found)} cannot be read: besman look FILE says why")
     if n_unread == len(found):
         raise RecordingError(f"none of {len(found)} recordings can be read")
+
+
+def _look_at_one(
+    path: Path, plot: Path | None, markers: str | None, json_file: Path | None
+) -> None:
+    """Say what is in one recording."""
+    from besman.io.atomic_files import write_json
+    from besman.io.recordings.format import reading_options
+    from besman.standalone.look_files import content_of, look_at
+    from besman.standalone.look_text import describe_look, find_next
+
+    one = look_at(path, markers)
+    commands = find_next(one, reading_options())
+    for line in describe_look(one, commands):
+        say(line)
+    if plot is not None:
+        from besman.report.recording_figure import draw_sticks_and_gaps
+
+        names = () if one.best is None else tuple(one.best.found.values())
+        draw_sticks_and_gaps(one.recording, names, plot)
+        say(f"wrote {plot}")
+    if json_file is not None:
+        write_json(json_file, content_of(one, commands))
 
 
 markers_app = typer.Typer(no_args_is_help=True, help="Marker sets: propose one from a recording.")

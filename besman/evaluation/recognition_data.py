@@ -16,7 +16,7 @@ from besman.classifiers.draw_examples import Candidate
 from besman.config.resources import resource_folder
 from besman.exceptions import ConfigError, RecognitionError, nearest
 from besman.geometry.gaps import fill_gaps
-from besman.io.recordings.formats import find_recordings
+from besman.io.recordings.folders import find_recordings
 from besman.records import LabelledRecording, LabelledSegments, Recording
 from besman.records.layers import IDLE
 from besman.stages.read.read_inputs import read_inputs

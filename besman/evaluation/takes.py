@@ -10,7 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.exceptions import LabellingError, RecordingError
-from besman.io.recordings.formats import find_recordings, read_recording
+from besman.io.recordings.folders import find_recordings
+from besman.io.recordings.formats import read_recording
 from besman.io.recordings.true_names import find_true_names
 from besman.person.marker_set import load_marker_set, normalise_name
 from besman.stages.label.learning import learn_marker_model

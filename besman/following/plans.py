@@ -230,7 +230,8 @@ def label_by_names(recording: Recording, marker_set: MarkerSet) -> LabelledRecor
         recording.first_frame,
         turned,
     )
-    return derive_markers(labelled, marker_set)
+    # A stream does not know what comes later.
+    return derive_markers(labelled, marker_set, hold=False)
 
 
 def _finds_names(label: LabelMethod, recording: Recording, marker_set: MarkerSet) -> bool:

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from pydantic import Field
 
 from besman.config.stage import Config
+from besman.person.torn_hands import find_torn, find_turned_over, hold_to_forearm
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -69,6 +70,11 @@ class HandPoints(Config):
     thumb_side: tuple[str, ...] = ()
     little_side: tuple[str, ...] = ()
 
+    @property
+    def points_beyond(self) -> set[str]:
+        """Points of the hand itself."""
+        return {*self.fingers, *self.thumb_side, *self.little_side} - {*self.wrist}
+
 
 Part = TypeVar("Part", BackPoints, HandPoints)
 
@@ -83,11 +89,30 @@ class DerivedMarkers(NamedTuple):
         Metres in the laboratory frame; NaN where a point that they need is not seen.
     filled : bool array, shape (T, D)
         True where a point that they need was filled.
+    n_held : int
+        Frames in which a hand goes along with its forearm, as a finger is not seen.
     """
 
     names: tuple[str, ...]
     positions: FloatArray
     filled: npt.NDArray[np.bool_]
+    n_held: int = 0
+
+
+class MendedHands(NamedTuple):
+    """Points without what no hand does.
+
+    Attributes
+    ----------
+    positions : array, shape (T, M, 3)
+        Metres, in the frame they were given in; NaN where left out.
+    gaps, exchanged : bool array, shape (T, M)
+        What was left out, and what stands in another point's place now.
+    """
+
+    positions: FloatArray
+    gaps: npt.NDArray[np.bool_]
+    exchanged: npt.NDArray[np.bool_]
 
 
 class PointFrames(Config):
@@ -145,8 +170,59 @@ class PointFrames(Config):
             said.append("a forearm is turned neither in nor out: the thumb is in the elbow's plane")
         return tuple(said)
 
+    def mend(self, positions: FloatArray, markers: tuple[str, ...], rate_hz: float) -> MendedHands:
+        """Leave out points that no hand has there, and exchange its sides back.
+
+        See `besman.person.torn_hands`.
+
+        Parameters
+        ----------
+        positions : array, shape (T, M, 3)
+            Metres in any frame; NaN where not seen. Not written to.
+        markers : tuple of str, length M
+        rate_hz : float
+            Frames per second.
+
+        Returns
+        -------
+        MendedHands
+        """
+        gaps, exchanged = np.zeros((2, *positions.shape[:2]), dtype=np.bool_)
+        mended = positions
+        points = _Points(positions, markers, gaps)
+        for _, whole in self.hands:
+            hand = _limit(whole, markers)
+            fingers = set() if hand is None else hand.points_beyond
+            columns = [column for column, name in enumerate(markers) if name in fingers]
+            if hand is None or not columns:
+                continue
+            elbow, wrist = points.mean(hand.elbow), points.mean(hand.wrist)
+            torn = find_torn(elbow, wrist, positions[:, columns], rate_hz)
+            gaps[:, columns] |= torn.points
+            gaps[:, [markers.index(name) for name in hand.wrist]] |= torn.wrist[:, None]
+            over = [markers.index(name) for name in hand.thumb_side]
+            back = [markers.index(name) for name in hand.little_side]
+            if not (over and back):
+                continue
+            kept = _Points(np.where(gaps[:, :, None], np.nan, positions), markers, gaps)
+            thumb, little = kept.mean(hand.thumb_side), kept.mean(hand.little_side)
+            turned = find_turned_over(thumb, little, rate_hz)
+            gaps[:, [*over, *back]] |= turned.on_the_way[:, None]
+            if turned.over.any() and len(over) == len(back):
+                mended = mended.copy() if mended is positions else mended
+                rows = np.flatnonzero(turned.over)[:, None]
+                mended[rows, [*over, *back]] = mended[rows, [*back, *over]]
+                exchanged[rows, [*over, *back]] = True
+        if gaps.any():
+            mended = np.where(gaps[:, :, None], np.nan, mended)
+        return MendedHands(mended, gaps, exchanged)
+
     def derive(
-        self, positions: FloatArray, markers: tuple[str, ...], filled: npt.NDArray[np.bool_]
+        self,
+        positions: FloatArray,
+        markers: tuple[str, ...],
+        filled: npt.NDArray[np.bool_],
+        hold: bool = True,
     ) -> DerivedMarkers:
         """Derive the markers of back and hands.
 
@@ -159,6 +235,9 @@ class PointFrames(Config):
             sides that are not complete are not looked at, and what is there already stays.
         filled : bool array, shape (T, M)
             Which samples were filled.
+        hold : bool
+            A hand of which a finger is not seen goes along with its forearm, as told by what was
+            seen before and comes later.
 
         Returns
         -------
@@ -176,12 +255,17 @@ class PointFrames(Config):
         is_filled = points.filled(trunk)
         for part, path in zip(_PARTS, back, strict=True):
             found[f"back_{part}"] = (path, is_filled)
+        n_held = 0
         for prefix, whole in self.hands:
             hand = _limit(whole, markers_seen)
             if hand is None:
                 continue
             outwards = -rightwards if prefix else rightwards
             is_filled = points.filled(hand)
+            if hold:
+                held = points.hold_fingers(hand)
+                n_held += int(held.sum())
+                is_filled = is_filled | held
             for name, group in (("shoulder", hand.shoulder), ("elbow", hand.elbow)):
                 found[f"{prefix}{name}"] = (points.mean(group), is_filled)
             for part, path in zip(_PARTS, _place_hand(points, hand, prefix, outwards), strict=True):
@@ -191,6 +275,7 @@ class PointFrames(Config):
             names,
             np.stack([found[name][0] for name in names], axis=1),
             np.stack([found[name][1] for name in names], axis=1),
+            n_held,
         )
 
 
@@ -216,6 +301,18 @@ class _Points:
         paths = self._positions[:, [self._columns[name] for name in names]]
         mean: FloatArray = paths.mean(axis=1)
         return mean
+
+    def hold_fingers(self, hand: HandPoints) -> npt.NDArray[np.bool_]:
+        """Let fingers that are not seen go along with the forearm; tell where, shape (T,)."""
+        fingers = hand.points_beyond
+        columns = [column for name, column in self._columns.items() if name in fingers]
+        if np.isfinite(self._positions[:, columns]).all():
+            return np.zeros(len(self._positions), dtype=np.bool_)
+        arm = (self.mean(hand.shoulder), self.mean(hand.elbow), self.mean(hand.wrist))
+        points, held = hold_to_forearm(*arm, self._positions[:, columns])
+        self._positions = self._positions.copy()
+        self._positions[:, columns] = points
+        return held
 
     def filled(self, part: BackPoints | HandPoints) -> npt.NDArray[np.bool_]:
         """Tell, shape (T,), where a point of a part was filled."""

@@ -18,19 +18,23 @@ from besman.exceptions import (
 )
 from besman.geometry.gaps import find_runs, find_seen
 from besman.geometry.row_blocks import by_rows
+from besman.io.recordings.folders import find_recordings, look_into
 from besman.io.recordings.formats import FORMATS, KNOWN_FORMATS, read_recording, recognise
 from besman.io.recordings.subjects import find_subjects
 from besman.io.ring_landings import find_ring_landing
+from besman.io.segments_json import SEGMENTS_SUFFIX
 from besman.person.body import find_body
 from besman.person.marker_set import MarkerSet, load_marker_set
 from besman.person.marker_set_fit import SetFit, fit_marker_set, fit_marker_sets
 from besman.records import FloatArray, LabelledRecording, Origin, Recording
 from besman.stages.label.stage import LabelConfig
-from besman.standalone.unknown_file import describe_unknown
+from besman.standalone.unknown_file import describe_unknown, is_like_recording
 
 _HEAD_BYTES = 16_384
+_UNKNOWN = "a format that is not known"
 _MOST_MEASURED = 100_000  # samples by which an extent is told
 _STEP_S = 0.1  # over which speeds are measured: noise of single frames is no movement
+_MANY_ALIKE = 20  # files whose names differ in a number have one line
 STILL_M = 0.02
 """What keeps within a cube of this edge stands still, metres."""
 
@@ -146,6 +150,74 @@ def look_at(path: Path, markers: str | None = None) -> Look:
     )
 
 
+@dataclass(frozen=True)
+class Gathered:
+    """What there is to look at.
+
+    Attributes
+    ----------
+    files : list of Path
+        Recordings: files, and folders whose files hold a frame each.
+    unread : list of (Path, str)
+        What lies beside them and looks like one, with the reason why it is not read.
+    others : list of Path
+        Other files of folders, which are none and belong to none.
+    """
+
+    files: list[Path]
+    unread: list[tuple[Path, str]]
+    others: list[Path]
+
+
+def gather(paths: list[Path]) -> Gathered:
+    """Gather recordings in files and folders, and what is not read of the folders' other files.
+
+    Raises
+    ------
+    RecordingError
+        If a path does not exist, or a folder holds nothing that looks like a recording.
+    """
+    files: list[Path] = []
+    unread: list[tuple[Path, str]] = []
+    others: list[Path] = []
+    for path in paths:
+        inside = look_into(path) if path.is_dir() else None
+        if inside is not None:
+            unread += [(one.folder / one.pattern, one.describe()) for one in inside.refused]
+            like = [one for one in inside.others if is_like_recording(one)]
+            unread += [(one, describe_unknown(one)) for one in like]
+            # Segments belong to a recording, and are read with it.
+            rest = (one for one in inside.others if one not in like)
+            others += [one for one in rest if not one.name.endswith(SEGMENTS_SUFFIX)]
+            if not inside.recordings and (inside.refused or like):
+                continue
+        files += find_recordings([path])
+    if len(unread) == 1 and not files:
+        raise RecordingError(": ".join(map(str, unread[0])))
+    return Gathered(list(dict.fromkeys(files)), unread, others)
+
+
+def put_alike_together(found: list[Look | tuple[Path, str]]) -> list[Look | tuple[Path, str]]:
+    """Return what was looked at, one line for many unread files that differ in a number alone."""
+    from besman.io.recordings.frame_folder import group_numbered
+
+    unread = [one for one in found if isinstance(one, tuple)]
+    if len(unread) < _MANY_ALIKE:
+        return found
+    reasons = dict(unread)
+    told: list[Look | tuple[Path, str]] = []
+    for folder in dict.fromkeys(path.parent for path in reasons):
+        names = [path.name for path in reasons if path.parent == folder]
+        for (before, after), numbered in group_numbered(names).items():
+            if len(numbered) >= _MANY_ALIKE:
+                files = [folder / name for _, name in sorted(numbered)]
+                said = f"{len(files)} files, the first: {reasons[files[0]]}"
+                told.append((folder / f"{before}*{after}", said))
+                reasons = {path: why for path, why in reasons.items() if path not in files}
+    looks = [one for one in found if isinstance(one, Look)]
+    return [*looks, *told, *reasons.items()]
+
+
 def look_at_all(paths: list[Path], markers: str | None = None) -> list[Look | tuple[Path, str]]:
     """Look at several recordings; one that cannot be read is its path and the reason."""
     if markers is not None:
@@ -156,6 +228,10 @@ def look_at_all(paths: list[Path], markers: str | None = None) -> list[Look | tu
             found.append(look_at(path, markers))
         except BesmanError as error:
             reason = str(error).removeprefix(f"{path}: ").removeprefix(f"{path.name}: ")
+            # A row has no place for all that could be.
+            reason = reason.removeprefix(f"{_UNKNOWN}: ").removesuffix(
+                f"; expected {KNOWN_FORMATS}"
+            )
             found.append((path, reason))
     return found
 
@@ -222,8 +298,7 @@ def _read(path: Path) -> Recording:
             head = file.read(_HEAD_BYTES)
         if head.strip() and recognise(head) is None:
             raise RecordingError(
-                f"{path}: a format that is not known: {describe_unknown(path)}; expected "
-                f"{KNOWN_FORMATS}"
+                f"{path}: {_UNKNOWN}: {describe_unknown(path)}; expected {KNOWN_FORMATS}"
             )
     return read_recording(path)
 

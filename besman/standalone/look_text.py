@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 _MOST_GAPS, _MOST_MOVERS, _MOST_NAMES = 8, 4, 12
-_WIDEST_NAME = 32
+_WIDEST_NAME, _MOST_OTHERS = 32, 4
 _REACH_LABEL = "approach_forward"  # what the recipe ur5_reach takes
 _THROW_LABEL = "throw"  # what ur5_stick_throw takes
 _BALL, _FLIES_M_S = "ball", 3.5  # faster than what is carried; what ur5_free_throw takes
@@ -83,6 +83,8 @@ def find_next(look: Look, options: list[str]) -> list[str]:
         if "upright" in look.fault and "--up" not in options:
             return [f"besman look {file} --up {'y' if look.origin.up == 'z' else 'z'}{how}"]
         return [f"besman look {file} --plot {pasted(f'{stem}.png')}{how}"]
+    if fit is not None and "--subject" in fit.fault:
+        return [f"besman look {file} --subject {pasted(look.subjects[0])}{how}"]
     unnamed = len(look.recording.names) - look.n_named
     commands = []
     if unnamed:
@@ -135,7 +137,8 @@ def _is_thrown(look: Look, fit: SetFit) -> bool:
 def _choose_label(look: Look) -> str:
     """Return the name of the blocks to go on with: that of a recipe, else the most frequent."""
     folder = look.path if look.path.is_dir() else look.path.parent
-    path = find_segments(folder / look.recording.source)
+    # A folder of one frame a file is a recording itself.
+    path = find_segments(look.path) or find_segments(folder / look.recording.source)
     with warnings.catch_warnings():
         # Whoever uses the segments is warned of what is odd about them; here they give a hint.
         warnings.simplefilter("ignore", RecordingWarning)
@@ -149,9 +152,8 @@ def _choose_label(look: Look) -> str:
 
 def _has_segments(path: Path) -> bool:
     """Tell whether a file with segments is beside a recording, or beside one of a folder."""
-    if path.is_dir():
-        return any(path.glob(f"*{SEGMENTS_SUFFIX}"))
-    return find_segments(path) is not None
+    within = path.is_dir() and any(path.glob(f"*{SEGMENTS_SUFFIX}"))
+    return within or find_segments(path) is not None
 
 
 def find_next_of_all(
@@ -199,6 +201,14 @@ def look_table(found: list[Look | tuple[Path, str]]) -> Table:
             _short_fit(look),
         )
     return table
+
+
+def name_others(others: list[Path]) -> str:
+    """Say which files of a folder are no recordings."""
+    shown = ", ".join(one.name for one in others[:_MOST_OTHERS])
+    more = f" and {len(others) - _MOST_OTHERS} more" if len(others) > _MOST_OTHERS else ""
+    are = "file that is no recording" if len(others) == 1 else "files that are no recordings"
+    return f"besides {len(others)} {are}: {shown}{more}"
 
 
 def row_of(path: Path, reason: str) -> dict[str, Any]:
@@ -287,6 +297,7 @@ def _sets(look: Look) -> list[str]:
     fit = look.best
     if fit is None:
         why = "no name is known" if look.n_named else "names have to be found first"
+        why += "; a run needs back, shoulder, elbow and hand of a person"
         return [f"  marker set  none: {why}"]
     n_found, n_all = len(fit.found), len(fit.marker_set.markers)
     lines = [f"  marker set  {fit.marker_set.name}: {n_found} of its {n_all} markers"]
@@ -302,7 +313,8 @@ def _sets(look: Look) -> list[str]:
         more = len(shown) - _MOST_NAMES
         lines.append(f"              {pairs}" + (f" and {more} more" if more > 0 else ""))
     if look.fault and fit.is_complete:
-        lines.append(f"              but {look.fault}")
+        where = f"; say it in {look.asked}" if look.asked.endswith(".yaml") else ""
+        lines.append(f"              but {look.fault}{where}")
     frames = fit.marker_set.frames
     if frames is not None and fit.is_complete:
         lines += [f"              assumed: {one}" for one in frames.find_assumptions(fit.found)]

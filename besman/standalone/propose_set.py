@@ -17,10 +17,11 @@ from besman.io.atomic_files import check_file, write_text
 from besman.io.recordings.formats import read_recording
 from besman.person.body_words import guess_part
 from besman.person.marker_set import MarkerSet, load_marker_set, normalise_name, without_subject
-from besman.records import Recording
+from besman.records import FloatArray, Recording
 
 _SEEN = 0.9  # of the frames: what is hidden more cannot be required
 _LINE = 98
+_STEP_S = 0.1  # between places of which a way is made
 
 
 def write_marker_set(path: Path, out: Path) -> MarkerSet:
@@ -95,13 +96,14 @@ def propose_set(recording: Recording, name: str) -> str:
     parts = _find_parts([recording.names[column] for column in columns], markers)
     frames = _write_frames(parts)
     if frames:
-        needed = {one for group in parts.values() for one in group}
-        required = [marker for marker in markers if marker in needed]
+        required = [marker for marker in markers if marker in _with_side(parts)]
     where = "on the arms" if frames else f"seen in {100 * _SEEN:g} % of the frames"
     lines.append(f"# Guessed: {where}.")
     lines += _wrap(f"required: [{', '.join(required)}]")
     lines += _write_clusters(clusters)
-    lines += frames or _take_roles(markers) or _ask_for_roles(parts)
+    ways = measure_ways(recording.positions[:, columns], recording.rate_hz)
+    travelled = dict(zip(markers, ways.tolist(), strict=True))
+    lines += frames or _take_roles(markers) or _ask_for_roles(parts, clusters, travelled)
     if all(recording.names[column] is None for column in columns):
         lines += _write_pose(recording, columns, markers)
     return "\n".join(lines) + "\n"
@@ -149,13 +151,19 @@ def _name_markers(names: Sequence[str | None]) -> list[str]:
 
 
 def _find_parts(names: Sequence[str | None], markers: Sequence[str]) -> dict[str, list[str]]:
-    """Return the markers of each part of each arm, ``right_elbow`` and so on."""
+    """Return the markers of each part: ``right_elbow``, ``elbow`` where no side is said."""
     parts: dict[str, list[str]] = {}
     for name, marker in zip(names, markers, strict=True):
         part, side = guess_part(name or "")
-        if part and side:
-            parts.setdefault(f"{side}_{part}", []).append(marker)
+        if part:
+            parts.setdefault(f"{side}_{part}".strip("_"), []).append(marker)
     return parts
+
+
+def _with_side(parts: dict[str, list[str]]) -> set[str]:
+    """Return the markers of parts of which the side is known."""
+    sided = [group for part, group in parts.items() if part.startswith(("left_", "right_"))]
+    return {one for group in sided for one in group}
 
 
 def _write_frames(parts: dict[str, list[str]]) -> list[str]:
@@ -200,8 +208,27 @@ def _take_roles(markers: Sequence[str]) -> list[str]:
     return [f"roles: {{{', '.join(f'{role}: {marker}' for role, marker in roles.items())}}}"]
 
 
-def _ask_for_roles(parts: dict[str, list[str]]) -> list[str]:
-    """Return comments that say what a person has to add."""
+def measure_ways(positions: FloatArray, rate_hz: float) -> FloatArray:
+    """Return how far markers travel, shape (M,), metres, without what trembles between frames.
+
+    Parameters
+    ----------
+    positions : array, shape (T, M, 3)
+        Metres; NaN where not seen.
+    rate_hz : float
+        Frames per second.
+    """
+    few = positions[:: max(1, round(_STEP_S * rate_hz))]
+    steps = np.linalg.norm(np.diff(few, axis=0), axis=2)
+    ways: FloatArray = np.nansum(steps, axis=0)
+    return ways
+
+
+def _ask_for_roles(
+    parts: dict[str, list[str]], clusters: list[tuple[str, ...]], ways: dict[str, float]
+) -> list[str]:
+    """Return comments that say what a person has to add, and what movement tells of clusters."""
+    moved = [sum(ways[one] for one in group) / len(group) for group in clusters]
     known = ", ".join(f"{part} {' '.join(group)}" for part, group in sorted(parts.items()))
     said = (
         "# Not told by names: which markers are shoulder, elbow and hand. Rename those of back and "
@@ -209,6 +236,12 @@ def _ask_for_roles(parts: dict[str, list[str]]) -> list[str]:
         "clusters, as in right_arm.yaml; or say in frames what shoulder, elbow and wrist are, as "
         f"in halpe.yaml. Guessed so far: {known or 'nothing'}."
     )
+    if len(moved) > 1 and max(moved) > 2.0 * min(moved):
+        most, least = (1 + moved.index(pick(moved)) for pick in (max, min))
+        said += (
+            f" Of the clusters rigid_{most} travels farthest ({max(moved):.1f} m), as a hand does, "
+            f"rigid_{least} least ({min(moved):.1f} m), as a back does."
+        )
     return _wrap(said)
 
 

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from besman.config.yaml_file import parse_config
 from besman.exceptions import ConfigError, nearest
-from besman.io.recordings.formats import find_recordings, read_recording
+from besman.io.recordings.folders import find_recordings
+from besman.io.recordings.formats import read_recording
 from besman.person.marker_set import load_marker_set
 from besman.stages.label.methods import DefaultLabelConfig
 from besman.stages.segment.methods import CONFIGS

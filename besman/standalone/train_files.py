@@ -8,7 +8,7 @@ from besman.config.settings import parse_setting
 from besman.config.stage import Config
 from besman.config.yaml_file import parse_config
 from besman.exceptions import RecognitionError
-from besman.io.recordings.formats import find_recordings
+from besman.io.recordings.folders import find_recordings
 from besman.io.segments_json import segments_path
 from besman.person.marker_set import load_marker_set
 from besman.stages.label.methods import DefaultLabelConfig

@@ -18,11 +18,11 @@ from typer.testing import CliRunner
 from besman.cli.main import app
 from besman.exceptions import RecordingError, one_of
 from besman.io.recordings import format as format_module
+from besman.io.recordings.folders import find_recordings
 from besman.io.recordings.formats import (
     FORMATS,
     WRITTEN_SUFFIXES,
     find_companions,
-    find_recordings,
     read_recording,
     recognise,
     write_recording,

@@ -10,7 +10,8 @@ from places import DATA, REAL_DATA
 
 from besman.geometry.gaps import find_runs
 from besman.geometry.spikes import LONGEST, find_faults
-from besman.io.recordings.formats import find_recordings, read_recording
+from besman.io.recordings.folders import find_recordings
+from besman.io.recordings.formats import read_recording
 
 RATE_HZ = 100.0
 N = 300

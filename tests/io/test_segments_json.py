@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from besman.exceptions import RecordingError
-from besman.io.recordings.formats import find_recordings, read_recording
+from besman.io.recordings.folders import find_recordings
+from besman.io.recordings.formats import read_recording
 from besman.io.segments_json import (
     ThrowEvent,
     find_segments,

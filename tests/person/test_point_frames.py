@@ -133,7 +133,8 @@ def test_a_straight_arm_is_bridged(angles):
 
 def test_what_is_not_seen_or_filled_is_so_in_what_is_derived():
     positions, *_ = person(10)
-    positions[3, NAMES.index("index")] = np.nan
+    positions[3, NAMES.index("wrist")] = np.nan
+    positions[5, NAMES.index("index")] = np.nan
     frames = parse_config({"back": BACK, "hand": WHOLE}, PointFrames, "set.yaml")
     filled = np.zeros(positions.shape[:2], dtype=np.bool_)
     filled[7, NAMES.index("wrist")] = True
@@ -141,6 +142,12 @@ def test_what_is_not_seen_or_filled_is_so_in_what_is_derived():
     hand = [found.names.index(f"hand_{part}") for part in ("top", "left", "right")]
     hidden = np.isnan(found.positions).any(axis=2)
     assert np.argwhere(hidden).tolist() == [[3, one] for one in sorted(hand)]
+    # A finger alone goes along with the forearm.
+    assert np.flatnonzero(found.filled[:, hand[0]]).tolist() == [5, 7]
+    assert found.n_held == 1
+    as_seen = frames.derive(positions, NAMES, filled, hold=False)
+    assert np.isnan(as_seen.positions[5, hand]).all()
+    assert as_seen.n_held == 0
     assert found.filled[7, hand].all()
     assert not found.filled[:, found.names.index("back_top")].any()
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from command_line import besman
 from foreign_recordings import bvh_lines
+from one_frame_files import write_panoptic
 from places import SAMPLE, TOP
 
 from besman.exceptions import RecordingError
@@ -350,3 +351,68 @@ def test_an_extent_is_that_of_every_so_many_samples_seen(monkeypatch, most):
     low, high = np.percentile(seen[:: max(1, len(seen) // most)], [0.5, 99.5], axis=0)
     np.testing.assert_array_equal(measure_extent(positions), high - low)
     assert np.isnan(measure_extent(np.full((3, 2, 3), np.nan))).all()
+
+
+def test_a_folder_has_a_line_for_all_that_looks_like_a_recording(monkeypatch, tmp_path, capsys):
+    folder = tmp_path / "mixed"
+    write_panoptic(folder / "take", 4)
+    write(folder / "a.tsv", ("a",), walk(20, 1))
+    (folder / "angles.mot").write_text("Coordinates\nversion=1\nendheader\ntime\ta\n")
+    (folder / "broken.trc").write_text("nothing")
+    (folder / "README.md").touch()
+    (folder / "plot.py").touch()
+    segments_path(folder / "a.tsv").write_text("[]")
+    pictures = folder / "openpose"
+    pictures.mkdir()
+    for number in range(3):
+        frame = {"people": [{"pose_keypoints_2d": [1.0, 2.0, 0.5]}]}
+        (pictures / f"v_{number:012d}_keypoints.json").write_text(json.dumps(frame))
+    monkeypatch.setenv("COLUMNS", "300")
+    assert besman(monkeypatch, "look", str(folder), "--json", str(tmp_path / "a.json")) == 0
+    told = capsys.readouterr()
+    rows = {line.split()[0]: line for line in told.out.splitlines()[1:] if line.split()}
+    assert "Qualisys TSV" in rows["a.tsv"]
+    assert "keypoints JSON" in rows["take"]
+    assert "angles or forces (.mot, .sto), without positions: give the TRC" in rows["angles.mot"]
+    assert "is not TRC as its ending says" in rows["broken.trc"]
+    assert "expected" not in rows["broken.trc"]
+    assert "3 files of one frame each: points in a picture" in rows["v_*_keypoints.json"]
+    assert "besides 2 files that are no recordings: plot.py, README.md" in told.out
+    assert "3 of 5 cannot be read" in told.err
+    errors = [row for row in json.loads((tmp_path / "a.json").read_text()) if "error" in row]
+    assert len(errors) == 3
+    assert besman(monkeypatch, "look", str(pictures)) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_a_folder_of_one_frame_a_file_has_a_page(monkeypatch, tmp_path, capsys):
+    folder = write_panoptic(tmp_path / "take", 4, people=2)
+    (folder / "calibration.json").write_text('{"cameras": 3}')
+    monkeypatch.chdir(folder)
+    assert besman(monkeypatch, "look", ".") == 0
+    told = capsys.readouterr().out
+    assert "time        29.97 Hz, 4 frames (100 to 103)" in told
+    assert told.splitlines()[-1] == "besides 1 file that is no recording: calibration.json"
+    # Of two people one is chosen first.
+    assert f"besman look {folder} --subject person0\n" in told
+    with reading(subject="person0"):
+        look = look_at(folder)
+    assert find_next(look, [])[1].startswith(f"besman annotate {folder}")
+    segments = [{"start index": 100, "end index": 102, "label": "wave"}]
+    segments_path(folder).write_text(json.dumps(segments))
+    assert [one.split()[1] for one in find_next(look, [])] == ["segment", "check", "run"]
+    assert find_next(look, [])[-1].endswith("--set select.label=wave")
+
+
+def test_many_files_that_differ_in_a_number_have_one_line(monkeypatch, tmp_path, capsys):
+    for number in range(20):
+        (tmp_path / f"{number:06d}.json").write_text('[{"Rh": [1, 2, 3], "pose": [1, 2, 3, 4]}]')
+        (tmp_path / f"take{number}.tak").write_text("x")
+    (tmp_path / "other.mot").write_text("Coordinates\nendheader\n")
+    monkeypatch.setenv("COLUMNS", "300")
+    assert besman(monkeypatch, "look", str(tmp_path)) == 2
+    told = capsys.readouterr()
+    rows = {line.split()[0]: line for line in told.out.splitlines()[1:]}
+    assert set(rows) == {"*.json", "take*.tak", "other.mot"}
+    assert "20 files, the first: " in rows["*.json"]
+    assert "20 files, the first: by its ending it is a take of Motive" in rows["take*.tak"]

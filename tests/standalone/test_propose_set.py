@@ -10,7 +10,7 @@ from besman.io.recordings.formats import read_recording, write_recording
 from besman.person.marker_set import load_marker_set
 from besman.records import Recording
 from besman.stages.label.stage import LabelConfig
-from besman.standalone.propose_set import propose_set, write_marker_set
+from besman.standalone.propose_set import measure_ways, propose_set, write_marker_set
 
 NAMED = SAMPLE / "subject1.tsv"
 PALM_DOWN = np.array(
@@ -100,3 +100,30 @@ def test_markers_that_every_rigid_body_calls_alike_keep_whose_they_are(tmp_path)
         "back_marker1", "back_marker2", "hand_marker1", "hand_marker2", "elbow",
     ]  # fmt: skip
     assert found.match(recording.names, "a.csv") == dict(zip(found.markers, range(5), strict=True))
+
+
+def test_names_without_a_side_and_the_way_of_clusters_help_to_name_the_rest():
+    t = np.linspace(0.0, 4.0, 200)
+    still = 0.1 * np.eye(3) + [0.0, 0.0, 1.3]
+    hand = 0.05 * np.eye(3) + [0.4, 0.0, 1.0]
+    swing = np.stack([0.3 * np.sin(3 * t), 0 * t, 0.1 * np.sin(5 * t)], axis=1)
+    positions = np.concatenate(
+        [
+            np.tile(still, (200, 1, 1)) + 0.05 * swing[:, None],
+            hand + swing[:, None],
+            0.5 * swing[:, None] + [0.2, 0.3, 1.2],
+        ],
+        axis=1,
+    )
+    names = (*(f"{body}:Marker{k}" for body in ("Torso", "Hand") for k in (1, 2, 3)), "Acromion")
+    text = propose_set(Recording(t, positions, names, 50.0, "a.csv"), "a")
+    said = " ".join(line.removeprefix("# ") for line in text.splitlines())
+    assert "Guessed so far: shoulder acromion." in said
+    ways = measure_ways(positions, 50.0)
+    # What a path that is sampled finely has, less where it turns.
+    finely = np.linalg.norm(np.diff(positions, axis=0), axis=2).sum(axis=0)
+    np.testing.assert_allclose(ways, finely, rtol=0.05)
+    assert (
+        f"rigid_2 travels farthest ({ways[3:6].mean():.1f} m), as a hand does, rigid_1 least "
+        f"({ways[:3].mean():.1f} m), as a back does."
+    ) in said

@@ -2,7 +2,7 @@ import pytest
 
 from besman.exceptions import RecordingError
 from besman.standalone.look_files import look_at
-from besman.standalone.unknown_file import describe_unknown
+from besman.standalone.unknown_file import describe_unknown, is_like_recording
 
 
 @pytest.mark.parametrize(
@@ -27,6 +27,8 @@ from besman.standalone.unknown_file import describe_unknown
         ("a.json", b'[{"image_id":1,"keypoints":[1,2,2]}]', "points in a picture (OpenPose, COCO)"),
         ("a.mot", b"Coordinates\nversion=1\nendheader\ntime\ta\n", "give the TRC they are from"),
         ("a.amc", b"#!OML:ASF\n:FULLY-SPECIFIED\n:DEGREES\n1\n", "Acclaim's motion (AMC)"),
+        ("a.pkl", b"\x80\x04\x95", "a pickle of Python: write CSV with columns NAME_x"),
+        ("a.npz", b"PK\x03\x04rest", "by its ending it is arrays of NumPy: write CSV with columns"),
         ("a.tak", b"\0\1\2", "by its ending it is a take of Motive: export CSV or C3D there"),
         ("a.X2D", b"\0\1\2", "by its ending it is camera data of Vicon"),
         ("a.txt", b"the endheader of a\n", "it is text, begins with 'the endheader of a'"),
@@ -58,3 +60,28 @@ def test_points_in_pictures_are_not_taken_for_a_recording(tmp_path, content):
     path.write_text(content)
     with pytest.raises(RecordingError, match=r"points in a picture \(OpenPose, COCO\), not in sp"):
         look_at(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "is_like"),
+    [
+        ("a.mot", b"Coordinates\nversion=1\nendheader\ntime\ta\n", True),
+        ("coco.json", b'{"images":[],\n"annotations":[{"image_id":1}]}', True),
+        ("a.tak", b"text", True),
+        ("a.dat", b"\1\2\0", True),
+        ("forces.txt", b"%\n0 1 2\n1 1 2\n2 1 2\n", True),
+        ("a.json", b'{"data": [1, 2.5, -3e1, 4, 5, 6, 7]}', True),
+        ("README.md", b"1 2\n1 2\n1 2\n", False),
+        ("LICENSE", b"a 1\n1 2\n", False),
+        ("package.json", b'{"name": "left_shoulder", "sizes": [1, 2]}', False),
+        ("a_manually_segmented.json", b"[1, 2, 3, 4, 5, 6, 7]", False),
+        ("robot.xml", b'<mujoco model="a">', False),
+        ("a", b"\x89PNG\r\n\0", False),
+        ("a.py", b"\1\0", False),
+        ("a.txt", b"", False),
+    ],
+)
+def test_what_lies_beside_recordings_is_told_from_what_may_be_one(tmp_path, name, content, is_like):
+    path = tmp_path / name
+    path.write_bytes(content)
+    assert is_like_recording(path) is is_like

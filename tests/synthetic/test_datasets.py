@@ -9,7 +9,8 @@ from typer.testing import CliRunner
 
 from besman.cli.main import app
 from besman.exceptions import ConfigError, RecordingError
-from besman.io.recordings.formats import find_recordings, read_recording
+from besman.io.recordings.folders import find_recordings
+from besman.io.recordings.formats import read_recording
 from besman.io.segments_json import find_segments, read_segments, read_throws
 from besman.records.layers import LAYERS
 from besman.synthetic.cameras import Room

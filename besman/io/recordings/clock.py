@@ -16,7 +16,7 @@ from besman.io.warning import warn_of_file
 from besman.records import FloatArray
 from besman.records.recordings import GREATEST_FRAME, RATES_HZ
 
-Lines = int | Sequence[int]
+Lines = int | Sequence[int] | None
 # Times are rounded in files; a clock that disagrees more than this runs at another rate.
 _TOLERANCE = 0.05
 # A step of time may deviate this much from the usual one.
@@ -84,8 +84,9 @@ def settle_clock(
         What the header says, as `read_rate` returns it.
     path : Path
         Named in messages.
-    first_line : int or sequence of int, length N
-        Number of the first row's line in the file, or of each row's, for messages.
+    first_line : int, sequence of int, length N, or None
+        Number of the first row's line in the file, or of each row's, for messages; None where rows
+        are no lines.
     first_time : float, optional
         Seconds of the first row where no column says it.
 
@@ -173,7 +174,7 @@ def _count(frames: FloatArray, path: Path, first_line: Lines) -> npt.NDArray[np.
     if wrong.size:
         row = int(wrong[0])
         raise RecordingError(
-            f"{path}:{_line_of(row, first_line)}: frame is {frames[row]:g}; expected a whole "
+            f"{_place(path, row, first_line)}: frame is {frames[row]:g}; expected a whole "
             f"number from 0 to {GREATEST_FRAME:.0e}"
         )
     steps = np.diff(frames)
@@ -181,7 +182,7 @@ def _count(frames: FloatArray, path: Path, first_line: Lines) -> npt.NDArray[np.
     if falling.size:
         row = int(falling[0]) + 1
         raise RecordingError(
-            f"{path}:{_line_of(row, first_line)}: frame {frames[row]:.0f} follows frame "
+            f"{_place(path, row, first_line)}: frame {frames[row]:.0f} follows frame "
             f"{frames[row - 1]:.0f}; expected frames that rise"
         )
     step = float(steps.min()) if steps.size else 1.0
@@ -192,12 +193,12 @@ def _count(frames: FloatArray, path: Path, first_line: Lines) -> npt.NDArray[np.
     row = int(np.flatnonzero(steps != step)[0]) + 1
     if not np.array_equal(places, np.round(places)) or n_missing > len(frames):
         raise RecordingError(
-            f"{path}:{_line_of(row, first_line)}: frame {frames[row]:.0f} follows frame "
+            f"{_place(path, row, first_line)}: frame {frames[row]:.0f} follows frame "
             f"{frames[row - 1]:.0f}; expected frames that rise evenly"
         )
     warn_of_file(
         f"{path.name}: {n_missing} frames are missing and became gaps, first before frame "
-        f"{frames[row]:.0f} in line {_line_of(row, first_line)}"
+        f"{frames[row]:.0f}{_in_line(row, first_line)}"
     )
     counted: npt.NDArray[np.int64] = places.astype(np.int64)
     return counted
@@ -215,9 +216,21 @@ def _stands_still(times: FloatArray, rate_hz: float | None, path: Path) -> bool:
     return still
 
 
-def _line_of(row: int, first_line: Lines) -> int:
-    """Return the number of a row's line in its file."""
+def _line_of(row: int, first_line: Lines) -> int | None:
+    """Return the number of a row's line in its file; None if it has no lines."""
+    if first_line is None:
+        return None
     return first_line + row if isinstance(first_line, int) else first_line[row]
+
+
+def _place(path: Path, row: int, first_line: Lines) -> str:
+    line = _line_of(row, first_line)
+    return str(path) if line is None else f"{path}:{line}"
+
+
+def _in_line(row: int, first_line: Lines) -> str:
+    line = _line_of(row, first_line)
+    return "" if line is None else f" in line {line}"
 
 
 def _show_rate(
@@ -239,7 +252,7 @@ def _show_rate(
         row = int(wrong[0]) + 1 if wrong.size else 0
         before = f" after {times[row - 1]:g} s" if row else ""
         raise RecordingError(
-            f"{path}:{_line_of(row, first_line)}: time is {times[row]:g} s{before}; expected "
+            f"{_place(path, row, first_line)}: time is {times[row]:g} s{before}; expected "
             "rising times"
         )
     if not steps.size:
@@ -250,8 +263,8 @@ def _show_rate(
     if uneven.size:
         row = int(uneven[0]) + 1
         warn_of_file(
-            f"{path.name}: {uneven.size} times do not rise evenly, first in line "
-            f"{_line_of(row, first_line)}: {times[row]:g} s after {times[row - 1]:g} s; frames are "
+            f"{path.name}: {uneven.size} times do not rise evenly, first"
+            f"{_in_line(row, first_line)}: {times[row]:g} s after {times[row - 1]:g} s; frames are "
             "taken for evenly spaced"
         )
         return whole_if_near(1.0 / usual)

@@ -148,8 +148,9 @@ class Format:
     writes_zeros : bool
         Whether programs write 0, 0, 0 in it for what was not seen.
     turns_from_pose : bool
-        Whether bodies are turned from a pose of the file's own, so that no marker set knows what
-        their axes are: it needs the places alone.
+        Whether bodies are turned from a pose of the file's own, whose axes no marker set knows.
+    takes_folders : bool
+        Whether its reader takes a folder, too, whose files hold a frame each.
     """
 
     name: str
@@ -165,6 +166,7 @@ class Format:
     has_one_up: bool = False
     writes_zeros: bool = False
     turns_from_pose: bool = False
+    takes_folders: bool = False
 
     @property
     def own_suffixes(self) -> tuple[str, ...]:

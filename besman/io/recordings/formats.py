@@ -6,8 +6,7 @@ texts, the page *My recording* and the tests go through the table; nothing else 
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -113,8 +112,10 @@ FORMATS = (
         (".json", ".jsonl"),
         is_keypoints,
         "keypoints:read_keypoints",
-        "markerless systems: [{name: [x, y, z], ...}, ...]; rate as fps or times, units by height",
+        "markerless systems: [{name: [x, y, z], ...}, ...]; rate as fps or times, units by height; "
+        "or a folder with a file a frame (CMU Panoptic)",
         takes_units=True,
+        takes_folders=True,
         writes_zeros=True,
     ),
     Format(
@@ -173,7 +174,7 @@ def read_recording(
     Parameters
     ----------
     path : Path
-        Of one of `FORMATS`.
+        Of one of `FORMATS`; or a folder whose files hold a frame each.
     units : "m", "cm", "mm" or "in", optional
         What the coordinates are in, whatever the file says, if its format may be wrong about it.
     partial : bool, optional
@@ -213,8 +214,12 @@ def read_recording(
     from besman.io.recordings.plausibility import check_recording
     from besman.io.recordings.subjects import take_subject
 
-    head = _read_head(path)
-    found = recognise(head)
+    if path.is_dir():
+        # A recording is called by its name; "." has none.
+        path = path.resolve() if path.name in ("", "..") else path
+    is_folder = path.is_dir()
+    head = b"" if is_folder else read_head(path)
+    found = next(e for e in FORMATS if e.takes_folders) if is_folder else recognise(head)
     if found is None:
         what = "a format that is not known" if head.strip() else "the file is empty"
         more = see_look(str(path)) if head.strip() else ""
@@ -251,7 +256,7 @@ def find_companions(path: Path) -> tuple[Path, ...]:
     RecordingError
         If the file cannot be read, or what it names is not there.
     """
-    found = recognise(_read_head(path))
+    found = None if path.is_dir() else recognise(read_head(path))
     return () if found is None else found.find_companions(path)
 
 
@@ -314,62 +319,14 @@ def find_writer(path: Path) -> Format:
     return found
 
 
-def find_recordings(paths: Iterable[Path]) -> list[Path]:
-    """Find recordings in files and folders.
-
-    Parameters
-    ----------
-    paths : iterable of Path
-        Files are taken as they are; in a folder, all files that end like recordings or whose
-        content is one.
-
-    Returns
-    -------
-    list of Path
-        In the order given; in a folder in natural order, so that run 2 comes before run 10.
-        A file that is met twice is returned once.
+def read_head(path: Path) -> bytes:
+    """Return the start of a file, 16 kB.
 
     Raises
     ------
     RecordingError
-        If a path does not exist or a folder holds no recording.
+        If it is not there or cannot be read.
     """
-    found: list[Path] = []
-    for path in paths:
-        if path.is_dir():
-            inside = [file for file in path.iterdir() if _is_recording(file)]
-            if not inside:
-                deeper = sorted(one for one in path.iterdir() if one.is_dir())
-                places = [str(d) for d in deeper if any(map(_is_recording, d.iterdir()))]
-                more = f"; there are some in {', '.join(places)}" if places else ""
-                raise RecordingError(
-                    f"{path}: no recording in this folder; expected files that are "
-                    f"{KNOWN_FORMATS}, or end in {', '.join(_own_suffixes())}{more}"
-                )
-            found += sorted(inside, key=_natural_order)
-        elif path.is_file():
-            found.append(path)
-        else:
-            raise RecordingError(f"{path}: no such file or folder")
-    if not found:
-        raise RecordingError("no recordings given; expected at least one file or folder")
-    return list(dict.fromkeys(found))
-
-
-def _is_recording(file: Path) -> bool:
-    """Tell whether a file of a folder is meant: a damaged recording must not go unnoticed."""
-    if not file.is_file() or file.name.startswith("."):
-        return False
-    return file.suffix.lower() in _own_suffixes() or recognise(_read_head(file)) is not None
-
-
-def _own_suffixes() -> tuple[str, ...]:
-    """Return the endings that only recordings have."""
-    return tuple(suffix for entry in FORMATS for suffix in entry.own_suffixes)
-
-
-def _read_head(path: Path) -> bytes:
-    """Read the start of a file."""
     try:
         with path.open("rb") as file:
             return file.read(_HEAD_BYTES)
@@ -388,9 +345,3 @@ def recognise(head: bytes) -> Format | None:
         The first 16 kB, or all there is.
     """
     return next((entry for entry in FORMATS if entry.sniff(head)), None)
-
-
-def _natural_order(path: Path) -> tuple[list[tuple[int, str]], str]:
-    """Sort key that compares numbers inside a name by value."""
-    parts = re.split(r"(\d+)", path.name.lower())
-    return [(int(part), "") if part.isdecimal() else (-1, part) for part in parts], path.name

@@ -126,18 +126,24 @@ def _frames_of_mapping(
         if isinstance(inner, dict):
             inner = _by_number(inner) or inner
         framed = dict | list if names else dict
-        if isinstance(inner, list) and inner and isinstance(inner[0], framed):
+        # Names and places are the keypoints of one frame.
+        if (
+            isinstance(inner, list)
+            and inner
+            and isinstance(inner[0], framed)
+            and not _named_place(inner[0])
+        ):
             return inner
     numbered = _by_number(content)
     return numbered if numbered is not None else _turn_over(content, path) or _find_list(content)
 
 
-def _find_list(content: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Return the longest list of mappings with places in them, whatever it is called."""
-    lists = (one for one in content.values() if isinstance(one, list) and one)
+def _find_list(content: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return the longest list of mappings with places in them; of people it makes one frame."""
+    lists = {key: one for key, one in content.items() if isinstance(one, list) and one}
     framed = [
-        one
-        for one in lists
+        [content] if key.lower() in _PEOPLE else one
+        for key, one in lists.items()
         if all(isinstance(frame, dict) for frame in one)
         and not _named_place(one[0])
         and any(_is_position(value) for _, value in _flatten(one[0]))
@@ -297,10 +303,11 @@ def _flatten_list(
     name: str, value: list[Any], prefix: str, names: Sequence[str]
 ) -> Iterator[tuple[str, Any]]:
     """Yield what a list in a frame holds: a place, people, or keypoints."""
-    named = [_named_place(one) for one in value]
     if name in ORDERS:
         yield from unfold(name, value, prefix)
-    elif named and all(named):
+        return
+    named = [_named_place(one) for one in value]
+    if named and all(named):
         yield from ((f"{prefix}{one[0]}", one[1]) for one in named if one is not None)
     elif name.lower() in _PEOPLE:
         for at, person in enumerate(value):
@@ -337,7 +344,7 @@ def _identify(person: Mapping[str, Any], at: int) -> str:
 
 
 def collect_positions(
-    frames: list[dict[str, Any]], names: Sequence[str], path: Path
+    frames: list[dict[str, Any]], names: Sequence[str], path: Path, files: Sequence[Path] = ()
 ) -> tuple[list[str | None], FloatArray]:
     """Return names, and positions of shape (T, M, 3) in the file's units.
 
@@ -349,6 +356,8 @@ def collect_positions(
         Of keypoints that the frames hold without; see `names_for_all`.
     path : Path
         Named in messages.
+    files : sequence of Path, length T, optional
+        Of each frame, where it has a file of its own.
 
     Raises
     ------
@@ -366,8 +375,9 @@ def collect_positions(
             if name.rpartition(":")[2].lower() in _IDS:
                 continue
             if not _is_position(value):
+                where = files[at - 1] if files else f"{path}: frame {at}"
                 raise RecordingError(
-                    f"{path}: frame {at}: {name!r:.60} is {value!r:.60}; expected three numbers"
+                    f"{where}: {name!r:.60} is {value!r:.60}; expected three numbers"
                 )
             place = places.setdefault(name, len(places))
             row[place] = [np.nan if one is None else float(one) for one in value[:3]]

@@ -23,9 +23,11 @@ import numpy as np
 
 from besman.exceptions import RecordingError
 from besman.foreign.json_text import parse_json
+from besman.foreign.names import split_subject
 from besman.io.recordings.c3d_names import keep_single_names
 from besman.io.recordings.clock import TIME_NAMES, in_seconds, read_rate, settle_clock
 from besman.io.recordings.format import Units, parse_up
+from besman.io.recordings.frame_folder import parse_frame_files
 from besman.io.recordings.keypoint_frames import (
     collect_positions,
     find_frames,
@@ -54,7 +56,7 @@ def read_keypoints(path: Path, units: Units | None = None) -> Recording:
     Parameters
     ----------
     path : Path
-        The file.
+        The file, or a folder of them, each of one frame.
     units : "m", "cm", "mm", "in" or "ft", optional
         What the coordinates are in, whatever the file says.
 
@@ -74,13 +76,16 @@ def read_keypoints(path: Path, units: Units | None = None) -> Recording:
     RecordingWarning
         For what was concluded of units and rate.
     """
-    content = _parse(path)
-    frames, about = find_frames(content, path)
-    names, positions = collect_positions(frames, names_for_all(about), path)
+    files: tuple[Path, ...] = ()
+    if path.is_dir():
+        frames, about, files = parse_frame_files(path)
+    else:
+        frames, about = find_frames(_parse(path), path)
+    names, positions = collect_positions(frames, names_for_all(about), path, files)
     if len(positions) == 1:
         raise RecordingError(
             f"{path}: a recording of one frame; expected at least two: where each frame has a file "
-            "of its own, `jq -c . FOLDER/*.json > take.jsonl` makes one of them"
+            "of its own, give their folder"
         )
     numbers = _column(frames, _NUMBERS, path)
     rate_hz = _find_rate(about)
@@ -93,7 +98,7 @@ def read_keypoints(path: Path, units: Units | None = None) -> Recording:
             break
     if numbers is None and times is None:
         numbers = np.arange(1.0, len(positions) + 1)
-    clock = settle_clock(numbers, times, rate_hz, path, 1, 0.0)
+    clock = settle_clock(numbers, times, rate_hz, path, None, 0.0)
     positions = clock.spread(positions)
     word = about.get("units", about.get("unit"))
     word = word if isinstance(word, str) else None
@@ -199,8 +204,16 @@ def find_keypoint_length(
     is_body = all(any(part in name for name in lowered for part in parts) for parts in _ENDS)
     if is_body and units is None and (word is None or parse_unit(word) is None):
         kept = [k for k, name in enumerate(lowered) if not any(one in name for one in _NO_BODY)]
-        return body_length(positions[:, kept], None, str(path))
+        return body_length(positions[:, _most_seen(lowered, kept, positions)], None, str(path))
     return find_length(word, units, positions, str(path), "units")
+
+
+def _most_seen(names: Sequence[str], kept: list[int], positions: FloatArray) -> list[int]:
+    """Return the columns of the one of several people who is seen most: they may stand apart."""
+    of_each: dict[str, list[int]] = {}
+    for column in kept:
+        of_each.setdefault(split_subject(names[column])[0], []).append(column)
+    return max(of_each.values(), key=lambda columns: np.isfinite(positions[:, columns, 0]).sum())
 
 
 def _read_up(about: Mapping[str, Any]) -> tuple[Axis, str]:

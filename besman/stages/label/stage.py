@@ -16,7 +16,7 @@ from besman.person.marker_set import MarkerSet
 from besman.person.mirror import MIRROR, MIRROR_TURN, mirror_recording
 from besman.records import FloatArray, LabelledRecording, Recording
 from besman.records.frozen import hand_over
-from besman.stages.label.derive_markers import derive_markers
+from besman.stages.label.derive_markers import derive_markers, mend_hands
 from besman.stages.label.joined_trajectories import WovenRecording
 from besman.stages.label.model import MarkerModel
 from besman.stages.label.model_from_pose import model_from_pose
@@ -119,6 +119,7 @@ class LabelBase(Stage):
             positions = recording.gather(chosen)
             positions *= MIRROR
             orientations = None if orientations is None else orientations * MIRROR_TURN
+        positions = mend_hands(positions, tuple(columns), marker_set, recording)
         filled = fill_in_place(
             positions, tuple(columns), marker_set, *self.fill_samples(recording.rate_hz)
         )

@@ -13,7 +13,8 @@ import numpy as np
 from besman.config.resources import resource_folder
 from besman.exceptions import RecordingError, RecordingWarning
 from besman.io.landings import read_landings
-from besman.io.recordings.formats import find_companions, find_recordings, read_recording
+from besman.io.recordings.folders import find_recordings
+from besman.io.recordings.formats import find_companions, read_recording
 from besman.io.recordings.true_names import find_true_names, read_true_names
 from besman.io.ring_landings import find_ring_landing
 from besman.io.segments_json import find_segments, read_segments
@@ -181,6 +182,15 @@ def is_same_take(one: Recording, other: Recording) -> bool:
 def _note_checksums(checksums: dict[str, str], recording: Path, *others: Path) -> None:
     """Add the checksums of a recording and of the files that belong to it."""
     for path in (recording, *others):
-        sha = hashlib.sha256(path.read_bytes()).hexdigest()
+        sha = _digest(path)
         if checksums.setdefault(path.name, sha) != sha:
             checksums[f"{recording.name}: {path.name}"] = sha
+
+
+def _digest(path: Path) -> str:
+    """Return the SHA-256 of a file, or of all files of a recording that is a folder."""
+    if not path.is_dir():
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    from besman.io.recordings.frame_folder import digest_frame_files
+
+    return digest_frame_files(path)

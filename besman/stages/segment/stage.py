@@ -20,7 +20,7 @@ from besman.stages.segment.sampling import (
 )
 from besman.stages.segment.signals import measure_scaling, prepare_signals
 from besman.stages.segment.valley_online import OnlineMovements, Pace, measure_pace
-from besman.stages.segment.valley_vmci import EVIDENCE_HZ, find_movements
+from besman.stages.segment.valley_vmci import EVIDENCE_HZ, MovementsAndRests, find_movements
 from besman.stages.segment.valleys import ValleyShape
 from besman.stages.segment.vmci import (
     VmciModel,
@@ -196,14 +196,24 @@ class ValleyVmciConfig(_OneByOne):
     method: Literal["valley_vmci"] = "valley_vmci"
     longest_s: float | None = Field(default=None, gt=0)
 
-    def _segment(self, recording: LabelledRecording) -> Segments:
+    def find(self, recording: LabelledRecording) -> MovementsAndRests:
+        """Find movements and rests, whose borders may lie between frames.
+
+        Raises
+        ------
+        SegmentationError
+            As `run`.
+        """
         paths = gather_gapless_paths(recording, self.markers)
         back = find_back(recording.markers)
         if back:
             places = [recording.marker(name) for name in back]
             paths = take_from_person(paths, places, recording.rate_hz)
-        found = find_movements(recording.time, paths, self.longest_s, shape=HAND_SHAPE)
-        n_rows, rate_hz = len(paths), recording.rate_hz
+        return find_movements(recording.time, paths, self.longest_s, shape=HAND_SHAPE)
+
+    def _segment(self, recording: LabelledRecording) -> Segments:
+        found = self.find(recording)
+        n_rows, rate_hz = len(recording.time), recording.rate_hz
         rows = np.round(found.borders_s * rate_hz).astype(np.int64)
         rows[-1] = n_rows
         # Borders on the grid that fall on one row of a slow recording are one.

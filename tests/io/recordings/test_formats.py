@@ -1,5 +1,4 @@
 import warnings
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,43 +8,8 @@ from places import DATA
 
 from besman.exceptions import RecordingError
 from besman.io.recordings.c3d import write_c3d
-from besman.io.recordings.formats import find_recordings, read_recording, write_recording
+from besman.io.recordings.formats import read_recording, write_recording
 from besman.records import LabelledRecording, Recording
-
-
-def make(folder: Path, *names: str) -> list[Path]:
-    paths = [folder / name for name in names]
-    for path in paths:
-        path.touch()
-    return paths
-
-
-def test_folder_in_natural_order(tmp_path):
-    make(tmp_path, "run10.tsv", "run2.tsv", "run1.TSV", "run1_manually_segmented.json", "10.tsv")
-    found = find_recordings([tmp_path])
-    assert [path.name for path in found] == ["10.tsv", "run1.TSV", "run2.tsv", "run10.tsv"]
-
-
-def test_files_keep_their_order_and_count_once(tmp_path):
-    first, second = make(tmp_path, "b.tsv", "a.txt")
-    assert find_recordings([first, second, first]) == [first, second]
-
-
-def test_nothing_found(tmp_path):
-    with pytest.raises(RecordingError, match=r"no recording in this folder; expected .* \.tsv"):
-        find_recordings([tmp_path])
-    for name in ("empty", "person1", "person2"):
-        (tmp_path / name).mkdir()
-        if name != "empty":
-            make(tmp_path / name, "a.tsv")
-    with pytest.raises(
-        RecordingError, match=r"no recording .*; there are some in .*person1, .*person2$"
-    ):
-        find_recordings([tmp_path])
-    with pytest.raises(RecordingError, match="absent: no such file or folder"):
-        find_recordings([tmp_path / "absent"])
-    with pytest.raises(RecordingError, match="no recordings given"):
-        find_recordings([])
 
 
 def test_read_recording_of_the_sample():
@@ -57,13 +21,6 @@ def sample_recording(n_samples=10, positions=None):
     if positions is None:
         positions = 0.03 * np.random.default_rng(0).normal(size=(n_samples, 2, 3))
     return Recording(np.arange(len(positions)) / 100, positions, ("a", "b"), 100.0, "x")
-
-
-def test_folders_hold_other_files_too(tmp_path):
-    make(tmp_path, "run.tsv", ".hidden.tsv")
-    for name in ("README.md", "results.csv", "robot.urdf", "x_truth.json"):
-        (tmp_path / name).write_text("<robot>Population, text, and numbers 1,2,3\n")
-    assert [path.name for path in find_recordings([tmp_path])] == ["run.tsv"]
 
 
 def test_units_that_are_wrong(tmp_path):
@@ -104,7 +61,7 @@ def test_other_files(tmp_path, content, message):
         read_recording(path)
     with pytest.raises(RecordingError, match="absent: no such file"):
         read_recording(tmp_path / "absent")
-    with pytest.raises(RecordingError, match="cannot be read"):
+    with pytest.raises(RecordingError, match="a folder, without files of one frame each;"):
         read_recording(tmp_path)
 
 

@@ -207,3 +207,15 @@ def test_a_table_with_its_rate_above(tmp_path):
 def test_a_table_that_is_wrong(tmp_path, lines, message):
     with pytest.raises(RecordingError, match=message):
         read_keypoints_csv(write_lines(lines, tmp_path / "a.csv"))
+
+
+def test_units_by_the_height_of_one_of_several_people(tmp_path):
+    places = {"nose": 160.0, "right_wrist": 90.0, "left_ankle": 8.0}
+    frame = {
+        f"person{k}:{name}": [250.0 * k, 0.0, height]
+        for k in range(3) for name, height in places.items()
+    }  # fmt: skip
+    path = tmp_path / "a.json"
+    path.write_text(json.dumps({"fps": 30, "frames": [frame] * 3}))
+    with pytest.warns(RecordingWarning, match="the body is 152 high, so they are taken for cm"):
+        assert read_keypoints(path).origin.units == "cm"

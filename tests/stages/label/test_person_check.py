@@ -9,7 +9,8 @@ from places import REAL_DATA, SAMPLE
 from scipy.spatial.transform import Rotation
 
 from besman.exceptions import LabellingError, RecordingWarning
-from besman.io.recordings.formats import find_recordings, read_recording
+from besman.io.recordings.folders import find_recordings
+from besman.io.recordings.formats import read_recording
 from besman.person.marker_set import load_marker_set
 from besman.stages.label.methods import LabelAutoConfig
 from besman.stages.label.person_check import check_person

@@ -9,7 +9,8 @@ from pydantic import ValidationError
 from besman.config.stage import Work
 from besman.exceptions import LabellingError
 from besman.geometry.gaps import find_runs
-from besman.io.recordings.formats import find_recordings, read_recording
+from besman.io.recordings.folders import find_recordings
+from besman.io.recordings.formats import read_recording
 from besman.person.marker_set import MarkerSet, load_marker_set
 from besman.records import Recording
 from besman.stages.label.results import label_results

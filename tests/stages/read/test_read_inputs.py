@@ -1,13 +1,16 @@
+import json
 import shutil
 import warnings
 
 import numpy as np
 import pytest
 from command_line import besman
+from one_frame_files import write_panoptic
 from places import SAMPLE
 
 from besman.exceptions import RecordingError, RecordingWarning
 from besman.io.recordings.formats import read_recording, write_recording
+from besman.io.recordings.frame_folder import digest_frame_files
 from besman.records import Recording
 from besman.stages.read.read_inputs import is_same_take, read_inputs
 
@@ -74,3 +77,15 @@ def test_other_takes_are_not_the_same(raw):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         read_inputs([str(SAMPLE)])
+
+
+def test_a_folder_of_one_frame_a_file_is_an_input(tmp_path):
+    take = write_panoptic(tmp_path / "take", 5)
+    (tmp_path / "take_manually_segmented.json").write_text(
+        json.dumps([{"start index": 101, "end index": 104, "label": "reach"}])
+    )
+    for paths in ([str(take)], [str(tmp_path)]):
+        inputs = read_inputs(paths)
+        assert [one.source for one in inputs.recordings] == ["take"]
+        assert inputs.truth[0].labels == ("reach",)
+        assert inputs.checksums["take"] == digest_frame_files(take)
