@@ -125,7 +125,13 @@ def lay_in_tool(model: mujoco.MjModel, starts: FloatArray, ahead_m: float) -> Fl
     """
     import mujoco
 
-    data = mujoco.MjData(model)
+    from besman.simulation.physics import spare_data
+
+    if len(starts) > 1 and not starts.strides[0]:
+        # The same again and again, see `besman.simulation.episodes.repeat_movement`.
+        once = lay_in_tool(model, starts[:1], ahead_m)
+        return np.broadcast_to(once, (len(starts), model.nq))
+    data = spare_data(model)
     qpos = np.empty((len(starts), model.nq))
     n = starts.shape[1]
     for index, start in enumerate(starts):
