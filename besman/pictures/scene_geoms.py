@@ -47,7 +47,8 @@ def scene_geoms(robot: Robot, model: mujoco.MjModel) -> SceneGeoms:
     Returns
     -------
     SceneGeoms
-        Tool, fixed things and what moves by itself. The capsules of the links are left out.
+        Tool, fixed things and what moves by itself. The capsules of the links are left out, and
+        what is not seen.
     """
     links = robot.chain.capsule_links
     left = {"world": 0} | dict.fromkeys(robot.joint_names, 0)
@@ -57,6 +58,8 @@ def scene_geoms(robot: Robot, model: mujoco.MjModel) -> SceneGeoms:
     root = model.body_rootid[model.body(robot.joint_names[0]).id]
     ids, colours, moving = [], [], []
     for geom in range(model.ngeom):
+        if model.geom_rgba[geom, 3] == 0:
+            continue
         body = model.geom_bodyid[geom]
         name = model.body(body).name
         # Those of the links come first in their body.
