@@ -34,6 +34,11 @@ class SceneGeoms:
     moving: tuple[bool, ...]
 
 
+def seen_geoms(model: mujoco.MjModel) -> npt.NDArray[np.bool_]:
+    """Tell which geoms of a scene (G,) are there to be seen."""
+    return np.asarray(model.geom_rgba[:, 3] > 0)
+
+
 def scene_geoms(robot: Robot, model: mujoco.MjModel) -> SceneGeoms:
     """Find what a scene holds beside the arm.
 
@@ -57,8 +62,9 @@ def scene_geoms(robot: Robot, model: mujoco.MjModel) -> SceneGeoms:
             left["world" if joint < 0 else robot.joint_names[joint]] += 1
     root = model.body_rootid[model.body(robot.joint_names[0]).id]
     ids, colours, moving = [], [], []
+    seen = seen_geoms(model)
     for geom in range(model.ngeom):
-        if model.geom_rgba[geom, 3] == 0:
+        if not seen[geom]:
             continue
         body = model.geom_bodyid[geom]
         name = model.body(body).name
