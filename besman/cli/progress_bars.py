@@ -90,9 +90,7 @@ class StageLines:
         How long until the next line, seconds.
     """
 
-    def __init__(
-        self, name: str, tell: Callable[[str], None], every_s: float = _EVERY_S
-    ) -> None:
+    def __init__(self, name: str, tell: Callable[[str], None], every_s: float = _EVERY_S) -> None:
         self._name, self._tell, self._every_s = name, tell, every_s
         self._share, self._begun = 0.0, time.monotonic()
         self._over = threading.Event()

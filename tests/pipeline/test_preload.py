@@ -1,12 +1,12 @@
 """What workers have loaded is there, and is what a run needs."""
 
 import importlib
+import pickle
 import sys
 
-from besman.pipeline.preload import PRELOAD
-from besman.report.drawings import DRAWING
-from besman.robot import loaded_kernels
+from besman.pipeline.preload import DRAWING, PRELOAD
 from besman.robot.collision import _distances
+from besman.stages.refine import rehearsal
 
 
 def test_every_module_that_workers_load_is_there():
@@ -15,6 +15,7 @@ def test_every_module_that_workers_load_is_there():
         assert importlib.import_module(name) is sys.modules[name]
 
 
-def test_an_arms_kernels_are_loaded():
-    loaded_kernels.load_kernels()
+def test_what_a_throw_takes_is_there_for_an_arm_that_is_sent():
+    robot = rehearsal.rehearse()
     assert _distances.signatures
+    assert pickle.loads(pickle.dumps(robot)) is robot
