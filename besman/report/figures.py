@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -73,7 +73,7 @@ def _settle_layout(figure: Figure) -> None:
     figure.set_layout_engine("none")
 
 
-def draw_lines(axes: Axes, lines: Sequence[FloatArray], **look: object) -> None:
+def draw_lines(axes: Axes, lines: Sequence[FloatArray], **look: Any) -> None:
     """Draw lines (N, 2) that look alike: all at once, each by itself takes ten times as long."""
     from matplotlib.collections import LineCollection
 

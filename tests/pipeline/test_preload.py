@@ -1,12 +1,14 @@
 """What workers have loaded is there, and is what a run needs."""
 
 import importlib
-import pickle
 import sys
+from pathlib import Path
 
+import pytest
+
+from besman.cli.run import _load_ahead
 from besman.pipeline.preload import DRAWING, PRELOAD
-from besman.robot.collision import _distances
-from besman.stages.refine import rehearsal
+from besman.work import fork_server
 
 
 def test_every_module_that_workers_load_is_there():
@@ -15,7 +17,22 @@ def test_every_module_that_workers_load_is_there():
         assert importlib.import_module(name) is sys.modules[name]
 
 
-def test_what_a_throw_takes_is_there_for_an_arm_that_is_sent():
-    robot = rehearsal.rehearse()
-    assert _distances.signatures
-    assert pickle.loads(pickle.dumps(robot)) is robot
+@pytest.mark.parametrize(
+    ("pipeline", "out", "jobs", "cluster", "begun"),
+    [
+        ("new_one", None, 2, None, True),
+        ("there/old.yaml", None, 2, None, False),
+        ("new_one", "runs/old", 2, None, False),
+        ("new_one", None, 1, None, False),
+        ("new_one", None, 2, "tcp://here:1", False),
+    ],
+)
+def test_modules_are_loaded_ahead_for_a_new_run(
+    pipeline, out, jobs, cluster, begun, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "runs" / "old").mkdir(parents=True)
+    asked = []
+    monkeypatch.setattr(fork_server, "start_server", asked.append)
+    _load_ahead(pipeline, None if out is None else Path(out), jobs, cluster)
+    assert asked == [(*PRELOAD, *DRAWING)] * begun
