@@ -70,7 +70,8 @@ def _load_ahead(pipeline: str, out: Path | None, jobs: int, cluster: str | None)
     """
     folder = out or Path("runs") / Path(pipeline).stem
     if jobs > 1 and cluster is None and not folder.exists():
-        from besman.pipeline.preload import DRAWING, PRELOAD
+        from besman.pipeline.preload import PRELOAD
+        from besman.report.preload import DRAWING
         from besman.work.fork_server import start_server
 
         start_server((*PRELOAD, *DRAWING))
@@ -78,7 +79,8 @@ def _load_ahead(pipeline: str, out: Path | None, jobs: int, cluster: str | None)
 
 def _workers(jobs: int, cluster: str | None) -> "Workers":
     """Return the processes of a run."""
-    from besman.pipeline.preload import DRAWING, PRELOAD
+    from besman.pipeline.preload import PRELOAD
+    from besman.report.preload import DRAWING
     from besman.work.workers import Workers
 
     return Workers(jobs, cluster, (*PRELOAD, *DRAWING))

@@ -12,12 +12,3 @@ PRELOAD = (
     "besman.stages.refine.rehearsal",
 )
 """Modules that processes need for nearly every run: mapping, refinement, exports."""
-
-DRAWING = (
-    "matplotlib.backends.backend_svg",
-    "matplotlib.figure",
-    "besman.report.figures",
-    "besman.report.motion_figures",
-    "besman.report.overview",
-)
-"""Modules that processes need for the figures of a report."""

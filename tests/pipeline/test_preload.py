@@ -7,13 +7,14 @@ from pathlib import Path
 import pytest
 
 from besman.cli.run import _load_ahead
-from besman.pipeline.preload import DRAWING, PRELOAD
+from besman.pipeline.preload import PRELOAD
+from besman.report.preload import DRAWING
 from besman.work import fork_server
 
 
 def test_every_module_that_workers_load_is_there():
     # One that is missing would be left out without a word.
-    for name in (*PRELOAD, *DRAWING):
+    for name in PRELOAD:
         assert importlib.import_module(name) is sys.modules[name]
 
 
