@@ -102,7 +102,7 @@ from pathlib import Path
 try:
     import besman.cli.main
     from besman.cli.run import _load_ahead, _workers
-    _load_ahead("nowhere", Path("/nowhere"), 2, None)
+    _load_ahead(Path("nowhere"), Path("/nowhere"), 2, None)
     workers = _workers(2, None)
     import besman.pipeline.pipeline
     work = ["besman.stages.refine.search_loop", "mujoco.rollout"]

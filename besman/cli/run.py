@@ -40,13 +40,15 @@ def run(
     video: Annotated[bool, typer.Option("--video", help="Make the video of a motion too.")] = False,
 ) -> None:
     """Run a pipeline; stages whose config and input did not change are loaded."""
-    _load_ahead(pipeline, out, jobs, cluster)
-    from besman.cli.progress_bars import stage_display
     from besman.config.resources import find_resource
+
+    path = find_resource("pipelines", pipeline)
+    _load_ahead(path, out, jobs, cluster)
+    from besman.cli.progress_bars import stage_display
     from besman.pipeline.config import load_pipeline
 
     chosen = [*(settings or ()), *([] if tool is None else [f"tool={tool}"])]
-    config = load_pipeline(find_resource("pipelines", pipeline), tuple(chosen))
+    config = load_pipeline(path, tuple(chosen))
     folder = out or Path("runs") / config.name
     if video:
         from besman.report.video import check_video
@@ -63,12 +65,12 @@ def run(
         _finish(folder, workers)
 
 
-def _load_ahead(pipeline: str, out: Path | None, jobs: int, cluster: str | None) -> None:
+def _load_ahead(pipeline: Path, out: Path | None, jobs: int, cluster: str | None) -> None:
     """Have what the processes of a new run need loaded, while this one loads what it needs itself.
 
     Where the pipeline is not named as its file is, that begins when the first process is needed.
     """
-    folder = out or Path("runs") / Path(pipeline).stem
+    folder = out or Path("runs") / pipeline.stem
     if jobs > 1 and cluster is None and not folder.exists():
         from besman.pipeline.preload import PRELOAD
         from besman.report.preload import DRAWING

@@ -5,11 +5,13 @@ This module loads nothing but Python's own: that process is begun before all els
 
 from __future__ import annotations
 
+import atexit
 import os
 import signal
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from multiprocessing import forkserver, get_context
+from typing import Any
 
 from besman.work.stopping import SIGNALS
 
@@ -32,6 +34,8 @@ def start_server(preload: Sequence[str] = ()) -> None:
     """
     before = os.environ.get(_ONE_THREAD)
     os.environ[_ONE_THREAD] = "1"
+    atexit.unregister(_end_server)
+    atexit.register(_end_server)
     try:
         with deaf():
             get_context("forkserver").set_forkserver_preload([*_LOADED, *preload, _LOADED_LAST])
@@ -41,6 +45,21 @@ def start_server(preload: Sequence[str] = ()) -> None:
             del os.environ[_ONE_THREAD]
         else:
             os.environ[_ONE_THREAD] = before
+
+
+def _end_server() -> None:
+    """End that process as this one ends: while it loads it would not see that it is alone."""
+    pid = server_pid()
+    with suppress(OSError):
+        if pid is not None and os.waitpid(pid, os.WNOHANG) == (0, 0):
+            os.kill(pid, signal.SIGKILL)
+
+
+def server_pid() -> int | None:
+    """Return the number of the process that workers are forked from; None if it does not run."""
+    server: Any = forkserver._forkserver
+    pid: int | None = server._forkserver_pid
+    return pid
 
 
 @contextmanager

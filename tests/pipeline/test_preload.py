@@ -35,5 +35,5 @@ def test_modules_are_loaded_ahead_for_a_new_run(
     (tmp_path / "runs" / "old").mkdir(parents=True)
     asked = []
     monkeypatch.setattr(fork_server, "start_server", asked.append)
-    _load_ahead(pipeline, None if out is None else Path(out), jobs, cluster)
+    _load_ahead(Path(pipeline), None if out is None else Path(out), jobs, cluster)
     assert asked == [(*PRELOAD, *DRAWING)] * begun
