@@ -53,7 +53,7 @@ def describe_origin(recording: Recording | LabelledRecording, whole: bool = True
         return origin
     rows = np.unique(np.linspace(0, len(recording.time) - 1, _DIGESTED_FRAMES).astype(np.int64))
     places = recording.positions[rows]
-    seen = np.isfinite(places).all(axis=2)
+    seen = np.asarray(np.isfinite(places).all(axis=2))
     # Twice, as writing a TSV does: what is written and read back has the same.
     whole_um = np.where(seen[..., None], np.rint(places * 1e3 * 1e3), 0.0).astype("<i8")
     order = np.lexsort((*np.moveaxis(whole_um, 2, 0), ~seen), axis=1)
