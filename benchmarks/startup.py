@@ -101,8 +101,9 @@ from multiprocessing import forkserver
 from pathlib import Path
 try:
     import besman.cli.main
-    from besman.cli.run import _workers
-    workers = _workers(Path("/nowhere"), 2, None)
+    from besman.cli.run import _load_ahead, _workers
+    _load_ahead(Path("nowhere"), Path("/nowhere"), 2, None)
+    workers = _workers(2, None)
     import besman.pipeline.pipeline
     work = ["besman.stages.refine.search_loop", "mujoco.rollout"]
     rest = ["besman.report.page"]

@@ -40,18 +40,21 @@ def run(
     video: Annotated[bool, typer.Option("--video", help="Make the video of a motion too.")] = False,
 ) -> None:
     """Run a pipeline; stages whose config and input did not change are loaded."""
-    from besman.cli.progress_bars import stage_display
     from besman.config.resources import find_resource
+
+    path = find_resource("pipelines", pipeline)
+    _load_ahead(path, out, jobs, cluster)
+    from besman.cli.progress_bars import stage_display
     from besman.pipeline.config import load_pipeline
 
     chosen = [*(settings or ()), *([] if tool is None else [f"tool={tool}"])]
-    config = load_pipeline(find_resource("pipelines", pipeline), tuple(chosen))
+    config = load_pipeline(path, tuple(chosen))
     folder = out or Path("runs") / config.name
     if video:
         from besman.report.video import check_video
 
         check_video()
-    with _workers(folder, jobs, cluster) as workers:
+    with _workers(jobs, cluster) as workers:
         from besman.pipeline.pipeline import run_pipeline
 
         keep_all()
@@ -62,16 +65,27 @@ def run(
         _finish(folder, workers)
 
 
-def _workers(folder: Path, jobs: int, cluster: str | None) -> "Workers":
-    """Return the processes of a run; a new one needs them, so they load while this one does."""
+def _load_ahead(pipeline: Path, out: Path | None, jobs: int, cluster: str | None) -> None:
+    """Have what the processes of a new run need loaded, while this one loads what it needs itself.
+
+    Where the pipeline is not named as its file is, that begins when the first process is needed.
+    """
+    folder = out or Path("runs") / pipeline.stem
+    if jobs > 1 and cluster is None and not folder.exists():
+        from besman.pipeline.preload import PRELOAD
+        from besman.report.preload import DRAWING
+        from besman.work.fork_server import start_server
+
+        start_server((*PRELOAD, *DRAWING))
+
+
+def _workers(jobs: int, cluster: str | None) -> "Workers":
+    """Return the processes of a run."""
     from besman.pipeline.preload import PRELOAD
-    from besman.report.drawings import DRAWING
+    from besman.report.preload import DRAWING
     from besman.work.workers import Workers
 
-    workers = Workers(jobs, cluster, (*PRELOAD, *DRAWING))
-    if not folder.exists():
-        workers.start()
-    return workers
+    return Workers(jobs, cluster, (*PRELOAD, *DRAWING))
 
 
 def _make_video(

@@ -12,6 +12,8 @@ DEEPEST = 64
 MOST_DIGITS = 19
 """Digits of an integer: those of 64 bits."""
 
+_NODES = frozenset((dict, list))
+
 
 def parse_json(text: str | bytes, allow_nan: bool = False) -> Any:
     """Parse JSON.
@@ -56,13 +58,14 @@ def parse_json(text: str | bytes, allow_nan: bool = False) -> Any:
 
 
 def is_deep(content: Any, deepest: int) -> bool:
-    """Tell whether lists and objects lie in each other more than so many levels."""
-    level = [content] if isinstance(content, dict | list) else []
+    """Tell whether lists and objects of JSON lie in each other more than so many levels."""
+    level = [content] if type(content) in _NODES else []
     for _ in range(deepest):
         inside = chain.from_iterable(
-            node.values() if isinstance(node, dict) else node for node in level
+            [node.values() if type(node) is dict else node for node in level]
         )
-        level = [node for node in inside if isinstance(node, dict | list)]
+        # Exactly these: most of what is looked at are numbers.
+        level = [node for node in inside if type(node) in _NODES]
         if not level:
             return False
     return True

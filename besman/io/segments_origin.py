@@ -52,12 +52,15 @@ def describe_origin(recording: Recording | LabelledRecording, whole: bool = True
     if isinstance(recording, LabelledRecording) or not whole:
         return origin
     rows = np.unique(np.linspace(0, len(recording.time) - 1, _DIGESTED_FRAMES).astype(np.int64))
+    places = recording.positions[rows]
+    seen = np.asarray(np.isfinite(places).all(axis=2))
+    # Twice, as writing a TSV does: what is written and read back has the same.
+    whole_um = np.where(seen[..., None], np.rint(places * 1e3 * 1e3), 0.0).astype("<i8")
+    order = np.lexsort((*np.moveaxis(whole_um, 2, 0), ~seen), axis=1)
+    whole_um = np.take_along_axis(whole_um, order[..., None], axis=1)
     sha = hashlib.sha256()
-    for row in rows:
-        places = recording.positions[row]
-        # Twice, as writing a TSV does: what is written and read back has the same.
-        seen = np.rint(places[np.isfinite(places).all(axis=1)] * 1e3 * 1e3).astype("<i8")
-        sha.update(np.int64(row).tobytes() + seen[np.lexsort(seen.T)].tobytes())
+    for row, of_row, n_seen in zip(rows, whole_um, seen.sum(axis=1), strict=True):
+        sha.update(np.int64(row).tobytes() + of_row[:n_seen].tobytes())
     return {**origin, _DIGEST: sha.hexdigest()}
 
 

@@ -34,6 +34,11 @@ class SceneGeoms:
     moving: tuple[bool, ...]
 
 
+def seen_geoms(model: mujoco.MjModel) -> npt.NDArray[np.bool_]:
+    """Tell which geoms of a scene (G,) are there to be seen."""
+    return np.asarray(model.geom_rgba[:, 3] > 0)
+
+
 def scene_geoms(robot: Robot, model: mujoco.MjModel) -> SceneGeoms:
     """Find what a scene holds beside the arm.
 
@@ -47,7 +52,8 @@ def scene_geoms(robot: Robot, model: mujoco.MjModel) -> SceneGeoms:
     Returns
     -------
     SceneGeoms
-        Tool, fixed things and what moves by itself. The capsules of the links are left out.
+        Tool, fixed things and what moves by itself. The capsules of the links are left out, and
+        what is not seen.
     """
     links = robot.chain.capsule_links
     left = {"world": 0} | dict.fromkeys(robot.joint_names, 0)
@@ -56,7 +62,10 @@ def scene_geoms(robot: Robot, model: mujoco.MjModel) -> SceneGeoms:
             left["world" if joint < 0 else robot.joint_names[joint]] += 1
     root = model.body_rootid[model.body(robot.joint_names[0]).id]
     ids, colours, moving = [], [], []
+    seen = seen_geoms(model)
     for geom in range(model.ngeom):
+        if not seen[geom]:
+            continue
         body = model.geom_bodyid[geom]
         name = model.body(body).name
         # Those of the links come first in their body.

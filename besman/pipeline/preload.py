@@ -1,4 +1,4 @@
-"""What the processes of a run load before they are asked."""
+"""What the processes of a run load before they are asked. Loads nothing itself."""
 
 PRELOAD = (
     "besman.stages.map.map_demonstrations",
@@ -9,6 +9,6 @@ PRELOAD = (
     "besman.simulation.tasks.stick_throw.stick_throw",
     "besman.stages.export.motion_exports",
     "mujoco.rollout",
-    "besman.robot.loaded_kernels",
+    "besman.stages.refine.rehearsal",
 )
 """Modules that processes need for nearly every run: mapping, refinement, exports."""

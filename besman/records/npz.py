@@ -6,10 +6,12 @@ name terabytes.
 
 from __future__ import annotations
 
+import io
 import math
 import tokenize
 import zipfile
 import zlib
+from functools import lru_cache
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -32,6 +34,21 @@ ERRORS = (
     zlib.error,
 )
 """What reading an archive that is damaged or made up can raise."""
+
+
+# Of each version of the format: bytes that tell a header's length, and what reads both.
+_HEADERS = {
+    (1, 0): (2, np.lib.format.read_array_header_1_0),
+    (2, 0): (4, np.lib.format.read_array_header_2_0),
+}
+_LONGEST_HEADER = 10_000
+
+
+@lru_cache(maxsize=256)
+def _parse_header(version: tuple[int, int], header: bytes) -> tuple[Any, bool, np.dtype[Any]]:
+    """Return shape, order and type that a header tells: a file has few that differ, and many."""
+    shape, fortran_order, dtype = _HEADERS[version][1](io.BytesIO(header))
+    return shape, fortran_order, dtype
 
 
 class Arrays:
@@ -74,13 +91,13 @@ class Arrays:
         member = self._archive.getinfo(f"{name}.npy")
         with self._archive.open(member) as file:
             version = np.lib.format.read_magic(file)
-            readers = {
-                (1, 0): np.lib.format.read_array_header_1_0,
-                (2, 0): np.lib.format.read_array_header_2_0,
-            }
-            if version not in readers:
+            if version not in _HEADERS:
                 raise ValueError(f"array {name}: version {version} is not known")
-            shape, fortran_order, dtype = readers[version](file)
+            length = file.read(_HEADERS[version][0])
+            size = int.from_bytes(length, "little")
+            if size > _LONGEST_HEADER:
+                raise ValueError(f"array {name}: header of {size} bytes")
+            shape, fortran_order, dtype = _parse_header(version, length + file.read(size))
             if dtype.hasobject:
                 raise ValueError(f"array {name}: holds Python objects")
             size = math.prod(shape) * dtype.itemsize

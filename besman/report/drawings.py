@@ -9,15 +9,6 @@ from typing import Any, Protocol
 
 from besman.work.work import Work
 
-DRAWING = (
-    "matplotlib.backends.backend_svg",
-    "matplotlib.figure",
-    "besman.report.figures",
-    "besman.report.motion_figures",
-    "besman.report.overview",
-)
-"""Modules that a process needs for it."""
-
 # In no text that is shown.
 _PLACE = re.compile("\x00([0-9]+)\x00")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from besman.report.run_records import ArmRecords
 
 # More would take longer to draw than to compute, and nobody looks at hundreds.
 _DRAWN = 60
+_MOVEMENT = ("time", "positions", "velocities", "accelerations", "object_path", "tool_path")
 _FORMATS = (
     (".csv", "CSV"),
     (".ros.json", "ROS"),
@@ -115,7 +117,8 @@ def _refinement(arm: ArmRecords, radius: float, draw: DrawFigure) -> str:
     """Draw learning curves, touchdown maps and generations."""
     from besman.report import motion_figures as figures
 
-    motions = arm.motions
+    # They may be drawn by other processes: what is not looked at is not sent there.
+    motions = [without_movement(one) for one in arm.motions]
     ended, tried = ("landed", "throws") if landed(motions) else ("ended", "tries")
     curves = captioned(
         draw(figures.learning_curve, motions, radius),
@@ -156,6 +159,12 @@ def _refinement(arm: ArmRecords, radius: float, draw: DrawFigure) -> str:
         f'<h3>Where motions {ended}</h3><div class="pair">{maps}</div>'
         f'<h3>{tried.capitalize()} over generations</h3><div class="pair">{generations}</div>'
     )
+
+
+def without_movement(motion: RefinedMotion) -> RefinedMotion:
+    """Return what a search has come to, without the samples of the best plan's movement."""
+    nothing = {name: getattr(motion, name)[:0] for name in _MOVEMENT}
+    return replace(motion, milestones=(), **nothing)
 
 
 def landed(motions: Sequence[RefinedMotion]) -> bool:

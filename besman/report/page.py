@@ -22,7 +22,7 @@ from besman.report.html_tables import html_table
 from besman.report.motions import captioned, demonstration_table, motion_sections, overview_figure
 from besman.report.page_style import SORT_SCRIPT, STYLE
 from besman.report.recordings import action_section, recording_section
-from besman.report.run_records import ArmRecords, arm_records, load_records
+from besman.report.run_records import SHOWN, ArmRecords, arm_records, load_records
 from besman.report.stage_tables import stage_tables
 from besman.report.task_table import task_table
 from besman.report.terminal import failures, outcome_lines
@@ -103,7 +103,7 @@ def _figures(
     drawn = _drawn(kept)
     if drawn.get("key") == key:
         return drawn["overview"], drawn["rest"]
-    records = load_records(folder)
+    records = load_records(folder, SHOWN)
     arms = arm_records(records, config)
     draw = Drawings()
     shown = [arm for arm in arms if arm.motions]

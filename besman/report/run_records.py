@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Container
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -49,13 +50,30 @@ class ArmRecords:
         return f" ({self.title})" if self.title else ""
 
 
-def load_records(folder: Path) -> dict[str, Any]:
-    """Load the records of the stages that a run has done, by their names; and ``truth``."""
+SHOWN = frozenset(
+    {"truth", "label", "recognize", "compose", "actions", "map", "refine", "robustness"}
+    | {"refine_second", "robustness_second", "task_plans", "aim", "simulate", "refine_tasks"}
+)
+"""Stages whose records a report shows."""
+
+
+def load_records(folder: Path, names: Container[str] | None = None) -> dict[str, Any]:
+    """Load the records of the stages that a run has done, by their names; and ``truth``.
+
+    Parameters
+    ----------
+    folder : Path
+        A run folder.
+    names : container of str, optional
+        Those alone.
+    """
     run = open_run(folder)
     found = {
-        name: run.record(name) for name, place in run.stages.items() if (place / RECORD).is_file()
+        name: run.record(name)
+        for name, place in run.stages.items()
+        if (names is None or name in names) and (place / RECORD).is_file()
     }
-    if (folder / "truth.npz").is_file():
+    if (names is None or "truth" in names) and (folder / "truth.npz").is_file():
         found["truth"] = load_record(folder / "truth.npz")
     return found
 

@@ -16,7 +16,7 @@ from besman.exceptions import RenderingError, RunError, in_one_line, nearest, wh
 from besman.io.atomic_files import check_folder, make_folder, written_aside
 from besman.pictures.camera import CameraView, frame_points
 from besman.pictures.rendering import Renderer
-from besman.pictures.scene_geoms import SceneGeoms, farthest_path, scene_geoms
+from besman.pictures.scene_geoms import SceneGeoms, farthest_path, scene_geoms, seen_geoms
 from besman.pipeline.derived_files import note_file
 from besman.pipeline.stored_run import open_run
 from besman.records import FloatArray, RefinedMotion
@@ -212,13 +212,13 @@ def _extent(panel: Panel) -> FloatArray:
     """Return corners around everything that an episode shows, at some moments, shape (N, 3)."""
     model, data = panel.playback.model, mujoco.MjData(panel.playback.model)
     sides = np.array(list(product((-1.0, 1.0), repeat=3)))
-    found = []
+    found, seen = [], seen_geoms(model)
     for row in np.linspace(0, len(panel.playback.states) - 1, _MOMENTS).astype(int):
         data.qpos[:] = panel.playback.states[row]
         mujoco.mj_kinematics(model, data)
         # Half the box that a geom fits into however it is turned.
-        reach = np.minimum(model.geom_rbound, _LARGEST_M)[:, None, None] / np.sqrt(3.0)
-        found.append((data.geom_xpos[:, None] + reach * sides).reshape(-1, 3))
+        reach = np.minimum(model.geom_rbound, _LARGEST_M)[seen, None, None] / np.sqrt(3.0)
+        found.append((data.geom_xpos[seen, None] + reach * sides).reshape(-1, 3))
     return np.concatenate([*found, panel.trail[::10], panel.trail[-1:]])
 
 

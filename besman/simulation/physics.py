@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -19,6 +20,20 @@ FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 
 _CHUNK_STEPS = 50
+_KEPT = threading.local()
+
+
+def spare_data(model: mujoco.MjModel) -> mujoco.MjData:
+    """Return data of a model for this thread to work in, with whatever is left there.
+
+    To make them takes as long as fifty steps.
+    """
+    import mujoco
+
+    kept: tuple[mujoco.MjModel, mujoco.MjData] | None = getattr(_KEPT, "pair", None)
+    if kept is None or kept[0] is not model:
+        _KEPT.pair = kept = (model, mujoco.MjData(model))
+    return kept[1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +109,7 @@ def run_physics(
         sensors=np.full((batch, steps, model.nsensordata), np.nan),
         steps=np.zeros(batch, dtype=np.int64),
     )
-    data = [mujoco.MjData(model)]
+    data = [spare_data(model)]
     models = [perturb_model(model, one) for one in perturbations]
     if perturbations:
         step = model.opt.timestep

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -48,10 +49,8 @@ def arm_surface(robot: Robot, pose: FloatArray) -> ArmSurface:
     data = robot.model.createData()
     pinocchio.forwardKinematics(robot.model, data, np.asarray(pose))
     parts = []
-    meshes = robot_meshes(robot)
-    fewer = decimate([Mesh(*rest) for _, _, *rest in meshes], _MOST_TRIANGLES)
-    for (_, joint, *_), mesh in zip(meshes, fewer, strict=True):
-        parts.append((joint, mesh, ARM))
+    meshes = _link_meshes(robot)
+    parts += [(joint, mesh, ARM) for _, joint, mesh in meshes]
     meshed = {link for link, *_ in meshes}
     chain = robot.chain
     for link, joint, ends, radius in zip(
@@ -73,6 +72,17 @@ def arm_surface(robot: Robot, pose: FloatArray) -> ArmSurface:
     placed = [_place(data, joint, mesh) for joint, mesh, _ in parts]
     colours = [np.tile(colour, (len(mesh.triangles), 1)) for _, mesh, colour in parts]
     return ArmSurface(np.concatenate(placed), np.concatenate(colours))
+
+
+@lru_cache(maxsize=4)
+def _link_meshes(robot: Robot) -> tuple[tuple[str, int, Mesh], ...]:
+    """Return link, joint and mesh of an arm's links that have one, with so few triangles as drawn.
+
+    Kept, because a page draws an arm in several poses.
+    """
+    meshes = robot_meshes(robot)
+    fewer = decimate([Mesh(*rest) for _, _, *rest in meshes], _MOST_TRIANGLES)
+    return tuple((link, at, mesh) for (link, at, *_), mesh in zip(meshes, fewer, strict=True))
 
 
 def _place(data: Any, joint: int, mesh: Mesh) -> FloatArray:

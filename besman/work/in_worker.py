@@ -83,7 +83,7 @@ def run_item(call: bytes, item: bytes) -> bytes:
 @lru_cache(maxsize=4)
 def _function(call: bytes) -> Callable[[Any], Any]:
     """Unpickle the function, once for all items; see that this process is as the sender is."""
-    _limit_threads()
+    limit_threads()
     sent, function = pickle.loads(call)  # noqa: S301
     own = environment()
     differs = [f"{key} {own.get(key)}" for key in sent if own.get(key) != sent[key]]
@@ -99,7 +99,7 @@ def _function(call: bytes) -> Callable[[Any], Any]:
 
 
 @lru_cache(maxsize=1)
-def _limit_threads() -> None:
+def limit_threads() -> None:
     """Have BLAS use one thread, as in the process that runs the pipeline."""
     # Each loads a BLAS of its own.
     import numpy  # noqa: F401

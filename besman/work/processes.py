@@ -2,55 +2,25 @@
 
 from __future__ import annotations
 
-import os
-import signal
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from concurrent.futures import Future
 from contextlib import contextmanager
-from multiprocessing import forkserver, get_context
+from multiprocessing import get_context
 from types import ModuleType
 
 from joblib.externals.loky import ProcessPoolExecutor
 from joblib.externals.loky.process_executor import BrokenProcessPool
 
+from besman.work.fork_server import deaf, start_server
 from besman.work.in_worker import begin_worker, run_item
-from besman.work.stopping import SIGNALS
 
 # A process without work ends.
 _IDLE_S = 60.0
-# What `besman.work.in_worker` loads before the first item.
-_LOADED = ("besman.work.loaded_code", "numpy", "scipy.linalg", "threadpoolctl")
-_LOADED_LAST = "besman.work.loaded_last"
-_ONE_THREAD = "OPENBLAS_NUM_THREADS"
-
-
-def start_server(preload: Sequence[str] = ()) -> None:
-    """Start the process that workers are forked from; it loads modules while this one goes on.
-
-    Forked from it, they have loaded them at once, and none of this process's memory or threads. It
-    ends with this process. Nothing is done if it runs.
-
-    Parameters
-    ----------
-    preload : sequence of str
-        Names of modules.
-    """
-    before = os.environ.get(_ONE_THREAD)
-    os.environ[_ONE_THREAD] = "1"
-    try:
-        with _deaf():
-            get_context("forkserver").set_forkserver_preload([*_LOADED, *preload, _LOADED_LAST])
-            forkserver.ensure_running()
-    finally:
-        if before is None:
-            del os.environ[_ONE_THREAD]
-        else:
-            os.environ[_ONE_THREAD] = before
 
 
 class ProcessPool:
-    """Processes that have none of this one's memory or threads; see `start_server`.
+    """Processes that have none of this one's memory or threads; see `besman.work.fork_server`.
 
     Parameters
     ----------
@@ -81,7 +51,7 @@ class ProcessPool:
 
     def submit(self, call: bytes, item: bytes) -> Future[bytes]:
         """Have an item worked on."""
-        with _deaf(), _without_script():
+        with deaf(), _without_script():
             try:
                 future: Future[bytes] = self._executor.submit(run_item, call, item)
             except BrokenProcessPool:
@@ -100,19 +70,6 @@ class ProcessPool:
     def close(self) -> None:
         """End the processes."""
         self._executor.shutdown(wait=True, kill_workers=True)
-
-
-@contextmanager
-def _deaf() -> Iterator[None]:
-    """Let processes that are started here hear nothing of Ctrl-C, SIGTERM and SIGHUP.
-
-    A terminal sends these to them as well; this process hears them, and ends the others.
-    """
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextmanager

@@ -55,7 +55,7 @@ class Workers:
     def start(self) -> None:
         """Have modules loaded for processes on this machine, while this process does other work."""
         if self.jobs > 1 and self.cluster is None:
-            from besman.work.processes import start_server
+            from besman.work.fork_server import start_server
 
             start_server(self._preload)
 

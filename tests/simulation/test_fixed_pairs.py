@@ -4,7 +4,10 @@ import mujoco
 import numpy as np
 import pytest
 
+from besman.pictures.scene_geoms import scene_geoms
 from besman.robot.model import load_robot
+from besman.simulation import scenes
+from besman.simulation.scenes import lay_in_tool
 from besman.simulation.tasks.ball_throw import ball_throw
 from besman.simulation.tasks.kinds import load_task
 from besman.simulation.tasks.stick_throw import stick_throw
@@ -44,3 +47,20 @@ def test_contacts_are_those_that_mujoco_finds(task, robot, tool, module, build, 
         met.add(len(seen[0]))
         np.testing.assert_allclose(seen[0], seen[1], atol=1e-9)
     assert max(met) >= 2
+
+
+def test_a_shape_far_above_changes_nothing(monkeypatch):
+    arm, task = load_robot("ur5", "stick_holder"), load_task("stick_throw")
+    with_it = stick_throw.stick_throw_model.__wrapped__(arm, task)
+    monkeypatch.setattr(scenes, "_add_far_shape", lambda spec: None)
+    without = stick_throw.stick_throw_model.__wrapped__(arm, task)
+    assert with_it.ngeom == without.ngeom + 1
+    assert scene_geoms(arm, with_it).ids == scene_geoms(arm, without).ids
+    states = []
+    for model in (with_it, without):
+        data = mujoco.MjData(model)
+        data.qpos[:] = lay_in_tool(model, arm.home[None], task.stick.length_m / 2)[0]
+        data.ctrl[:] = arm.home + 0.2
+        mujoco.mj_step(model, data, 200)
+        states.append([*data.qpos, *data.qvel])
+    assert states[0] == states[1]

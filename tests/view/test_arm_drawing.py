@@ -8,6 +8,7 @@ import pytest
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.model import load_robot
 from besman.robot.workspace import sample_workspace
+from besman.view import arm_drawing
 from besman.view.arm_drawing import ArmSurface, arm_surface, capsule_mesh, project
 from besman.view.arm_figures import home_figure, workspace_figure
 
@@ -64,3 +65,10 @@ def test_the_figures_are_the_same_every_time(robot):
         assert drawing.startswith("<svg")
         assert "forward [m]" in drawing or "height [m]" in drawing
     assert workspace_figure(space, robot) == around
+
+
+def test_the_meshes_of_an_arm_are_read_once(robot, monkeypatch):
+    arm_surface(robot, robot.home)
+    monkeypatch.setattr(arm_drawing, "robot_meshes", None)
+    moved = arm_surface(robot, robot.home + 0.1)
+    assert moved.triangles.shape == arm_surface(robot, robot.home).triangles.shape

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -90,18 +91,10 @@ def load_model(path: Path) -> RecognitionModel:
         raise RecognitionError(f"{about}: is no model; expected format {_FORMAT!r}")
     if not arrays.is_file():
         raise RecognitionError(f"{arrays}: no such file; it belongs beside {about.name}")
-    if _checksum(arrays) != content.get("sha256"):
+    checksum = _checksum(arrays)
+    if checksum != content.get("sha256"):
         raise RecognitionError(f"{arrays}: is damaged or not the one that {about.name} describes")
-    try:
-        model = load_record(arrays, _MOST_BYTES)
-    except RunError as error:
-        raise RecognitionError(str(error)) from None
-    if not isinstance(model, RecognitionModel):
-        raise RecognitionError(f"{arrays}: holds a {type(model).__name__}; expected a model")
-    try:
-        check_model(model)
-    except RecognitionError as error:
-        raise RecognitionError(f"{arrays}: {error}") from None
+    model = _read_arrays(arrays, checksum)
     for key, value in json.loads(json.dumps(describe_model(model))).items():
         # What an older besman did not write is not missed.
         if content.get(key, value) != value:
@@ -109,6 +102,23 @@ def load_model(path: Path) -> RecognitionModel:
                 f"{about}: {key}: got {content[key]!r:.80}, which is not what {arrays.name} holds: "
                 f"{value!r:.80}"
             )
+    return model
+
+
+# A run asks for a model to know its classes, and later to use it.
+@lru_cache(maxsize=2)
+def _read_arrays(path: Path, checksum: str) -> RecognitionModel:
+    """Read the model that a file with a checksum holds; the same content is read once."""
+    try:
+        model = load_record(path, _MOST_BYTES)
+    except RunError as error:
+        raise RecognitionError(str(error)) from None
+    if not isinstance(model, RecognitionModel):
+        raise RecognitionError(f"{path}: holds a {type(model).__name__}; expected a model")
+    try:
+        check_model(model)
+    except RecognitionError as error:
+        raise RecognitionError(f"{path}: {error}") from None
     return model
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -138,56 +139,66 @@ def measure_jacobian(
     trust : array, shape (D,)
         See `trust_of`.
     """
-    here = evaluate(point, True)
     least = np.full(len(point), -np.inf) if floor is None else floor
-    measure = partial(
-        _measure_column,
-        evaluate=evaluate,
-        point=point,
-        here=here,
-        step=step,
-        aiming=aiming,
-        floor=least,
+    look = partial(
+        _look_beside, evaluate=evaluate, point=point, step=step, aiming=aiming, floor=least
     )
-    columns = work.map(
-        measure, list(measured), name=lambda at: f"coordinate {at}", processes=_COLUMNS
+    # The point itself is looked at beside the others: all at once.
+    (here, _), *columns = work.map(
+        look, [None, *measured], name=lambda at: f"coordinate {at}", processes=_COLUMNS
     )
     jacobian, trust = np.zeros((*here.shape, len(point))), np.ones(len(point))
-    for at, (column, ahead, behind) in zip(measured, columns, strict=True):
-        jacobian[..., at] = column + 0.5 * (ahead + behind) - column[0]
-        trust[at] = trust_of(ahead[:, None], behind[:, None])[0]
+    for at, (found, ways) in zip(measured, columns, strict=True):
+        column, ahead, behind = (
+            np.nan_to_num((value - here[: len(value)]) / way)
+            for value, way in zip(found, ways, strict=True)
+        )
+        jacobian[..., at] = column + 0.5 * (ahead[0] + behind[0]) - column[0]
+        trust[at] = trust_of(ahead[0, :, None], behind[0, :, None])[0]
     return jacobian, trust
 
 
-def _measure_column(
-    at: int,
+def _look_beside(
+    at: int | None,
     evaluate: Evaluate,
     point: FloatArray,
-    here: FloatArray,
     step: float,
     aiming: float,
     floor: FloatArray,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Measure the slopes along a coordinate: (W, R), and ahead and behind (R,) in the first."""
+) -> tuple[Any, Any]:
+    """Look at the residuals beside a point along a coordinate, or at the point itself.
 
-    def slope(side: float, all_worlds: bool) -> FloatArray:
-        moved = point.copy()
-        moved[at] += side
-        found = evaluate(moved, all_worlds)
-        return np.asarray((found - here[: len(found)]) / side)
+    Returns
+    -------
+    found : tuple of array, shape (W, R)
+        A step ahead, and ahead and behind by `aiming` in the first world, (1, R); of no
+        coordinate, the residuals at the point.
+    ways : tuple of array
+        How far away each of these numbers is from: the other way where one has no outcome.
+    """
+    if at is None:
+        return evaluate(point, True), None
 
-    def one_way(side: float, all_worlds: bool) -> FloatArray:
-        found = slope(side, all_worlds)
-        if np.isnan(found).any():
-            found = np.where(np.isnan(found), slope(-side, all_worlds), found)
-        return np.nan_to_num(found)
+    def one_way(way: float, all_worlds: bool) -> tuple[FloatArray, FloatArray]:
+        found = evaluate(_moved(point, at, way), all_worlds)
+        lost = np.isnan(found)
+        if lost.any():
+            found = np.where(lost, evaluate(_moved(point, at, -way), all_worlds), found)
+        return found, np.where(lost, -way, way)
 
-    column = one_way(step, True)
-    ahead = one_way(aiming, False)[0]
-    if point[at] - aiming < floor[at]:
-        # Nothing changes on that side.
-        return column, ahead, ahead
-    return column, ahead, one_way(-aiming, False)[0]
+    looks = [one_way(step, True), one_way(aiming, False)]
+    # Nothing changes below the floor.
+    below = point[at] - aiming < floor[at]
+    looks.append(looks[1] if below else one_way(-aiming, False))
+    found, ways = zip(*looks, strict=True)
+    return found, ways
+
+
+def _moved(point: FloatArray, at: int, way: float) -> FloatArray:
+    """Return a point that is moved along a coordinate."""
+    moved = point.copy()
+    moved[at] += way
+    return moved
 
 
 def measure_all_at_once(

@@ -91,3 +91,11 @@ def test_a_record_of_another_kind_is_refused(trained, tmp_path):
         about.write_text(json.dumps(described))
         with pytest.raises(RecognitionError, match=message):
             load_model(arrays)
+
+
+def test_a_model_that_is_asked_for_again_is_read_once(trained, tmp_path):
+    arrays, about = save_model(trained, tmp_path / "one")
+    assert load_model(about) is load_model(arrays)
+    arrays.write_bytes(arrays.read_bytes()[:-1])
+    with pytest.raises(RecognitionError, match="damaged"):
+        load_model(about)

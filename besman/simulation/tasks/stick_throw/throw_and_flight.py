@@ -224,9 +224,10 @@ def judge_throws(
         As in `simulate_throw`.
     """
     last = last_steps(task, movements)
-    batch, steps, n = movements.positions.shape
+    # Beyond what was simulated there is nothing to look at.
+    batch, steps, n = len(run.steps), int(run.steps.max()), movements.positions.shape[2]
     rows = np.arange(batch)
-    places = run.sensors[:, :, THING]
+    places = run.sensors[:, :steps, THING]
     clear = thing.is_clear(places) & (np.arange(steps) <= last[:, None])
     released = np.asarray(clear.any(axis=1))
     at = np.where(released, clear.argmax(axis=1), np.minimum(run.steps - 1, last))

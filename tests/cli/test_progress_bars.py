@@ -1,0 +1,42 @@
+"""Progress where nobody watches a terminal."""
+
+import re
+import threading
+
+from besman.cli.progress_bars import StageLines, stage_display
+
+
+def test_a_stage_is_told_as_it_begins_and_ends(capsys, monkeypatch):
+    monkeypatch.delenv("FORCE_COLOR", raising=False)
+    with stage_display() as show:
+        progress, end = show("map")
+        assert capsys.readouterr().err == "map ...\n"
+        progress(0.5)
+        end(True)
+        assert re.fullmatch(r"map: \d+\.\d s\n", capsys.readouterr().err)
+        _, end = show("refine\x1b")
+        end(False)
+        end(True)
+        assert capsys.readouterr().err == "refine\\x1b ...\nrefine\\x1b: not finished\n"
+
+
+def test_a_long_stage_is_told_of_every_so_often():
+    told, often = [], threading.Event()
+
+    def tell(line):
+        told.append(line)
+        if len(told) == 3:
+            often.set()
+
+    stage = StageLines("refine", tell, every_s=0.002)
+    stage.progress(0.25)
+    assert often.wait(5)
+    stage.stop()
+    assert told[0] == "refine ..."
+    assert told[2] == "refine: 25 %, 0 s"
+
+
+def test_what_is_never_ended_says_no_more():
+    with stage_display() as show:
+        progress, _ = show("map")
+    assert progress.__self__._over.is_set()
