@@ -2,7 +2,8 @@
 
 A real outcome is the simulated one and an error that changes slowly from motion to motion: what it
 is at the best try, and how it changes from there, tries tell. So the simulation need not be right,
-only wrong in nearly the same way for motions that are nearly the same [1]_.
+only wrong in nearly the same way for motions that are nearly the same [1]_. It is the less wrong
+the more is known of the arm, see `besman.transfer.calibration`.
 
 References
 ----------
@@ -47,17 +48,20 @@ def suggest_next(
     config: TransferConfig,
     accept: Accept = lambda point: True,
     jobs: int = 1,
+    model: Simulator | None = None,
 ) -> Choice:
     """Choose the motion to try next, as the config says.
 
-    By the simulation's Jacobian, the first try is the refined motion itself, the next ones Newton
-    steps; after a failure half as long ones. Where that leads nowhere, because every try failed or
+    By the simulation's Jacobian, the first try is the refined motion itself, or where an arm that
+    is known already hits; the next ones are Newton steps; after a failure half as long ones. Where that leads nowhere, because every try failed or
     no such motion may be tried, the transferability approach goes on, with its Gaussian process.
 
     Parameters
     ----------
     simulator, archive, tries, target, config, accept, jobs
         As of `besman.transfer.approach.suggest`.
+    model : Simulator, optional
+        Of the arm as landings have told it, to step with in place of the simulator.
 
     Raises
     ------
@@ -67,12 +71,38 @@ def suggest_next(
     target = np.asarray(target, dtype=np.float64)
     if config.surrogate != "jacobian":
         return suggest(simulator, archive, tries, target, config, accept, jobs)
+    if model is not None:
+        found = _by_model(model, archive, tries, target, accept, jobs)
+        if found is not None:
+            # What is kept is what the simulation as it is says.
+            point = found.archive.points[[found.row]]
+            archive, rows = add_simulated(simulator, archive, point, jobs)
+            return Choice(archive, int(rows[0]), found.landing)
     steps = _Steps(simulator, archive, tries, target, jobs)
     found = steps.choose(accept)
     if found is not None:
         return found
     config = config.model_copy(update={"surrogate": "gaussian_process"})
     return suggest(simulator, steps.archive, tries, target, config, accept, jobs)
+
+
+def _by_model(
+    model: Simulator,
+    archive: Archive,
+    tries: Sequence[RealTry],
+    target: FloatArray,
+    accept: Accept,
+    jobs: int,
+) -> Choice | None:
+    """Step in another simulation than that of the archive; return its archive and a row of it."""
+    origin = np.zeros((1, model.space.dimension))
+    if tries:
+        points = archive.points[[one.row for one in tries]]
+        again = [RealTry(row, one.outcome) for row, one in enumerate(tries)]
+        return _Steps(model, model.simulate(points, jobs), again, target, jobs).choose(accept)
+    there = model.simulate(origin, jobs)
+    steps = _Steps(model, there, (), target, jobs)
+    return steps.choose_from(RealTry(0, there.outcomes[0]), accept) if there.thrown.all() else None
 
 
 class _Steps:
@@ -110,6 +140,10 @@ class _Steps:
             return None
         error, change = self._learn(good, best)
         return self._step(best, error, change, 0.5**failures, accept)
+
+    def choose_from(self, start: RealTry, accept: Accept) -> Choice | None:
+        """Return where the simulation hits, as near as may be to a try that it knows rightly."""
+        return self._step(start, *self._learn([start], start), 1.0, accept)
 
     def _is_good(self, one: RealTry) -> bool:
         """Tell whether something was learnt of a try: it came down, about where it was to."""
