@@ -387,7 +387,10 @@ def check_tool_name(robot: str, tool: str, task: Task) -> None:
 
 
 def place_plan(plan: AnyPlan, robot: Robot, task: Task) -> AnyPlan:
-    """Give a plan the task's target; refuse one that belongs to another robot or task."""
+    """Give a plan the task's target, and begin as the task has it begin.
+
+    Refuse one that belongs to another robot or task.
+    """
     if plan.joint_names != robot.joint_names:
         raise RefinementError(
             f"{plan.name}: plan for joints {', '.join(plan.joint_names)}; robot "
@@ -396,4 +399,4 @@ def place_plan(plan: AnyPlan, robot: Robot, task: Task) -> AnyPlan:
     plan = task.place(plan, robot)
     if not np.isfinite(task.wanted(plan)).all():
         raise RefinementError(f"{plan.name}: task {task.kind} needs a {task.needs}, got none")
-    return plan
+    return task.search_start(plan, robot)
