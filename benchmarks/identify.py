@@ -173,7 +173,7 @@ def count_tries(finished, given, seed, knows):
     while len(misses) < given.most:
         model = calibrated(simulator, landings_of(space, archive, tries), given.jobs)
         choice = suggest_next(
-            simulator, archive, tries, target, config, jobs=given.jobs, model=model
+            simulator, archive, tries, target, config, simulator.keeps_limits, given.jobs, model
         )
         archive = choice.archive
         outcome = arm.execute(space.plan_at(archive.points[choice.row]))

@@ -81,14 +81,15 @@ def approach(surrogate, motion, finished, calibrates=True):
     space = plan_space(motion.plan, finished.robot, PARTS, config.n_shapes)
     simulator = Simulator(space, finished.robot, finished.task)
     target = motion.plan.target[:2]
-    first = suggest(simulator, no_plans(space.dimension), (), target, config, jobs=JOBS)
+    may = simulator.keeps_limits
+    first = suggest(simulator, no_plans(space.dimension), (), target, config, may, JOBS)
 
     def plans(known=None):
         """Give plans for what came of the ones before; `known` are landings, and gets new ones."""
         landings, tries, choice = [] if known is None else known, [], first
         if landings:
             model, none = calibrated(simulator, landings, JOBS), no_plans(space.dimension)
-            choice = suggest(simulator, none, (), target, config, jobs=JOBS, model=model)
+            choice = suggest(simulator, none, (), target, config, may, JOBS, model)
         while True:
             outcome = yield space.plan_at(choice.archive.points[choice.row])
             tries.append(RealTry(choice.row, outcome))
@@ -96,7 +97,7 @@ def approach(surrogate, motion, finished, calibrates=True):
             landings += landings_of(space, archive, tries[-1:])
             if surrogate == "jacobian" and calibrates:
                 model = calibrated(simulator, landings, JOBS)
-            choice = suggest(simulator, archive, tries, target, config, jobs=JOBS, model=model)
+            choice = suggest(simulator, archive, tries, target, config, may, JOBS, model)
 
     return plans, first, space
 

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from besman.motion.rollout import sample_plan
 from besman.records import Record, freeze
+from besman.robot.limits import check_limits
 from besman.robot.model import Robot
 from besman.simulation.perturbation import Perturbation
 from besman.simulation.perturbed_trials import lenient_task
@@ -120,6 +122,12 @@ class Simulator:
                 ]
             ),
         )
+
+    def keeps_limits(self, point: FloatArray) -> bool:
+        """Tell whether the arm may move like a point (D,): no limit is exceeded, nothing touched."""
+        plan = self.space.plan_at(point)
+        report = check_limits(self.robot, *sample_plan(plan, self.robot)[1:])
+        return report.violations == 0 and report.self_collisions == 0
 
 
 def add_simulated(

@@ -16,7 +16,6 @@ from besman.pipeline.finished_run import FinishedRun, read_run
 from besman.records import AnyPlan, RefinedMotion
 from besman.records.files import digest
 from besman.robot.kinematics import forward_kinematics
-from besman.robot.limits import check_limits
 from besman.robot.model import Robot, load_robot
 from besman.search.protocol import Part
 from besman.simulation.tasks.kinds import KINDS
@@ -295,16 +294,9 @@ def _next(
     model: Simulator | None,
 ) -> TransferState:
     """Return the state with one try more."""
-    robot = simulator.robot
-
-    def is_within_limits(point: FloatArray) -> bool:
-        movement = sample_plan(simulator.space.plan_at(point), robot)[1:]
-        report = check_limits(robot, *movement)
-        return report.violations == 0 and report.self_collisions == 0
-
     tried = state.real_tries
     found = suggest_next(
-        simulator, state.archive, tried, target, state.config, is_within_limits, jobs, model
+        simulator, state.archive, tried, target, state.config, simulator.keeps_limits, jobs, model
     )
     expected = (float(found.landing[0]), float(found.landing[1]))
     tries = (*state.tries, Suggested(found.row, expected))
