@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 from besman.evaluation.names import WHOLE_TASK_SEARCHES
-from besman.evaluation.refinement_functions import Attempt
+from besman.evaluation.refinement_functions import Attempt, Note, take_no_note
 from besman.exceptions import ConfigError
 from besman.records import TaskPlan
 from besman.robot.model import Robot
-from besman.simulation.tasks.rearrange.block_trials import BlockTrials
+from besman.simulation.tasks.rearrange.block_trials import (
+    BlockGoal,
+    BlockOutcome,
+    BlockState,
+    BlockTrials,
+)
 from besman.simulation.tasks.rearrange.boxes import BoxFrame
 from besman.simulation.tasks.rearrange.rearrange import RearrangeConfig
 from besman.stages.refine.block_detours import lead_parts_around
@@ -67,11 +73,12 @@ class WholeTaskProblem:
             f"{success.success_angle_deg:g} degrees, simulated at once"
         )
 
-    def attempt(self, method: str, seed: int) -> Attempt:
+    def attempt(self, method: str, seed: int, note: Note = take_no_note) -> Attempt:
         """Search for the task whose turn it is; the whole that was found is then judged."""
         plan = self.plans[seed % len(self.plans)]
         started = time.thread_time()
-        found = self.search(plan, method, seed)
+        parts, trials = self.divide(plan, method)
+        found = self.search_parts(parts, NotedTrials.noting(trials, note), method, seed)
         spent = time.thread_time() - started
         won = False
         if found.success and found.plan is not None:
@@ -117,6 +124,36 @@ class WholeTaskProblem:
             return search_blocks(parts, way, trials, self.episodes // len(parts), seed, _SIGMA)
         sigma = _SCRATCH_SIGMA if method == "from_scratch" else _SIGMA
         return search_whole(parts, way, trials, self.episodes, seed, sigma)
+
+
+@dataclass(frozen=True, eq=False)
+class NotedTrials(BlockTrials):
+    """Trials of which each is noted; see `BlockTrials`.
+
+    Attributes
+    ----------
+    note : callable
+        Called with the number of episodes after each.
+    """
+
+    note: Note = take_no_note
+
+    @classmethod
+    def noting(cls, trials: BlockTrials, note: Note) -> NotedTrials:
+        """Return the same trials, noted."""
+        return cls(**{one.name: getattr(trials, one.name) for one in fields(trials)}, note=note)
+
+    def attempt(self, part: TaskPlan, state: BlockState, goal: BlockGoal) -> BlockOutcome:
+        """Simulate a part from a state."""
+        self.note(1)
+        return super().attempt(part, state, goal)
+
+    def attempt_whole(
+        self, whole: TaskPlan, parts: Sequence[TaskPlan], goals: Sequence[BlockGoal]
+    ) -> tuple[BlockOutcome, ...]:
+        """Simulate all parts at once."""
+        self.note(1)
+        return super().attempt_whole(whole, parts, goals)
 
 
 def whole_task_problem(
