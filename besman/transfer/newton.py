@@ -31,7 +31,7 @@ Accept = Callable[[FloatArray], bool]
 _STEP = 0.2
 # Longest step, in units, how it is damped, in squared metres a squared unit, and how many there
 # are; how far points may be from the refined motion; what is near enough, metres.
-_REACH, _DAMPING, _STEPS = 1.5, 1e-4, 6
+_REACH, _DAMPING, _STEPS = 1.5, 1e-4, 15
 _BOUND = 3.0
 _ENOUGH_M = 0.01
 # What a unit of costs beside the miss, limits that are exceeded above all, weighs.
@@ -190,7 +190,7 @@ class _Steps:
             there = judge(moved)
             # What is no outcome is no nearer.
             if np.linalg.norm(there) < np.linalg.norm(off):
-                point, off = moved, there
+                point, off, reach = moved, there, min(2.0 * reach, _REACH)
             else:
                 reach *= 0.3
             if np.linalg.norm(off) <= _ENOUGH_M:
