@@ -119,7 +119,9 @@ def throw_after_throw(finished, given):
             of_arm = f"{np.median(row):g} | {max(row)}"
             print(f"| {seed} | {' '.join(map(str, row))} | {of_arm} |", flush=True)
         what = "what other throws told" if shared else "each alone"
-        print(f"| all, {what} | mean {np.mean(counts):.2f} | {np.median(counts):g} | {max(counts)} |")
+        print(
+            f"| all, {what} | mean {np.mean(counts):.2f} | {np.median(counts):g} | {max(counts)} |"
+        )
 
 
 def simulated_one_by_one(motion, first, space):

@@ -8,7 +8,7 @@ from besman.work.display import Display
 
 @contextmanager
 def stage_display() -> Iterator[Display]:
-    """Show a progress bar for every stage that is being computed.
+    """Show a progress bar for every stage that is being computed; none of one that is refused.
 
     Yields
     ------
@@ -38,4 +38,11 @@ def stage_display() -> Iterator[Display]:
         return (lambda done: progress.update(task, completed=done)), end
 
     with progress:
-        yield show
+        try:
+            yield show
+        except BaseException:
+            # Of what had not begun an error's line says more than its bar.
+            for task in progress.task_ids:
+                if progress.tasks[task].completed == 0:
+                    progress.update(task, visible=False)
+            raise

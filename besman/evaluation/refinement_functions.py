@@ -57,7 +57,6 @@ def take_no_note(n: int) -> None:
     """Take no note of so many more episodes."""
 
 
-
 class Problem(Protocol):
     """Something to search.
 

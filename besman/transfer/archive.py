@@ -124,7 +124,7 @@ class Simulator:
         )
 
     def keeps_limits(self, point: FloatArray) -> bool:
-        """Tell whether the arm may move like a point (D,): no limit is exceeded, nothing touched."""
+        """Tell whether the arm may move like a point (D,): within its limits, touching nothing."""
         plan = self.space.plan_at(point)
         report = check_limits(self.robot, *sample_plan(plan, self.robot)[1:])
         return report.violations == 0 and report.self_collisions == 0

@@ -1,4 +1,4 @@
-"""What landings on the real arm say of the simulation's model: its parameters, and a model with them.
+"""What landings on the real arm say of the simulation's model: its parameters.
 
 A throw says two numbers of an arm of which some forty are not known. So they are estimated with
 what is likely beforehand [1]_: of all models in which the tries so far come down where they did,

@@ -37,7 +37,7 @@ _ENOUGH_M = 0.01
 # What a unit of costs beside the miss, limits that are exceeded above all, weighs.
 _METRES_A_COST, _BLOCKED_M = 0.1, 0.05
 # How often a step is shortened for the arm's limits, and to what share.
-_SHORTENINGS, _SHORTER = 6, 0.7
+_SHORTENINGS, _SHORTER = 9, 0.7
 # After so many failures since the best try it is not the length of the step.
 _MOST_FAILURES = 2
 
@@ -55,8 +55,9 @@ def suggest_next(
     """Choose the motion to try next, as the config says.
 
     By the simulation's Jacobian, the first try is the refined motion itself, or where an arm that
-    is known already hits; the next ones are Newton steps; after a failure half as long ones. Where that leads nowhere, because every try failed or
-    no such motion may be tried, the transferability approach goes on, with its Gaussian process.
+    is known already hits; the next ones are Newton steps; after a failure half as long ones. Where
+    that leads nowhere, because every try failed or no such motion may be tried, the
+    transferability approach goes on, with its Gaussian process.
 
     Parameters
     ----------

@@ -66,7 +66,7 @@ def test_at_the_middle_nothing_is_off_and_nothing_is_less_than_none():
 
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_an_arm_that_is_late_is_known_by_where_its_throws_come_down(jobs, monkeypatch):
-    """A throw of a ruler: it comes down the shorter, the later the arm is, the lighter, the wider."""
+    """Throws come down the shorter, the later the arm is; the heavier, the farther to the left."""
     robot = load_robot("ur5", "stick_holder")
 
     def land(plan, world):
