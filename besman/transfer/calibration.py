@@ -52,7 +52,7 @@ _MOST_TRIES, _FARTHEST_M = 12, 1.0
 
 
 @dataclass(frozen=True, eq=False)
-class Landing:
+class Touchdown:
     """Where a motion came down on the real arm.
 
     Attributes
@@ -69,7 +69,7 @@ class Landing:
 def calibrate(
     robot: Robot,
     task: Task,
-    landings: Sequence[Landing],
+    landings: Sequence[Touchdown],
     jobs: int = 1,
     progress: Callable[[float], None] = lambda done: None,
 ) -> Perturbation | None:
@@ -79,7 +79,7 @@ def calibrate(
     ----------
     robot, task
         The model as it is.
-    landings : sequence of Landing
+    landings : sequence of Touchdown
         Throws of the real arm that came down, the newest last.
     jobs : int
         Threads; they change nothing.
@@ -100,7 +100,7 @@ def calibrate(
         """Return by how much models (P, D) are off, shape (P, R, 2), standard deviations."""
         worlds = [world_at(robot, point) for point in points]
 
-        def land(landing: Landing) -> list[FloatArray]:
+        def land(landing: Touchdown) -> list[FloatArray]:
             trials = try_perturbed(robot, task, landing.plan, worlds)
             return [np.where(one.failure == "", one.outcome[:2], np.nan) for one in trials]
 
@@ -108,13 +108,13 @@ def calibrate(
             landed = np.array(list(threads.map(land, landings))).transpose(1, 0, 2)
         return np.asarray((landed - real) / _LANDING_M)
 
-    point = _most_likely(off, n_parameters(robot), progress)
+    point = _most_likely(off, n_model_parameters(robot), progress)
     return None if point is None else world_at(robot, point)
 
 
 def calibrated(
     simulator: Simulator,
-    landings: Sequence[Landing],
+    landings: Sequence[Touchdown],
     jobs: int = 1,
     progress: Callable[[float], None] = lambda done: None,
 ) -> Simulator | None:
@@ -123,16 +123,16 @@ def calibrated(
     return None if world is None else replace(simulator, world=world)
 
 
-def landings_of(space: Space, archive: Archive, tries: Sequence[RealTry]) -> list[Landing]:
+def landings_of(space: Space, archive: Archive, tries: Sequence[RealTry]) -> list[Touchdown]:
     """Return those of a motion's tries that came down about where they were to."""
     return [
-        Landing(space.plan_at(archive.points[one.row]), one.outcome)
+        Touchdown(space.plan_at(archive.points[one.row]), one.outcome)
         for one in tries
         if np.linalg.norm(one.outcome - archive.outcomes[one.row]) <= FAILED_M
     ]
 
 
-def n_parameters(robot: Robot) -> int:
+def n_model_parameters(robot: Robot) -> int:
     """Return how many parameters a model has."""
     return 5 + 5 * robot.n
 

@@ -25,7 +25,7 @@ from besman.stages.export.motion_exports import write_exports
 from besman.stages.refine.plan_space import Space, plan_space
 from besman.transfer.approach import TransferConfig
 from besman.transfer.archive import Simulator
-from besman.transfer.calibration import Landing, calibrated, landings_of
+from besman.transfer.calibration import Touchdown, calibrated, landings_of
 from besman.transfer.newton import suggest_next
 from besman.transfer.results_table import add_row, read_results
 from besman.transfer.state import Suggested, TransferState, load_state, new_state, save_state
@@ -120,7 +120,7 @@ def suggest_try(
     simulator = Simulator(space, finished.robot, finished.task)
     before = state.drives if state.tries else digest(simulator.robot.drives)
     state = _simulated_by(state, simulator, jobs)
-    told: list[Landing] = []
+    told: list[Touchdown] = []
     if not state.tries or state.tries[-1].recorded:
         told = _landings(run, finished, state) if state.config.surrogate == "jacobian" else []
         model = calibrated(simulator, told, jobs, lambda done: progress(0.8 * done))
@@ -137,7 +137,7 @@ def suggest_try(
     return Suggestion(state, target, place, table, before not in ("", state.drives), told_by)
 
 
-def _landings(run: Path, finished: FinishedRun, state: TransferState) -> list[Landing]:
+def _landings(run: Path, finished: FinishedRun, state: TransferState) -> list[Touchdown]:
     """Return where all motions of a run came down that were tried, that of the state last."""
     motions = {one.plan.name: one for one in finished.motions}
     paths = sorted((run / "transfer").glob("*/state.json"))

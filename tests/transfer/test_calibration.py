@@ -9,11 +9,11 @@ from besman.robot.model import load_robot
 from besman.transfer.approach import RealTry
 from besman.transfer.archive import Archive
 from besman.transfer.calibration import (
-    Landing,
+    Touchdown,
     _most_likely,
     calibrate,
     landings_of,
-    n_parameters,
+    n_model_parameters,
     world_at,
 )
 
@@ -51,16 +51,16 @@ def test_a_throw_that_fails_beside_the_model_stops_no_step():
 
 def test_at_the_middle_nothing_is_off_and_nothing_is_less_than_none():
     robot = load_robot("ur5", "stick_holder")
-    world = world_at(robot, np.zeros(n_parameters(robot)))
+    world = world_at(robot, np.zeros(n_model_parameters(robot)))
     assert (world.friction, world.object_mass) == (1.0, 1.0)
     for name in ("link_masses", "servo_gains"):
         np.testing.assert_array_equal(getattr(world, name), np.ones(robot.n))
     for name in ("joint_friction", "joint_damping", "delays", "lags", "backlash", "offsets"):
         np.testing.assert_array_equal(getattr(world, name), np.zeros(robot.n))
-    far = world_at(robot, np.full(n_parameters(robot), -2.0))
+    far = world_at(robot, np.full(n_model_parameters(robot), -2.0))
     for name in ("joint_friction", "joint_damping", "lags"):
         np.testing.assert_array_equal(getattr(far, name), np.zeros(robot.n))
-    late = world_at(robot, np.eye(n_parameters(robot))[2])
+    late = world_at(robot, np.eye(n_model_parameters(robot))[2])
     np.testing.assert_allclose(late.lags, 0.1)
 
 
@@ -76,7 +76,7 @@ def test_an_arm_that_is_late_is_known_by_where_its_throws_come_down(jobs, monkey
         return [SimpleNamespace(failure="", outcome=land(plan, world)) for world in worlds]
 
     monkeypatch.setattr("besman.transfer.calibration.try_perturbed", throw)
-    landings = [Landing(reach, np.array([reach - 0.3, 0.0])) for reach in (2.0, 2.5, 1.5)]
+    landings = [Touchdown(reach, np.array([reach - 0.3, 0.0])) for reach in (2.0, 2.5, 1.5)]
     world = calibrate(robot, None, landings, jobs)
     assert world.lags.mean() == pytest.approx(0.1, abs=0.005)
     assert world.object_mass == pytest.approx(1.0)

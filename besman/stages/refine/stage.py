@@ -387,10 +387,7 @@ def check_tool_name(robot: str, tool: str, task: Task) -> None:
 
 
 def place_plan(plan: AnyPlan, robot: Robot, task: Task) -> AnyPlan:
-    """Give a plan the task's target, and begin as the task has it begin.
-
-    Refuse one that belongs to another robot or task.
-    """
+    """Give a plan the task's target and beginning; refuse one of another robot or task."""
     if plan.joint_names != robot.joint_names:
         raise RefinementError(
             f"{plan.name}: plan for joints {', '.join(plan.joint_names)}; robot "

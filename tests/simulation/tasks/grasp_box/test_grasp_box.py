@@ -13,7 +13,6 @@ from besman.simulation.perturbed_trials import lenient_task
 from besman.simulation.tasks.grasp_box.grasp_scene import grasp_model
 from besman.simulation.tasks.grasp_box.gripper import GripperConfig, finger_controls
 from besman.simulation.tasks.grasp_box.lift import move_along, plan_lift
-from besman.simulation.tasks.grasp_box.sections import ApproachConfig
 from besman.simulation.tasks.kinds import load_task
 from besman.simulation.trial import try_plans
 
@@ -54,7 +53,8 @@ def test_a_hand_that_came_from_the_side_comes_straight_and_holds_the_box(grasper
     before, after = try_plans(grasper, lenient_task(TASK), [shown, brought])
     assert before.failure in ("box not gripped", "box dropped", "collision with the shelf")
     assert after.success
-    as_shown = TASK.model_copy(update={"approach": ApproachConfig(square=False)})
+    approach = TASK.approach.model_copy(update={"square": False})
+    as_shown = TASK.model_copy(update={"approach": approach})
     assert as_shown.search_start(shown, grasper) is shown
 
 
