@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 from besman.evaluation.names import WHOLE_TASK_SEARCHES
@@ -52,6 +52,8 @@ class WholeTaskProblem:
     robot : Robot
     task : RearrangeConfig
     frame : BoxFrame
+    note : callable
+        Told of every episode.
     """
 
     name: str
@@ -63,6 +65,7 @@ class WholeTaskProblem:
     marks: tuple[int, ...] = ()
     public: dict[str, Any] = field(default_factory=dict)
     methods: tuple[str, ...] = WHOLE_TASK_SEARCHES
+    note: Note = take_no_note
 
     @property
     def success(self) -> str:
@@ -77,8 +80,7 @@ class WholeTaskProblem:
         """Search for the task whose turn it is; the whole that was found is then judged."""
         plan = self.plans[seed % len(self.plans)]
         started = time.thread_time()
-        parts, trials = self.divide(plan, method)
-        found = self.search_parts(parts, NotedTrials.noting(trials, note), method, seed)
+        found = replace(self, note=note).search(plan, method, seed)
         spent = time.thread_time() - started
         won = False
         if found.success and found.plan is not None:
@@ -110,6 +112,7 @@ class WholeTaskProblem:
         thing = next(block.thing for block in plan.blocks if block.thing)
         row = plan.objects.index(thing)
         trials = BlockTrials.of(plan, self.robot, self.task, self.frame, row)
+        trials = NotedTrials.noting(trials, self.note)
         parts = split_task(plan, scratch=method == "from_scratch")
         if method == "as_one":
             parts = lead_parts_around(parts, self.task.grasp_way(self.frame), trials)
