@@ -83,9 +83,10 @@ def test_an_arm_that_is_late_is_known_by_where_its_throws_come_down(jobs, monkey
 
 
 def test_throws_that_failed_are_no_landings():
-    archive = Archive(np.zeros((3, 1)), np.zeros((3, 2)), np.zeros((3, 6)), np.zeros(3))
-    tried = [(0, [np.nan, np.nan]), (1, [0.4, 0.1]), (2, [0.0, 2.0])]
+    archive = Archive(np.zeros((4, 1)), np.zeros((4, 2)), np.zeros((4, 6)), np.zeros(4))
+    tried = [(0, [np.nan, np.nan]), (1, [0.4, 0.1]), (2, [0.0, -2.0]), (3, [0.0, 1.9])]
     tries = [RealTry(row, np.array(outcome)) for row, outcome in tried]
-    space = SimpleNamespace(plan_at=lambda point: "plan")
-    (found,) = landings_of(space, archive, tries)
-    np.testing.assert_array_equal(found.outcome, [0.4, 0.1])
+    space = SimpleNamespace(plan_at=lambda point: SimpleNamespace(target=np.array([0, 1.5, 0])))
+    found = landings_of(space, archive, tries)
+    # The last one was aimed in a model: by the simulation as it is it came down far away.
+    np.testing.assert_array_equal([one.outcome for one in found], [[0.4, 0.1], [0.0, 1.9]])
