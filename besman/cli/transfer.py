@@ -63,8 +63,8 @@ def suggest(
         arm = f"with {robot}" if robot else "with the run's arm; --robot takes the one before"
         _print(f"the tries before were made with another robot.yaml: simulated anew {arm}")
     if found.told_by:
-        n_motions = len(set(found.told_by))
-        _print(f"found in the model that {len(found.told_by)} landings of {n_motions} motions tell")
+        n, n_motions = len(found.told_by), len(set(found.told_by))
+        _print(f"found in the model that landings tell: {n}, of motions: {n_motions}")
     _print(
         f"try {len(state.tries)} of {state.motion}: target {found.target[0]:.2f} m ahead, "
         f"{found.target[1]:.2f} m left; expected {x:.2f} m ahead, {y:.2f} m left"

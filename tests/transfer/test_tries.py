@@ -381,7 +381,9 @@ def test_an_arm_that_is_known_better_simulates_the_tries_anew(
     known = tmp_path / "ur5.identified.yaml"
     known.write_text(yaml.safe_dump(content))
     assert besman(monkeypatch, "transfer", "suggest", run, "--robot", known) == 0
-    assert "simulated anew with" in " ".join(capsys.readouterr().out.split())
+    said = " ".join(capsys.readouterr().out.split())
+    assert "simulated anew with" in said
+    assert "found in the model that landings tell: 1, of motions: 1" in said
     state = load_state(run / "transfer" / "person_1")
     assert state.tries[0].outcome_m == (expected[0] - 0.2, expected[1])
     before = first.state.archive
