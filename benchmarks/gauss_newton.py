@@ -31,9 +31,10 @@ from besman.pipeline.stored_run import open_run
 from besman.robot.model import load_robot
 from besman.simulation.tasks.kinds import load_task
 from besman.simulation.trial import try_plans
+from besman.stages.refine.begin_plan import begin_plan
 from besman.stages.refine.gauss_newton import GaussNewtonConfig
 from besman.stages.refine.robustness import RobustnessConfig
-from besman.stages.refine.stage import CmaEsConfig, RefinementConfig, place_plan
+from besman.stages.refine.stage import CmaEsConfig, RefinementConfig
 from besman.work.work import Work
 from besman.work.workers import Workers
 
@@ -98,7 +99,7 @@ def by_dfols(plan, case: Case) -> tuple:
     """Search one motion by DFO-LS until its landing is within half of the radius."""
     import dfols
 
-    plan = place_plan(plan, case.robot, case.task)
+    plan = begin_plan(plan, case.robot, case.task)
     stage = stage_of("gauss_newton", case).model_copy(update={"search": _PARTS})
     space, tried = stage.space(plan, case.robot), []
 

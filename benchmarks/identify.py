@@ -33,6 +33,7 @@ from besman.simulation.physics import run_physics
 from besman.stages.refine.plan_space import plan_space
 from besman.transfer.approach import RealTry, TransferConfig
 from besman.transfer.archive import Simulator, no_plans
+from besman.transfer.calibration import calibrated, landings_of
 from besman.transfer.identification.executions import as_movement
 from besman.transfer.identification.fit import ArmLog, fit_drives, sent_setpoints
 from besman.transfer.identification.quantities import drives_with, values_of
@@ -170,7 +171,10 @@ def count_tries(finished, given, seed, knows):
     simulator, archive, tries, misses = Simulator(space, robot, finished.task), None, [], []
     archive = no_plans(space.dimension)
     while len(misses) < given.most:
-        choice = suggest_next(simulator, archive, tries, target, config, jobs=given.jobs)
+        model = calibrated(simulator, landings_of(space, archive, tries), given.jobs)
+        choice = suggest_next(
+            simulator, archive, tries, target, config, simulator.keeps_limits, given.jobs, model
+        )
         archive = choice.archive
         outcome = arm.execute(space.plan_at(archive.points[choice.row]))
         tries.append(RealTry(choice.row, outcome))

@@ -3,6 +3,7 @@
     python benchmarks/transferability.py                    # UR5 stick throw, embedded recordings
     python benchmarks/transferability.py --run RUN          # any finished run of a throw
     python benchmarks/transferability.py --engine drake     # such an arm in Drake, some 10 s a try
+    python benchmarks/transferability.py --throws 16        # one throw after the other, same arm
 
 The second simulation has other friction, masses, servo gains, delays, smoothing, backlash, zeros
 and noise than the one that motions are searched in (`besman.transfer.second_simulation`); 10 seeds.
@@ -16,6 +17,7 @@ import os
 import tempfile
 import time
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -33,12 +35,15 @@ from besman.stages.refine.plan_space import plan_space
 from besman.stages.refine.stage import CmaEsConfig
 from besman.transfer.approach import RealTry, TransferConfig
 from besman.transfer.archive import Simulator, no_plans
+from besman.transfer.calibration import calibrated, landings_of
 from besman.transfer.newton import suggest_next as suggest
 from besman.transfer.second_simulation import REAL_SPREADS, SecondSimulation
 from besman.transfer.tries import PARTS
 
 RADIUS_M = 0.10
-NEWTON = "Newton steps with the simulation's Jacobian (default)"
+NEWTON = "Newton steps in the model that landings tell (default)"
+UNCALIBRATED = "Newton steps with the simulation's Jacobian as it is"
+JOBS = os.cpu_count() or 1
 GAUSS = "transferability approach, Gaussian process"
 _EPISODES = 200
 
@@ -70,23 +75,53 @@ def with_friction(task, friction):
 ARMS = {"mujoco": SecondSimulation, "drake": DrakeArm}
 
 
-def approach(surrogate, motion, finished):
+def approach(surrogate, motion, finished, calibrates=True):
     """Make a method of the transferability approach; its first search is the same for all arms."""
     config = TransferConfig(surrogate=surrogate)
     space = plan_space(motion.plan, finished.robot, PARTS, config.n_shapes)
     simulator = Simulator(space, finished.robot, finished.task)
     target = motion.plan.target[:2]
-    first = suggest(simulator, no_plans(space.dimension), (), target, config, jobs=os.cpu_count())
+    may = simulator.keeps_limits
+    first = suggest(simulator, no_plans(space.dimension), (), target, config, may, JOBS)
 
-    def plans():
-        choice, tries = first, []
+    def plans(known=None):
+        """Give plans for what came of the ones before; `known` are landings, and gets new ones."""
+        landings, tries, choice = [] if known is None else known, [], first
+        if landings:
+            model, none = calibrated(simulator, landings, JOBS), no_plans(space.dimension)
+            choice = suggest(simulator, none, (), target, config, may, JOBS, model)
         while True:
             outcome = yield space.plan_at(choice.archive.points[choice.row])
             tries.append(RealTry(choice.row, outcome))
-            archive = choice.archive
-            choice = suggest(simulator, archive, tries, target, config, jobs=os.cpu_count())
+            archive, model = choice.archive, None
+            landings += landings_of(space, archive, tries[-1:])
+            if surrogate == "jacobian" and calibrates:
+                model = calibrated(simulator, landings, JOBS)
+            choice = suggest(simulator, archive, tries, target, config, may, JOBS, model)
 
     return plans, first, space
+
+
+def throw_after_throw(finished, given):
+    """Count the tries of every throw of an arm, each with what those before have told of it."""
+    print("| arm | tries of its throws, one after the other | median | most |")
+    print("|---|---|---|---|")
+    motions = finished.motions[: given.throws]
+    methods = [approach("jacobian", motion, finished)[0] for motion in motions]
+    for shared in (True, False):
+        counts = []
+        for seed in range(given.first_seed, given.first_seed + given.seeds):
+            arm, known, row = ARMS[given.engine](finished.robot, finished.task, seed), [], []
+            for motion, plans in zip(motions, methods, strict=True):
+                begin = partial(plans, known if shared else [])
+                row.append(len(count_tries(begin, arm, motion.plan.target[:2], given.most)))
+            counts += row
+            of_arm = f"{np.median(row):g} | {max(row)}"
+            print(f"| {seed} | {' '.join(map(str, row))} | {of_arm} |", flush=True)
+        what = "what other throws told" if shared else "each alone"
+        print(
+            f"| all, {what} | mean {np.mean(counts):.2f} | {np.median(counts):g} | {max(counts)} |"
+        )
 
 
 def simulated_one_by_one(motion, first, space):
@@ -159,17 +194,22 @@ def main() -> None:
     parser.add_argument("--only", nargs="+", default=[""], help="parts of names of methods")
     parser.add_argument("--engine", choices=ARMS, default="mujoco")
     parser.add_argument("--arms", action="store_true", help="the miss of every try, metres")
+    parser.add_argument("--throws", type=int, default=0, help="so many motions, one by one")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         if given.run is None:
             config = load_pipeline(
                 find_resource("pipelines", "ur5_stick_throw"), ("refine.robustness=null",)
             )
-            given.run = run_pipeline(config, Path(folder) / "run", jobs=os.cpu_count() or 1)
+            given.run = run_pipeline(config, Path(folder) / "run", jobs=JOBS)
         finished = read_run(given.run)
+        if given.throws:
+            throw_after_throw(finished, given)
+            return
         motion = finished.motions[given.motion]
         methods = {
             NEWTON: lambda: approach("jacobian", motion, finished)[0],
+            UNCALIBRATED: lambda: approach("jacobian", motion, finished, False)[0],
             GAUSS: lambda: approach("gaussian_process", motion, finished)[0],
             "transferability approach, inverse distance [1]": lambda: approach(
                 "inverse_distance", motion, finished

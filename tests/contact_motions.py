@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from besman.geometry.frames import rotation_to_quaternion
+from besman.geometry.frames import quaternion_to_rotation, rotation_to_quaternion
+from besman.geometry.quaternions import from_rotation_vector
 from besman.motion.dmp_fit import fit_weights
 from besman.records import MotionPlan
 from besman.robot.inverse_kinematics import solve_path
@@ -56,6 +57,15 @@ def approach_of(robot):
 @pytest.fixture(scope="session")
 def approach(grasper):
     return approach_of(grasper)
+
+
+def slanted_approach_of(robot):
+    """Come to the same middle from the side, turned as a hand is."""
+    poses = np.tile(np.eye(4), (21, 1, 1))
+    turn = from_rotation_vector(np.array([0.1, -0.3, 0.2]))
+    poses[:, :3, :3] = quaternion_to_rotation(turn) @ AHEAD
+    poses[:, :3, 3] = np.linspace([0.72, -0.25, 1.25], [0.88, 0.1, 1.2], 21)
+    return plan_of_poses(robot, poses, 1.5)
 
 
 @pytest.fixture(scope="session")

@@ -259,14 +259,16 @@ def evaluate_refinement(
     from besman.cli.progress_bars import stage_display
     from besman.cli.terminal import open_terminal
     from besman.evaluation import refinement
-    from besman.evaluation.refinement_problems import load_problem
+    from besman.evaluation.refinement_problems import load_problem, methods_of
     from besman.evaluation.refinement_tables import refinement_tables, write_curves
     from besman.io.atomic_files import write_json
     from besman.work.work import Work
     from besman.work.workers import Workers
 
+    names = problems or refinement.PROBLEMS
+    refinement.known_methods(methods, [methods_of(name) for name in names])
     with stage_display() as display, Workers(jobs) as workers:
-        chosen = [load_problem(name) for name in problems or refinement.PROBLEMS]
+        chosen = [load_problem(name, display=display, jobs=jobs) for name in names]
         progress, end = display("refinement")
         work = Work(jobs, progress, workers=workers)
         runs = range(first_seed, first_seed + seeds)

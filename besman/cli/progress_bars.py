@@ -18,7 +18,7 @@ def stage_display() -> Iterator[Display]:
     """Show how far every stage is that is being computed, on the standard error.
 
     Where that is no terminal (a file, a log, a notebook): a line as a stage begins, one as it ends,
-    and one every ten seconds between.
+    and one every ten seconds between. On a terminal: bars, none of a stage that is refused.
 
     Yields
     ------
@@ -74,7 +74,14 @@ def _bars() -> Iterator[Display]:
         return (lambda done: progress.update(task, completed=done)), end
 
     with progress:
-        yield show
+        try:
+            yield show
+        except BaseException:
+            # Of what had not begun an error's line says more than its bar.
+            for task in progress.task_ids:
+                if progress.tasks[task].completed == 0:
+                    progress.update(task, visible=False)
+            raise
 
 
 class StageLines:

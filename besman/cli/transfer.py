@@ -44,6 +44,7 @@ def suggest(
     ] = os.cpu_count() or 1,
 ) -> None:
     """Write the next trajectory to try on the real arm, and a row to fill in."""
+    from besman.cli.progress_bars import stage_display
     from besman.exceptions import TransferError, nearest
     from besman.transfer.approach import TransferConfig
     from besman.transfer.tries import suggest_try
@@ -53,11 +54,17 @@ def suggest(
         raise TransferError(f"--surrogate: got {surrogate!r}; {nearest(surrogate, kinds)}")
     said = {"seed": seed, "surrogate": surrogate}
     config = TransferConfig.model_validate({k: v for k, v in said.items() if v is not None})
-    found = suggest_try(run, motion, out, config, jobs, robot)
+    with stage_display() as display:
+        progress, end = display("suggest")
+        found = suggest_try(run, motion, out, config, jobs, robot, progress)
+        end(True)
     state, (x, y) = found.state, found.state.tries[-1].expected_m
     if found.anew:
         arm = f"with {robot}" if robot else "with the run's arm; --robot takes the one before"
         _print(f"the tries before were made with another robot.yaml: simulated anew {arm}")
+    if found.told_by:
+        n, n_motions = len(found.told_by), len(set(found.told_by))
+        _print(f"found in the model that landings tell: {n}, of motions: {n_motions}")
     _print(
         f"try {len(state.tries)} of {state.motion}: target {found.target[0]:.2f} m ahead, "
         f"{found.target[1]:.2f} m left; expected {x:.2f} m ahead, {y:.2f} m left"

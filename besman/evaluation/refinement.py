@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from besman.evaluation.counted_episodes import add_episodes, watched_episodes
 from besman.evaluation.refinement_functions import Attempt, Problem
 from besman.evaluation.refinement_problems import TaskProblem
 from besman.evaluation.whole_task_problem import WholeTaskProblem
@@ -37,11 +39,14 @@ class Entry:
         Index.
     method : str
     seed : int
+    file : Path
+        Has a byte for every episode that is done.
     """
 
     problem: int
     method: str
     seed: int
+    file: Path
 
     @property
     def name(self) -> str:
@@ -82,21 +87,24 @@ def evaluate_refinement(
     """
     from threadpoolctl import threadpool_limits
 
-    known = dict.fromkeys(method for problem in problems for method in problem.methods)
-    methods = None if methods is None else [usual_spelling(method) for method in methods]
-    for method in methods or ():
-        if method not in known:
-            raise ConfigError(f"--method: got {method!r}; {nearest(method, known)}")
+    methods = known_methods(methods, [problem.methods for problem in problems])
     pairs = [
         (at, method)
         for at, problem in enumerate(problems)
         for method in problem.methods
         if methods is None or method in methods
     ]
-    entries = [Entry(at, method, seed) for at, method in pairs for seed in seeds]
+    searches = [(at, method, seed) for at, method in pairs for seed in seeds]
+    budgets = [problems[at].episodes for at, *_ in searches]
+    silent = replace(work, progress=lambda done: None)
     # Many small matrices: threads inside BLAS cost more than they bring.
-    with threadpool_limits(limits=1, user_api="blas"):
-        attempts = work.map(partial(_attempt, problems=tuple(problems)), entries, processes=2)
+    with (
+        threadpool_limits(limits=1, user_api="blas"),
+        watched_episodes(budgets, work.progress) as files,
+    ):
+        entries = [Entry(*one, file) for one, file in zip(searches, files, strict=True)]
+        attempts = silent.map(partial(_attempt, problems=tuple(problems)), entries, processes=2)
+    work.progress(1.0)
     rows = []
     for index, (at, method) in enumerate(pairs):
         own = attempts[index * len(seeds) : (index + 1) * len(seeds)]
@@ -104,8 +112,37 @@ def evaluate_refinement(
     return {"experiment": "refinement", "rows": rows}
 
 
+def known_methods(
+    methods: Sequence[str] | None, of_problems: Sequence[Sequence[str]]
+) -> list[str] | None:
+    """Return methods by their usual names; None for all.
+
+    Parameters
+    ----------
+    methods : sequence of str, optional
+        As they were asked for.
+    of_problems : sequence of sequence of str
+        Those that each problem knows.
+
+    Raises
+    ------
+    ConfigError
+        If no problem knows one of them.
+    """
+    if methods is None:
+        return None
+    known = dict.fromkeys(method for own in of_problems for method in own)
+    for method in methods:
+        if usual_spelling(method) not in known:
+            raise ConfigError(f"--method: got {method!r}; {nearest(method, known)}")
+    return [usual_spelling(method) for method in methods]
+
+
 def _attempt(entry: Entry, problems: tuple[Problem, ...]) -> Attempt:
-    return problems[entry.problem].attempt(entry.method, entry.seed)
+    problem = problems[entry.problem]
+    found = problem.attempt(entry.method, entry.seed, partial(add_episodes, entry.file))
+    add_episodes(entry.file, problem.episodes)
+    return found
 
 
 def _row(
@@ -153,17 +190,20 @@ def best_rewards(rewards: npt.ArrayLike, n: int) -> FloatArray:
     return np.concatenate([best, np.full(n - len(best), best[-1])])
 
 
-def summary(values: Sequence[float]) -> dict[str, float] | None:
-    """Return median, quartiles, mean and standard error over runs; None without values."""
+def summary(values: Sequence[float]) -> dict[str, float | None] | None:
+    """Return median, quartiles, mean and standard error over runs; None without values.
+
+    One run alone has no standard error: None.
+    """
     if not len(values):
         return None
     array = np.asarray(values, dtype=np.float64)
     low, middle, high = np.quantile(array, (0.25, 0.5, 0.75))
-    error = array.std(ddof=1) / np.sqrt(len(array)) if len(array) > 1 else float("nan")
+    error = float(array.std(ddof=1) / np.sqrt(len(array))) if len(array) > 1 else None
     return {
         "median": float(middle),
         "q25": float(low),
         "q75": float(high),
         "mean": float(array.mean()),
-        "standard_error": float(error),
+        "standard_error": error,
     }

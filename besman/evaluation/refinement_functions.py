@@ -16,6 +16,7 @@ from besman.search.kinds import CONTEXTUAL_NAMES, SEARCH_NAMES, search_kind
 from besman.stages.refine.methods import CONFIGS
 
 FloatArray = npt.NDArray[np.float64]
+Note = Callable[[int], None]
 
 # Those of the searches' own publications for so many coordinates, where they differ from what is
 # usual for motion plans.
@@ -52,6 +53,10 @@ class Attempt:
     cpu_s_to_success: float | None
 
 
+def take_no_note(n: int) -> None:
+    """Take no note of so many more episodes."""
+
+
 class Problem(Protocol):
     """Something to search.
 
@@ -83,8 +88,8 @@ class Problem(Protocol):
     @property
     def success(self) -> str: ...  # noqa: D102
 
-    def attempt(self, method: str, seed: int) -> Attempt:
-        """Search once."""
+    def attempt(self, method: str, seed: int, note: Note = take_no_note) -> Attempt:
+        """Search once; what takes long notes on the way how many more episodes are done."""
         ...
 
 
@@ -121,7 +126,7 @@ class FunctionProblem:
         """What counts as success, in words."""
         return f"reward above {self.threshold:g}"
 
-    def attempt(self, method: str, seed: int) -> Attempt:
+    def attempt(self, method: str, seed: int, note: Note = take_no_note) -> Attempt:
         """Search until the budget or the search itself ends."""
         settings = {"population": _POPULATIONS[method]} if method in _POPULATIONS else {}
         config = CONFIGS[method].model_validate({"method": method, "sigma": self.sigma, **settings})
@@ -170,7 +175,7 @@ class ContextualProblem:
         """What counts as success, in words."""
         return f"mean reward of a generation above {self.threshold:g}"
 
-    def attempt(self, method: str, seed: int) -> Attempt:
+    def attempt(self, method: str, seed: int, note: Note = take_no_note) -> Attempt:
         """Search until the budget ends; contexts are uniform between 1 and 2."""
         random = np.random.default_rng((seed, 1))
         shift = random.standard_normal((self.n_contexts, self.dimension))

@@ -13,7 +13,7 @@ import numpy as np
 
 from besman.config.resources import find_resource
 from besman.evaluation.names import TASK_RECIPES, WHOLE_TASK_RECIPES
-from besman.evaluation.refinement_functions import FUNCTIONS, Attempt, Problem
+from besman.evaluation.refinement_functions import FUNCTIONS, Attempt, Note, Problem, take_no_note
 from besman.evaluation.whole_task_problem import WholeTaskProblem, whole_task_problem
 from besman.exceptions import ConfigError, nearest
 from besman.pipeline.config import PipelineConfig, load_pipeline
@@ -27,6 +27,7 @@ from besman.simulation.tasks.kinds import is_whole_task, load_task, load_whole_t
 from besman.stages.refine.class_model import ClassModel
 from besman.stages.refine.methods import CONFIGS
 from besman.stages.refine.stage import RefinementConfig
+from besman.work.display import Display, no_display
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +64,7 @@ class TaskProblem:
         """What counts as success, in words."""
         return f"{self.task.kind}: within half of {100 * self.task.success_radius_m:g} cm"
 
-    def attempt(self, method: str, seed: int) -> Attempt:
+    def attempt(self, method: str, seed: int, note: Note = take_no_note) -> Attempt:
         """Search as the refine stage does, until success with its margin.
 
         What motions share counts in equal parts for each of them.
@@ -78,7 +79,9 @@ class TaskProblem:
         running = config.running_search(plan, self.robot, self.task, shared=shared)
         search, started = running.search, time.thread_time()
         while not search.done:
+            done = search.n_episodes
             running.advance()
+            note(search.n_episodes - done)
             if search.done:
                 # What does not hold at the finer step is no success; steps may then go on.
                 search.settle()
@@ -100,7 +103,33 @@ def _share(problem: TaskProblem, config: RefinementConfig) -> list[ClassModel | 
     return config.share(problem.plans, problem.robot, problem.task)
 
 
-def load_problem(name: str, episodes: int | None = None) -> Problem:
+def methods_of(name: str) -> tuple[str, ...]:
+    """Return the searches that a problem knows, without setting it up.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such problem.
+    """
+    if name in FUNCTIONS:
+        return FUNCTIONS[name]().methods
+    whole = is_whole_task(_load_recipe(name).task)
+    return (WholeTaskProblem if whole else TaskProblem).methods
+
+
+def _load_recipe(name: str) -> PipelineConfig:
+    """Load the pipeline of a problem that is a task."""
+    recipes = TASK_RECIPES | WHOLE_TASK_RECIPES
+    if name not in recipes and not name.endswith(".yaml"):
+        raise ConfigError(
+            f"--problem: got {name!r}; {nearest(name, (*FUNCTIONS, *recipes))} or a pipeline.yaml"
+        )
+    return load_pipeline(find_resource("pipelines", recipes.get(name, name)))
+
+
+def load_problem(
+    name: str, episodes: int | None = None, display: Display = no_display, jobs: int = 1
+) -> Problem:
     """Set up a problem; of a task, run its pipeline up to the imitation.
 
     Parameters
@@ -109,6 +138,10 @@ def load_problem(name: str, episodes: int | None = None) -> Problem:
         Of `FUNCTIONS`, `TASK_RECIPES` or `WHOLE_TASK_RECIPES`, or the path of a pipeline.
     episodes : int, optional
         Of one search of a task; the pipeline's own if not given.
+    display : callable
+        Shows the stages of a pipeline.
+    jobs : int
+        Threads or processes; they change nothing.
 
     Raises
     ------
@@ -117,28 +150,27 @@ def load_problem(name: str, episodes: int | None = None) -> Problem:
     """
     if name in FUNCTIONS:
         return FUNCTIONS[name]()
-    recipes = TASK_RECIPES | WHOLE_TASK_RECIPES
-    if name not in recipes and not name.endswith(".yaml"):
-        raise ConfigError(
-            f"--problem: got {name!r}; {nearest(name, (*FUNCTIONS, *recipes))} or a pipeline.yaml"
-        )
-    path = find_resource("pipelines", recipes.get(name, name))
-    config = load_pipeline(path)
+    config = _load_recipe(name)
     if is_whole_task(config.task):
-        return _load_whole_tasks(Path(name).stem, config, episodes)
+        return _load_whole_tasks(Path(name).stem, config, episodes, display, jobs)
     with tempfile.TemporaryDirectory() as folder:
-        few = config.refine.model_copy(update={"episodes": 1, "robustness": None})
-        run = run_pipeline(config.model_copy(update={"refine": few}), Path(folder) / "run")
+        own = config.refine
+        few = own.model_copy(update={"episodes": 1, "robustness": None})
+        config = config.model_copy(update={"refine": few})
+        run = run_pipeline(config, Path(folder) / "run", jobs=jobs, display=display)
         plans = open_run(run).record("imitate")
-    refine = config.refine if episodes is None else _with_episodes(config.refine, episodes)
+    refine = own if episodes is None else _with_episodes(own, episodes)
     robot, task = load_robot(config.robot, config.tool), load_task(config.task)
     return TaskProblem(Path(name).stem, plans, robot, task, refine)
 
 
-def _load_whole_tasks(name: str, config: PipelineConfig, episodes: int | None) -> WholeTaskProblem:
+def _load_whole_tasks(
+    name: str, config: PipelineConfig, episodes: int | None, display: Display, jobs: int
+) -> WholeTaskProblem:
     """Run a pipeline of whole tasks, and take its imitations."""
     with tempfile.TemporaryDirectory() as folder:
-        plans = open_run(run_pipeline(config, Path(folder) / "run")).record("task_plans")
+        run = run_pipeline(config, Path(folder) / "run", jobs=jobs, display=display)
+        plans = open_run(run).record("task_plans")
     robot, task = load_robot(config.robot, config.tool), load_whole_task(config.task)
     return whole_task_problem(name, plans, robot, task, episodes)
 

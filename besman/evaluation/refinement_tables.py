@@ -72,8 +72,10 @@ def _quartiles(values: dict[str, float] | None, style: str) -> str:
     return f"{values['median']:{style}} ({values['q25']:{style}}-{values['q75']:{style}})"
 
 
-def _mean(values: dict[str, float]) -> str:
-    return f"{values['mean']:.3g} +- {values['standard_error']:.2g}"
+def _mean(values: dict[str, float | None]) -> str:
+    """Write a mean, and its standard error if there is one: of one run alone there is none."""
+    error = values["standard_error"]
+    return f"{values['mean']:.3g}" + ("" if error is None else f" +- {error:.2g}")
 
 
 def _public(figures: Any) -> str:

@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 from besman.evaluation.names import WHOLE_TASK_SEARCHES
-from besman.evaluation.refinement_functions import Attempt
+from besman.evaluation.refinement_functions import Attempt, Note, take_no_note
 from besman.exceptions import ConfigError
 from besman.records import TaskPlan
 from besman.robot.model import Robot
-from besman.simulation.tasks.rearrange.block_trials import BlockTrials
+from besman.simulation.tasks.rearrange.block_trials import (
+    BlockGoal,
+    BlockOutcome,
+    BlockState,
+    BlockTrials,
+)
 from besman.simulation.tasks.rearrange.boxes import BoxFrame
 from besman.simulation.tasks.rearrange.rearrange import RearrangeConfig
 from besman.stages.refine.block_detours import lead_parts_around
@@ -46,6 +52,8 @@ class WholeTaskProblem:
     robot : Robot
     task : RearrangeConfig
     frame : BoxFrame
+    note : callable
+        Told of every episode.
     """
 
     name: str
@@ -57,6 +65,7 @@ class WholeTaskProblem:
     marks: tuple[int, ...] = ()
     public: dict[str, Any] = field(default_factory=dict)
     methods: tuple[str, ...] = WHOLE_TASK_SEARCHES
+    note: Note = take_no_note
 
     @property
     def success(self) -> str:
@@ -67,11 +76,11 @@ class WholeTaskProblem:
             f"{success.success_angle_deg:g} degrees, simulated at once"
         )
 
-    def attempt(self, method: str, seed: int) -> Attempt:
+    def attempt(self, method: str, seed: int, note: Note = take_no_note) -> Attempt:
         """Search for the task whose turn it is; the whole that was found is then judged."""
         plan = self.plans[seed % len(self.plans)]
         started = time.thread_time()
-        found = self.search(plan, method, seed)
+        found = replace(self, note=note).search(plan, method, seed)
         spent = time.thread_time() - started
         won = False
         if found.success and found.plan is not None:
@@ -103,6 +112,7 @@ class WholeTaskProblem:
         thing = next(block.thing for block in plan.blocks if block.thing)
         row = plan.objects.index(thing)
         trials = BlockTrials.of(plan, self.robot, self.task, self.frame, row)
+        trials = NotedTrials.noting(trials, self.note)
         parts = split_task(plan, scratch=method == "from_scratch")
         if method == "as_one":
             parts = lead_parts_around(parts, self.task.grasp_way(self.frame), trials)
@@ -117,6 +127,36 @@ class WholeTaskProblem:
             return search_blocks(parts, way, trials, self.episodes // len(parts), seed, _SIGMA)
         sigma = _SCRATCH_SIGMA if method == "from_scratch" else _SIGMA
         return search_whole(parts, way, trials, self.episodes, seed, sigma)
+
+
+@dataclass(frozen=True, eq=False)
+class NotedTrials(BlockTrials):
+    """Trials of which each is noted; see `BlockTrials`.
+
+    Attributes
+    ----------
+    note : callable
+        Called with the number of episodes after each.
+    """
+
+    note: Note = take_no_note
+
+    @classmethod
+    def noting(cls, trials: BlockTrials, note: Note) -> NotedTrials:
+        """Return the same trials, noted."""
+        return cls(**{one.name: getattr(trials, one.name) for one in fields(trials)}, note=note)
+
+    def attempt(self, part: TaskPlan, state: BlockState, goal: BlockGoal) -> BlockOutcome:
+        """Simulate a part from a state."""
+        self.note(1)
+        return super().attempt(part, state, goal)
+
+    def attempt_whole(
+        self, whole: TaskPlan, parts: Sequence[TaskPlan], goals: Sequence[BlockGoal]
+    ) -> tuple[BlockOutcome, ...]:
+        """Simulate all parts at once."""
+        self.note(1)
+        return super().attempt_whole(whole, parts, goals)
 
 
 def whole_task_problem(

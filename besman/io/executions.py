@@ -24,6 +24,8 @@ ENDINGS = (".csv", ".mcap", ".db3", ".bag")
 
 # No joint turns farther.
 _GREATEST_RAD = 1000.0
+# What counts from 1970 is that late since 1973; nobody waits as long for a motion.
+_DATE_S = 1e8
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +42,7 @@ class Execution:
         rad.
     is_aligned : bool
         Whether time counts from the moment at which the motion was sent off, as far as the file can
-        tell: that of a bag counts from its first message.
+        tell: that of a bag counts from its first message, and dates from the first of them.
     """
 
     source: Path
@@ -83,7 +85,11 @@ def _read_table(path: Path, joint_names: Sequence[str]) -> Execution:
     lines = table_lines(path)[0]
     _, columns, first = table_head(lines, path)
     values = table_values(lines[first:], columns, first, path)
-    rate_of_times(values[:, 0], first, path)
+    time = values[:, 0]
+    is_date = bool(time[0] >= _DATE_S)
+    if is_date:
+        time = time - time[0]
+    rate_of_times(time, first, path)
     angles = {}
     for name, series in zip(columns[1:], values[:, 1:].T, strict=True):
         stem, factor = name, 1.0
@@ -99,7 +105,7 @@ def _read_table(path: Path, joint_names: Sequence[str]) -> Execution:
             f"{path}:{first + int(beyond[0]) + 1}: got {np.abs(positions[beyond[0]]).max():g}; "
             f"expected joint angles of at most {_GREATEST_RAD:g} rad"
         )
-    return Execution(path, values[:, 0], positions, is_aligned=True)
+    return Execution(path, time, positions, is_aligned=not is_date)
 
 
 def _read_bag(path: Path, joint_names: Sequence[str]) -> Execution:

@@ -27,7 +27,8 @@ from besman.stages.label.methods import LabelMethod
 from besman.stages.label.stage import NamingBase
 from besman.stages.read.read_inputs import Inputs, read_inputs
 from besman.stages.recognize.one_throw import OneThrowConfig
-from besman.stages.refine.stage import check_tool, place_plan
+from besman.stages.refine.begin_plan import place_plan
+from besman.stages.refine.stage import check_tool
 from besman.stages.select.flight import check_thrown
 
 

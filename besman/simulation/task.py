@@ -194,6 +194,13 @@ class Task(Config):
         """
         return plan
 
+    def search_start(self, plan: AnyPlan, robot: Robot) -> AnyPlan:
+        """Return the plan that the search for a better one begins with; that which was placed.
+
+        Of what it returns it returns the same.
+        """
+        return plan
+
     def wanted(self, plan: AnyPlan) -> FloatArray:
         """Return the numbers without which a plan does not fit the task: NaN if it lacks them."""
         return np.concatenate([getattr(plan, name) for name in self.placed_by])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import groupby
 
 import numpy as np
@@ -14,6 +14,7 @@ from besman.records import AnyPlan, Record, freeze
 from besman.robot.collision import distances
 from besman.robot.model import Robot
 from besman.simulation.episodes import Episodes, Movements
+from besman.simulation.perturbation import Perturbation
 from besman.simulation.task import Task
 
 FloatArray = npt.NDArray[np.float64]
@@ -81,6 +82,7 @@ def try_plans(
     plans: Sequence[AnyPlan],
     jobs: int = 1,
     paths: bool = False,
+    world: Perturbation | None = None,
 ) -> list[Trial]:
     """Try motion plans, each by itself.
 
@@ -96,6 +98,8 @@ def try_plans(
         Threads; results do not depend on it.
     paths : bool
         Whether to give the paths of what is thrown or carried.
+    world : Perturbation, optional
+        In which way the model is another one, the same for all.
 
     Returns
     -------
@@ -105,7 +109,10 @@ def try_plans(
     blocks = list(_blocks(robot, task, plans))
 
     def try_block(block: Sequence[AnyPlan]) -> list[Trial]:
-        return try_movements(robot, task, block, move(block, task, robot), paths)
+        movements = move(block, task, robot)
+        if world is not None:
+            movements = replace(movements, perturbations=(world,) * len(block))
+        return try_movements(robot, task, block, movements, paths)
 
     if jobs > 1 and len(blocks) > 1:
         with ThreadPoolExecutor(jobs) as pool:

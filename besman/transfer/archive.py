@@ -7,8 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from besman.motion.rollout import sample_plan
 from besman.records import Record, freeze
+from besman.robot.limits import check_limits
 from besman.robot.model import Robot
+from besman.simulation.perturbation import Perturbation
+from besman.simulation.perturbed_trials import lenient_task
 from besman.simulation.task import Task
 from besman.simulation.trial import try_plans
 from besman.stages.refine.plan_space import Space
@@ -92,16 +96,21 @@ class Simulator:
     robot : Robot
     task : Task
         A throw.
+    world : Perturbation, optional
+        The model, if it is not that of robot and task.
     """
 
     space: Space
     robot: Robot
     task: Task
+    world: Perturbation | None = None
 
     def simulate(self, points: FloatArray, jobs: int = 1) -> Archive:
         """Return what comes of points (P, D); threads change nothing."""
         plans = [self.space.plan_at(point) for point in points]
-        trials = try_plans(self.robot, self.task, plans, jobs)
+        # An arm that is late has not failed for that.
+        task = self.task if self.world is None else lenient_task(self.task)
+        trials = try_plans(self.robot, task, plans, jobs, world=self.world)
         return Archive(
             points=np.array(points, dtype=np.float64),
             outcomes=np.array([trial.outcome[:2] for trial in trials]),
@@ -113,6 +122,12 @@ class Simulator:
                 ]
             ),
         )
+
+    def keeps_limits(self, point: FloatArray) -> bool:
+        """Tell whether the arm may move like a point (D,): within its limits, touching nothing."""
+        plan = self.space.plan_at(point)
+        report = check_limits(self.robot, *sample_plan(plan, self.robot)[1:])
+        return report.violations == 0 and report.self_collisions == 0
 
 
 def add_simulated(

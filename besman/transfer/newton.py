@@ -2,7 +2,8 @@
 
 A real outcome is the simulated one and an error that changes slowly from motion to motion: what it
 is at the best try, and how it changes from there, tries tell. So the simulation need not be right,
-only wrong in nearly the same way for motions that are nearly the same [1]_.
+only wrong in nearly the same way for motions that are nearly the same [1]_. It is the less wrong
+the more is known of the arm, see `besman.transfer.calibration`.
 
 References
 ----------
@@ -30,11 +31,13 @@ Accept = Callable[[FloatArray], bool]
 _STEP = 0.2
 # Longest step, in units, how it is damped, in squared metres a squared unit, and how many there
 # are; how far points may be from the refined motion; what is near enough, metres.
-_REACH, _DAMPING, _STEPS = 1.5, 1e-4, 6
+_REACH, _DAMPING, _STEPS = 1.5, 1e-4, 15
 _BOUND = 3.0
 _ENOUGH_M = 0.01
+# What a unit of costs beside the miss, limits that are exceeded above all, weighs.
+_METRES_A_COST, _BLOCKED_M = 0.1, 0.05
 # How often a step is shortened for the arm's limits, and to what share.
-_SHORTENINGS, _SHORTER = 6, 0.7
+_SHORTENINGS, _SHORTER = 9, 0.7
 # After so many failures since the best try it is not the length of the step.
 _MOST_FAILURES = 2
 
@@ -47,17 +50,21 @@ def suggest_next(
     config: TransferConfig,
     accept: Accept = lambda point: True,
     jobs: int = 1,
+    model: Simulator | None = None,
 ) -> Choice:
     """Choose the motion to try next, as the config says.
 
-    By the simulation's Jacobian, the first try is the refined motion itself, the next ones Newton
-    steps; after a failure half as long ones. Where that leads nowhere, because every try failed or
-    no such motion may be tried, the transferability approach goes on, with its Gaussian process.
+    By the simulation's Jacobian, the first try is the refined motion itself, or where an arm that
+    is known already hits; the next ones are Newton steps; after a failure half as long ones. Where
+    that leads nowhere, because every try failed or no such motion may be tried, the
+    transferability approach goes on, with its Gaussian process.
 
     Parameters
     ----------
     simulator, archive, tries, target, config, accept, jobs
         As of `besman.transfer.approach.suggest`.
+    model : Simulator, optional
+        Of the arm as landings have told it, to step with in place of the simulator.
 
     Raises
     ------
@@ -67,12 +74,38 @@ def suggest_next(
     target = np.asarray(target, dtype=np.float64)
     if config.surrogate != "jacobian":
         return suggest(simulator, archive, tries, target, config, accept, jobs)
+    if model is not None:
+        found = _by_model(model, archive, tries, target, accept, jobs)
+        if found is not None:
+            # What is kept is what the simulation as it is says.
+            point = found.archive.points[[found.row]]
+            archive, rows = add_simulated(simulator, archive, point, jobs)
+            return Choice(archive, int(rows[0]), found.landing)
     steps = _Steps(simulator, archive, tries, target, jobs)
     found = steps.choose(accept)
     if found is not None:
         return found
     config = config.model_copy(update={"surrogate": "gaussian_process"})
     return suggest(simulator, steps.archive, tries, target, config, accept, jobs)
+
+
+def _by_model(
+    model: Simulator,
+    archive: Archive,
+    tries: Sequence[RealTry],
+    target: FloatArray,
+    accept: Accept,
+    jobs: int,
+) -> Choice | None:
+    """Step in another simulation than that of the archive; return its archive and a row of it."""
+    origin = np.zeros((1, model.space.dimension))
+    if tries:
+        points = archive.points[[one.row for one in tries]]
+        again = [RealTry(row, one.outcome) for row, one in enumerate(tries)]
+        return _Steps(model, model.simulate(points, jobs), again, target, jobs).choose(accept)
+    there = model.simulate(origin, jobs)
+    steps = _Steps(model, there, (), target, jobs)
+    return steps.choose_from(RealTry(0, there.outcomes[0]), accept) if there.thrown.all() else None
 
 
 class _Steps:
@@ -111,6 +144,10 @@ class _Steps:
         error, change = self._learn(good, best)
         return self._step(best, error, change, 0.5**failures, accept)
 
+    def choose_from(self, start: RealTry, accept: Accept) -> Choice | None:
+        """Return where the simulation hits, as near as may be to a try that it knows rightly."""
+        return self._step(start, *self._learn([start], start), 1.0, accept)
+
     def _is_good(self, one: RealTry) -> bool:
         """Tell whether something was learnt of a try: it came down, about where it was to."""
         shift = one.outcome - self.archive.outcomes[one.row]
@@ -139,24 +176,25 @@ class _Steps:
             row = self._simulate(point[None])[0]
             return np.asarray(self.archive.outcomes[row] + error + change @ (point - start))
 
-        point, expected = start, expect(start)
-        reach = _REACH
+        def judge(point: FloatArray) -> FloatArray:
+            """Return by how much a landing misses, and what the motion costs beside that (3,)."""
+            cost = self._costs(self._simulate(point[None]), start)
+            return np.append(expect(point) - self._target, cost)
+
+        point, off, reach = start, judge(start), _REACH
         for _ in range(_STEPS):
             slopes = self._slopes(point)
             if slopes is None:
                 break
-            slopes = slopes + change
-            normal = slopes @ slopes.T + _DAMPING * np.eye(2)
-            step = -slopes.T @ np.linalg.solve(normal, expected - self._target)
-            step *= min(1.0, reach / max(float(np.linalg.norm(step)), 1e-12))
+            step = _free_step(slopes + change, off[:2], self._blocked(point), reach)
             moved = np.clip(point + step, -_BOUND, _BOUND)
-            there = expect(moved)
+            there = judge(moved)
             # What is no outcome is no nearer.
-            if self._miss(there) < self._miss(expected):
-                point, expected = moved, there
+            if np.linalg.norm(there) < np.linalg.norm(off):
+                point, off, reach = moved, there, min(2.0 * reach, _REACH)
             else:
                 reach *= 0.3
-            if self._miss(expected) <= _ENOUGH_M:
+            if np.linalg.norm(off) <= _ENOUGH_M:
                 break
         point = start + share * (point - start)
         tried = {one.row for one in self._tries}
@@ -167,21 +205,49 @@ class _Steps:
             point = start + _SHORTER * (point - start)
         return None
 
-    def _miss(self, landing: FloatArray) -> float:
-        """Return how far a landing (2,) is from the target, metres; infinite without one."""
-        return float(np.nan_to_num(np.linalg.norm(landing - self._target), nan=np.inf))
-
     def _slopes(self, point: FloatArray) -> FloatArray | None:
         """Return how the simulated outcome changes a unit (2, D); None without any outcome."""
-        moves = _STEP * np.eye(len(point))
-        rows = self._simulate(np.concatenate([point + moves, point - moves]))
-        ahead, back = self.archive.outcomes[rows].reshape(2, len(point), 2)
+        rows = self._around(point)
+        ahead, back = self.archive.outcomes[rows]
         slopes = ((ahead - back) / (2.0 * _STEP)).T
         # A motion that no longer throws says nothing.
         known = np.isfinite(slopes).all(axis=0)
         return np.where(known, slopes, 0.0) if known.any() else None
 
+    def _blocked(self, point: FloatArray) -> npt.NDArray[np.bool_]:
+        """Return along which coordinates limits are exceeded soon, ahead and back: (2, D)."""
+        return np.asarray(self._costs(self._around(point), point) > _BLOCKED_M)
+
+    def _around(self, point: FloatArray) -> npt.NDArray[np.int64]:
+        """Return the rows of points a difference ahead of one and behind it, (2, D)."""
+        moves = _STEP * np.eye(len(point))
+        rows = self._simulate(np.concatenate([point + moves, point - moves]))
+        return rows.reshape(2, len(point))
+
+    def _costs(self, rows: npt.NDArray[np.int64], start: FloatArray) -> FloatArray:
+        """Return what motions cost more than that at a point (D,), as metres of a miss."""
+        row = int(self._simulate(start[None])[0])
+        usual = self.archive.costs[row]
+        return np.asarray(_METRES_A_COST * np.maximum(self.archive.costs[rows] - usual, 0.0))
+
     def _simulate(self, points: FloatArray) -> npt.NDArray[np.int64]:
         """Return the rows of points in the archive, after simulating those that are new."""
         self.archive, rows = add_simulated(self._simulator, self.archive, points, self._jobs)
         return rows
+
+
+def _free_step(
+    slopes: FloatArray, off: FloatArray, blocked: npt.NDArray[np.bool_], reach: float
+) -> FloatArray:
+    """Return the damped step of least norm (D,) along coordinates that are free in its direction.
+
+    `slopes` (2, D) are of what is `off` (2,); `blocked` (2, D) are coordinates ahead and back.
+    """
+    free = np.ones(slopes.shape[1], dtype=np.bool_)
+    while True:
+        used = np.where(free, slopes, 0.0)
+        step = -used.T @ np.linalg.solve(used @ used.T + _DAMPING * np.eye(2), off)
+        shut = free & np.where(step > 0, blocked[0], blocked[1]) & (step != 0)
+        if not shut.any():
+            return np.asarray(step * min(1.0, reach / max(float(np.linalg.norm(step)), 1e-12)))
+        free &= ~shut

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -15,7 +16,6 @@ from besman.pipeline.finished_run import FinishedRun, read_run
 from besman.records import AnyPlan, RefinedMotion
 from besman.records.files import digest
 from besman.robot.kinematics import forward_kinematics
-from besman.robot.limits import check_limits
 from besman.robot.model import Robot, load_robot
 from besman.search.protocol import Part
 from besman.simulation.tasks.kinds import KINDS
@@ -25,6 +25,7 @@ from besman.stages.export.motion_exports import write_exports
 from besman.stages.refine.plan_space import Space, plan_space
 from besman.transfer.approach import TransferConfig
 from besman.transfer.archive import Simulator
+from besman.transfer.calibration import Touchdown, calibrated, landings_of
 from besman.transfer.newton import suggest_next
 from besman.transfer.results_table import add_row, read_results
 from besman.transfer.state import Suggested, TransferState, load_state, new_state, save_state
@@ -50,6 +51,8 @@ class Suggestion:
         Where the outcome is to be filled in.
     anew : bool
         Whether tries before were simulated anew, because the arm is known otherwise than then.
+    told_by : tuple of str
+        The motions, one a landing, that have told the model it was found in; none: the run's own.
     """
 
     state: TransferState
@@ -57,6 +60,7 @@ class Suggestion:
     folder: Path
     table: Path
     anew: bool = False
+    told_by: tuple[str, ...] = ()
 
 
 def suggest_try(
@@ -66,10 +70,12 @@ def suggest_try(
     config: TransferConfig | None = None,
     jobs: int = 1,
     robot: str | None = None,
+    progress: Callable[[float], None] = lambda done: None,
 ) -> Suggestion:
     """Suggest the next try of a motion, and write it in every format.
 
-    A try that is not recorded yet is written again.
+    A try that is not recorded yet is written again. The next one is found in the model that all
+    landings tell which are recorded of the run, whichever motion's they are.
 
     Parameters
     ----------
@@ -88,6 +94,8 @@ def suggest_try(
         The run's arm as it is known by now, see
         `besman.transfer.identification.identify.identify_arm`; default as the run has it. What
         was tried stays, and is simulated anew.
+    progress : callable
+        Called with the share done, 0 to 1.
 
     Raises
     ------
@@ -112,8 +120,11 @@ def suggest_try(
     simulator = Simulator(space, finished.robot, finished.task)
     before = state.drives if state.tries else digest(simulator.robot.drives)
     state = _simulated_by(state, simulator, jobs)
+    told: list[Touchdown] = []
     if not state.tries or state.tries[-1].recorded:
-        state = _next(state, simulator, target, jobs)
+        told = _landings(run, finished, state) if state.config.surrogate == "jacobian" else []
+        model = calibrated(simulator, told, jobs, lambda done: progress(0.8 * done))
+        state = _next(state, simulator, target, jobs, model)
         save_state(folder, state)
     number = len(state.tries)
     place = (out or run / "transfer") / file_name(refined.plan.name) / f"try_{number:02d}"
@@ -122,7 +133,23 @@ def suggest_try(
     write_exports((_as_motion(refined, plan, finished, number),), finished.robot, place)
     table = (out or run / "transfer") / "results.csv"
     add_row(table, refined.plan.name, number)
-    return Suggestion(state, target, place, table, anew=before not in ("", state.drives))
+    told_by = tuple(landing.plan.name for landing in told)
+    return Suggestion(state, target, place, table, before not in ("", state.drives), told_by)
+
+
+def _landings(run: Path, finished: FinishedRun, state: TransferState) -> list[Touchdown]:
+    """Return where all motions of a run came down that were tried, that of the state last."""
+    motions = {one.plan.name: one for one in finished.motions}
+    paths = sorted((run / "transfer").glob("*/state.json"))
+    others = [load_state(path.parent) for path in paths]
+    landings = []
+    for one in [*(other for other in others if other.motion != state.motion), state]:
+        refined = motions.get(one.motion)
+        # Of a motion that was computed anew since, nobody knows any more what was tried.
+        if refined is not None and one.key == digest(refined.plan):
+            space = _space(refined.plan, finished.robot, one.config)
+            landings += landings_of(space, one.archive, one.real_tries)
+    return landings
 
 
 def record_tries(run: Path, table: Path) -> list[tuple[TransferState, FloatArray]]:
@@ -260,18 +287,16 @@ def _simulated_by(state: TransferState, simulator: Simulator, jobs: int) -> Tran
 
 
 def _next(
-    state: TransferState, simulator: Simulator, target: FloatArray, jobs: int
+    state: TransferState,
+    simulator: Simulator,
+    target: FloatArray,
+    jobs: int,
+    model: Simulator | None,
 ) -> TransferState:
     """Return the state with one try more."""
-    robot = simulator.robot
-
-    def is_within_limits(point: FloatArray) -> bool:
-        movement = sample_plan(simulator.space.plan_at(point), robot)[1:]
-        report = check_limits(robot, *movement)
-        return report.violations == 0 and report.self_collisions == 0
-
+    tried = state.real_tries
     found = suggest_next(
-        simulator, state.archive, state.real_tries, target, state.config, is_within_limits, jobs
+        simulator, state.archive, tried, target, state.config, simulator.keeps_limits, jobs, model
     )
     expected = (float(found.landing[0]), float(found.landing[1]))
     tries = (*state.tries, Suggested(found.row, expected))

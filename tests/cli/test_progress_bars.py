@@ -1,7 +1,9 @@
-"""Progress where nobody watches a terminal."""
+"""Bars of stages, what is left of them before an error's line, and lines without a terminal."""
 
 import re
 import threading
+
+import pytest
 
 from besman.cli.progress_bars import StageLines, stage_display
 
@@ -40,3 +42,21 @@ def test_what_is_never_ended_says_no_more():
     with stage_display() as show:
         progress, _ = show("map")
     assert progress.__self__._over.is_set()
+
+
+def test_a_bar_that_has_not_begun_is_not_left_before_an_error(capsys, monkeypatch):
+    monkeypatch.setenv("FORCE_COLOR", "1")
+
+    def refuse():
+        with stage_display() as display:
+            progress, end = display("begun")
+            progress(0.5)
+            end(False)
+            display("refused")
+            raise ValueError("what was wrong")
+
+    with pytest.raises(ValueError, match="what was wrong"):
+        refuse()
+    said = capsys.readouterr().err
+    assert "begun" in said
+    assert "refused" not in said

@@ -1,4 +1,6 @@
 import json
+from io import StringIO
+from threading import Event
 
 import numpy as np
 import pytest
@@ -6,6 +8,7 @@ from small_runs import keep_demonstrations
 from typer.testing import CliRunner
 
 from besman.cli.main import app
+from besman.evaluation.counted_episodes import add_episodes, share_done, watched_episodes
 from besman.evaluation.names import FUNCTION_NAMES, TASK_RECIPES
 from besman.evaluation.refinement import best_rewards, evaluate_refinement, summary
 from besman.evaluation.refinement_functions import (
@@ -92,6 +95,52 @@ def test_summary():
     found = summary([1.0, 2.0, 3.0, 4.0])
     assert (found["median"], found["q25"], found["q75"], found["mean"]) == (2.5, 1.75, 3.25, 2.5)
     assert found["standard_error"] == pytest.approx(np.std([1, 2, 3, 4], ddof=1) / 2)
+    assert summary([2.0])["standard_error"] is None
+
+
+def test_one_run_alone_has_no_standard_error():
+    from rich.console import Console
+
+    rows = evaluate_refinement([SMALL], ["cma_es"], [0])["rows"]
+    json.dumps(rows, allow_nan=False)
+    console = Console(width=160, record=True, file=StringIO())
+    for table in refinement_tables(rows):
+        console.print(table)
+    text = console.export_text()
+    assert "1/1" in text
+    assert "nan" not in text
+    assert f"{rows[0]['final_reward']['mean']:.3g}" in text
+
+
+def test_episodes_are_counted_while_attempts_go_on(tmp_path):
+    files, budgets = [tmp_path / name for name in "abc"], [10, 20, 5]
+    add_episodes(files[0], 4)
+    add_episodes(files[0], 1)
+    add_episodes(files[2], 9)
+    assert share_done(files, budgets) == pytest.approx((0.5 + 0.0 + 1.0) / 3)
+    assert share_done([], []) == 0.0
+    told, half = [], Event()
+    with watched_episodes([8], lambda share: (told.append(share), half.set()), 1e-3) as (file,):
+        add_episodes(file, 4)
+        while 0.5 not in told:
+            half.clear()
+            assert half.wait(10)
+    assert not file.exists()
+
+
+def test_a_method_is_refused_before_anything_is_run(monkeypatch):
+    """A pipeline takes half a minute until its imitations can be refined."""
+    refuse = lambda *arguments, **others: pytest.fail("ran a pipeline")  # noqa: E731
+    monkeypatch.setattr("besman.evaluation.refinement_problems.run_pipeline", refuse)
+    for options, message in (
+        (["rearrange", "--method", "cma_es"], r"--method: got 'cma_es'; .*block_by_block"),
+        (["stick_throw", "--method", "nes"], "--method: got 'nes'; .*allowed: cem"),
+        (["rearrange", "--problem", "spere"], "--problem: got 'spere'; did you mean 'sphere'"),
+    ):
+        with pytest.raises(ConfigError, match=message):
+            CliRunner().invoke(
+                app, ["evaluate", "refinement", "--problem", *options], catch_exceptions=False
+            )
 
 
 def test_the_help_names_every_problem():

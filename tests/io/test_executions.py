@@ -45,6 +45,14 @@ def test_csv_in_radians_and_degrees_with_other_columns(tmp_path):
     np.testing.assert_allclose(read_execution(path, JOINTS).positions, ANGLES)
 
 
+def test_times_that_are_dates_count_from_the_first(tmp_path):
+    """Of when the motion was sent off they say no more than those of a bag."""
+    path = write(tmp_path / "a.csv", rows_of(1.7e9 + TIME))
+    found = read_execution(path, JOINTS)
+    np.testing.assert_allclose(found.time, TIME, atol=1e-6)
+    assert not found.is_aligned
+
+
 def test_a_bag_with_joints_in_another_order(tmp_path):
     path = bag(tmp_path / "a.mcap", STAMPS, ("b", "other", "a"), ANGLES[:, [1, 1, 0]])
     found = read_execution(path, JOINTS)

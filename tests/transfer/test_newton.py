@@ -1,5 +1,6 @@
 """Newton steps on throws without an arm; see `ballistic_throws`."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -86,3 +87,37 @@ def test_one_motion_may_be_tried_twice():
     both = suggest_next(BallSimulator(), first.archive, tried, TARGET, TransferConfig())
     better = suggest_next(BallSimulator(), first.archive, tried[1:], TARGET, TransferConfig())
     np.testing.assert_array_equal(both.landing, better.landing)
+
+
+def test_an_arm_that_is_known_is_aimed_at_with_the_first_try():
+    """The model throws as the arm does; what is kept is what the simulation as it is says."""
+
+    class Known(BallSimulator):
+        def simulate(self, points, jobs=1):
+            landed = np.array([real(point, 0.8) for point in points])
+            return replace(super().simulate(points), outcomes=landed)
+
+    usual, known, config = BallSimulator(), Known(), TransferConfig()
+    first = suggest_next(usual, no_plans(DIMENSION), (), TARGET, config, model=known)
+    (point,) = first.archive.points
+    assert np.linalg.norm(real(point, 0.8) - TARGET) < 0.02
+    np.testing.assert_allclose(first.landing, real(point, 0.8))
+    np.testing.assert_array_equal(first.archive.outcomes, usual.simulate(point[None]).outcomes)
+    # Where it comes down elsewhere all the same, the next try makes up for that too.
+    tried = [RealTry(first.row, first.landing + np.array([0.15, 0.1]))]
+    second = suggest_next(usual, first.archive, tried, TARGET, config, model=known)
+    expected = real(second.archive.points[second.row], 0.8) + np.array([0.15, 0.1])
+    np.testing.assert_allclose(second.landing, expected, atol=1e-9)
+    assert np.linalg.norm(expected - TARGET) < 0.02
+
+
+def test_where_the_model_throws_nothing_the_refined_motion_comes_first():
+    class Fails(BallSimulator):
+        def simulate(self, points, jobs=1):
+            found = super().simulate(points)
+            return replace(found, outcomes=np.full_like(found.outcomes, np.nan))
+
+    first = suggest_next(
+        BallSimulator(), no_plans(DIMENSION), (), TARGET, TransferConfig(), model=Fails()
+    )
+    assert not first.archive.points[first.row].any()

@@ -38,6 +38,15 @@ def write_run(folder, motions, robot="ur5", tool="stick_holder", task="stick_thr
     return folder
 
 
+@pytest.fixture(scope="module", autouse=True)
+def few_steps():
+    """How good a step is test_newton.py and test_calibration.py say; here it may be a rough one."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("besman.transfer.newton._STEPS", 3)
+        patch.setattr("besman.transfer.calibration._ITERATIONS", 1)
+        yield
+
+
 @pytest.fixture(scope="module")
 def motions(robot, make_plan):
     plans = [make_plan(0.54, name=NAMES[0]), make_plan(0.6, name=NAMES[1])]
@@ -120,6 +129,12 @@ def test_a_suggestion_is_recorded_and_the_next_one_answers_it(suggested, robot, 
     assert second.state.config == SMALL
     assert len(second.table.read_text().splitlines()) == 3
     assert "wind" in second.table.read_text()
+    assert second.told_by == (NAMES[0],)
+    # The next motion begins with what this one has told: it is not thrown as in the simulation.
+    other = suggest_try(run, NAMES[1], config=SMALL)
+    assert other.told_by == (NAMES[0],)
+    assert other.state.archive.points[other.state.tries[0].row].any()
+    assert np.linalg.norm(np.array(other.state.tries[0].expected_m) - other.target) < 0.2
 
 
 def test_what_is_written_is_what_was_simulated(made, robot, motions):
@@ -366,7 +381,9 @@ def test_an_arm_that_is_known_better_simulates_the_tries_anew(
     known = tmp_path / "ur5.identified.yaml"
     known.write_text(yaml.safe_dump(content))
     assert besman(monkeypatch, "transfer", "suggest", run, "--robot", known) == 0
-    assert "simulated anew with" in " ".join(capsys.readouterr().out.split())
+    said = " ".join(capsys.readouterr().out.split())
+    assert "simulated anew with" in said
+    assert "found in the model that landings tell: 1, of motions: 1" in said
     state = load_state(run / "transfer" / "person_1")
     assert state.tries[0].outcome_m == (expected[0] - 0.2, expected[1])
     before = first.state.archive

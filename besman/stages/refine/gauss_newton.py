@@ -20,8 +20,9 @@ from besman.search.protocol import Part
 from besman.search.two_level import two_level_design
 from besman.simulation.perturbation import Perturbation
 from besman.simulation.task import Task
+from besman.stages.refine.begin_plan import begin_plan
 from besman.stages.refine.robustness import RobustConfig
-from besman.stages.refine.stage import RefinementConfig, place_plan
+from besman.stages.refine.stage import RefinementConfig
 
 if TYPE_CHECKING:
     from besman.stages.refine.class_model import ClassModel, FloatArray
@@ -105,7 +106,7 @@ class GaussNewtonConfig(RefinementConfig):
         from besman.stages.refine.search_loop import order_from_middle
 
         rows = sorted(range(len(plans)), key=lambda row: digest(plans[row]))
-        placed = [place_plan(plans[row], robot, task) for row in rows]
+        placed = [begin_plan(plans[row], robot, task) for row in rows]
         found: list[ClassModel | None] = [None] * len(plans)
         for group in group_by_posture(placed):
             some = [placed[at] for at in group]

@@ -13,9 +13,10 @@ import numpy.typing as npt
 from besman.records import AnyPlan, RefinedMotion
 from besman.robot.model import Robot
 from besman.simulation.task import Task
+from besman.stages.refine.begin_plan import begin_plan
 from besman.stages.refine.checkpoint import Generation
 from besman.stages.refine.class_model import ClassModel
-from besman.stages.refine.stage import RefinementConfig, place_plan
+from besman.stages.refine.stage import RefinementConfig
 from besman.work.work import Work
 
 FloatArray = npt.NDArray[np.float64]
@@ -113,7 +114,7 @@ def refine_in_two_rounds(
     )
     waiting = [one for one in first if one.motion is None]
     ends = [one for one in first if one.end is not None]
-    wanted = {one.at: task.wanted(place_plan(one.plan, robot, task)) for one in (*ends, *waiting)}
+    wanted = {one.at: task.wanted(begin_plan(one.plan, robot, task)) for one in (*ends, *waiting)}
     starts = [nearest_ends(one, ends, wanted)[:n_neighbours] for one in waiting]
     second = work.part(_FIRST, 1.0).map(
         again,
@@ -175,7 +176,7 @@ def _search_again(
 ) -> tuple[int, RefinedMotion]:
     """Go on with one that has stalled, from where others have ended."""
     one, ends = item
-    space, shared = config.space(place_plan(one.plan, robot, task), robot), one.shared
+    space, shared = config.space(begin_plan(one.plan, robot, task), robot), one.shared
     assert shared is not None
     starts = [replace(shared, point=space.project(end.plan), jacobian=end.jacobian) for end in ends]
     running = config.running_search(

@@ -21,6 +21,7 @@ from besman.robot.model import Robot
 from besman.search.kinds import search_kind
 from besman.search.protocol import Part, ResidualSearch, Search
 from besman.simulation.task import Task
+from besman.stages.refine.begin_plan import begin_plan
 from besman.stages.refine.figures import refine_results
 from besman.stages.refine.robustness import RobustConfig, RobustnessConfig
 
@@ -212,7 +213,7 @@ class RefinementConfig(Stage):
         if self.motions is not None:
             from besman.stages.refine.choice import nearest_plans
 
-            placed = [place_plan(plan, robot, task) for plan in plans]
+            placed = [begin_plan(plan, robot, task) for plan in plans]
             plans = nearest_plans(placed, robot, task, self.motions, work.jobs)
         if self.pool:
             return (self._refine_side_by_side(plans, robot, task, work),)
@@ -255,7 +256,7 @@ class RefinementConfig(Stage):
         """Refine motion plans side by side, for one target."""
         from besman.stages.refine.search_loop import search_side_by_side, share_target
 
-        placed = share_target([place_plan(plan, robot, task) for plan in plans], task)
+        placed = share_target([begin_plan(plan, robot, task) for plan in plans], task)
         shared = self.share(placed, robot, task, replace(work, strict=True, progress=_ignore))
         pool = [
             self.running_search(plan, robot, task, work.checkpoints, one)
@@ -319,7 +320,7 @@ class RefinementConfig(Stage):
         """
         from besman.stages.refine.motion_search import MotionSearch
 
-        plan = place_plan(plan, robot, task)
+        plan = begin_plan(plan, robot, task)
         space = self.space(plan, robot)
         seed = self.seed, _seed_of(plan)
         search, *others = (
@@ -384,16 +385,3 @@ def check_tool_name(robot: str, tool: str, task: Task) -> None:
         raise RefinementError(
             f"task {task.kind}: robot {robot} carries tool {tool!r}, expected {task.tool!r}"
         )
-
-
-def place_plan(plan: AnyPlan, robot: Robot, task: Task) -> AnyPlan:
-    """Give a plan the task's target; refuse one that belongs to another robot or task."""
-    if plan.joint_names != robot.joint_names:
-        raise RefinementError(
-            f"{plan.name}: plan for joints {', '.join(plan.joint_names)}; robot "
-            f"{robot.name} has {', '.join(robot.joint_names)}"
-        )
-    plan = task.place(plan, robot)
-    if not np.isfinite(task.wanted(plan)).all():
-        raise RefinementError(f"{plan.name}: task {task.kind} needs a {task.needs}, got none")
-    return plan

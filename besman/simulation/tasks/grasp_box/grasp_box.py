@@ -13,6 +13,7 @@ from typing import ClassVar
 import numpy as np
 import numpy.typing as npt
 
+from besman.geometry.frames import quaternion_to_rotation
 from besman.records import AnyPlan
 from besman.robot.model import Robot
 from besman.simulation.episodes import Episodes, Movements
@@ -53,6 +54,21 @@ class GraspBoxConfig(GraspBoxFields):
         """Return the plan with the place of the lifted box as its target."""
         target = self._box_poses(plan)[0, :3] + np.array([0.0, 0.0, self.lift.height_m])
         return replace(plan, target=target)
+
+    def search_start(self, plan: AnyPlan, robot: Robot) -> AnyPlan:
+        """Return a plan that comes to the box straight and square, see `ApproachConfig`."""
+        if not self.approach.square:
+            return plan
+        from besman.motion.square_approach import square_approach
+
+        x, y, z, direction = self._shelf_place(plan)
+        ahead = np.array([np.cos(direction), np.sin(direction), 0.0])
+        # Its fingers close along x, to the side that is nearer to how the hand was held.
+        side = np.array([-ahead[1], ahead[0], 0.0])
+        side *= np.copysign(1.0, side @ quaternion_to_rotation(plan.goal_pose[3:])[:, 0])
+        rotation = np.column_stack([side, np.cross(ahead, side), ahead])
+        position = np.array([x, y, z]) - self.approach.back_m * ahead
+        return square_approach(plan, robot, position, rotation, self.approach.straight_m)
 
     def scene(self, plan: AnyPlan, robot: Robot) -> Hashable:
         """Return where the shelf stands."""

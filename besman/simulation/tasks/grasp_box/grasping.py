@@ -147,7 +147,8 @@ def summarize_poses(episodes: Episodes, times: int) -> Episodes:
     """Make one episode of those of one movement with the box in several places.
 
     The outcome is the worst, as is each measure; it has failed if one of them has, and its
-    shortfall is the mean, in which every failure counts half at least.
+    shortfall is the mean, in which every failure counts half at least. If none has, it is that of
+    the first place, as low as the lowest: which is the lowest by a hair says nothing of where.
     """
     if times == 1:
         return episodes
@@ -156,9 +157,12 @@ def summarize_poses(episodes: Episodes, times: int) -> Episodes:
     low = -np.nan_to_num(episodes.outcomes[:, 2], nan=-np.inf).reshape(-1, times)
     order = np.lexsort((low, shortfalls, failed), axis=1)[:, -1]
     rows = np.arange(len(failed)) * times + order
+    outcomes = episodes.outcomes[rows]
+    held = ~failed.any(axis=1)
+    outcomes[held, :2] = episodes.outcomes[::times][held, :2]
     graded = np.where(failed, 0.5 * (1.0 + shortfalls), 0.0)
     return Episodes(
-        outcomes=episodes.outcomes[rows],
+        outcomes=outcomes,
         end_poses=episodes.end_poses[rows],
         tracking_errors=episodes.tracking_errors[rows],
         shortfalls=graded.mean(axis=1),

@@ -104,6 +104,24 @@ class BoxConfig(Config):
     spread_m: Annotated[float, Field(ge=0, le=0.1)] = 0.025
 
 
+class ApproachConfig(Config):
+    """How a gripper comes to the box: its search begins with such a way, in place of the hand's.
+
+    Attributes
+    ----------
+    square : bool
+        Level, straight ahead and opposite the box's middle; false: as the hand was shown to come.
+    straight_m : float
+        Length of the straight way.
+    back_m : float
+        By how much the TCP stays in front of the box's middle.
+    """
+
+    square: bool = True
+    straight_m: NotNegative = 0.08
+    back_m: float = 0.02
+
+
 class ShelfConfig(Config):
     """The board that the box stands on.
 
@@ -167,13 +185,14 @@ class GraspBoxFields(Task):
     tool : str
         Tool of the robot that is the gripper: its TCP is the middle between the fingers, TCP z
         points ahead, and they close along TCP x.
-    box, shelf, gripper, lift, simulation, reward, failure, success
+    box, approach, shelf, gripper, lift, simulation, reward, failure, success
         See the classes.
     """
 
     kind: Literal["grasp_box"]
     tool: str = "gripper3"
     box: BoxConfig = BoxConfig()
+    approach: ApproachConfig = ApproachConfig()
     shelf: ShelfConfig = ShelfConfig()
     gripper: GripperConfig = GripperConfig()
     lift: LiftConfig = LiftConfig()

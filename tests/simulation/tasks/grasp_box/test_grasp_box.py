@@ -3,11 +3,13 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from contact_motions import slanted_approach_of
 
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.limits import check_limits
 from besman.robot.model import load_robot
 from besman.simulation.episodes import Movements
+from besman.simulation.perturbed_trials import lenient_task
 from besman.simulation.tasks.grasp_box.grasp_scene import grasp_model
 from besman.simulation.tasks.grasp_box.gripper import GripperConfig, finger_controls
 from besman.simulation.tasks.grasp_box.lift import move_along, plan_lift
@@ -40,6 +42,20 @@ def test_a_box_is_approached_gripped_and_lifted(grasper, approach):
     assert np.abs(rise[:300]).max() < 1e-3
     assert rise[-1] == pytest.approx(TASK.lift.height_m, abs=0.01)
     assert trial.reward == -sum(trial.costs.values())
+
+
+def test_a_hand_that_came_from_the_side_comes_straight_and_holds_the_box(grasper):
+    """As it was shown a finger meets the box on the way; brought it succeeds at five places."""
+    shown = TASK.place(slanted_approach_of(grasper), grasper)
+    brought = TASK.search_start(shown, grasper)
+    assert TASK.search_start(brought, grasper) is brought
+    np.testing.assert_array_equal(brought.goal_pose, shown.goal_pose)
+    before, after = try_plans(grasper, lenient_task(TASK), [shown, brought])
+    assert before.failure in ("box not gripped", "box dropped", "collision with the shelf")
+    assert after.success
+    approach = TASK.approach.model_copy(update={"square": False})
+    as_shown = TASK.model_copy(update={"approach": approach})
+    assert as_shown.search_start(shown, grasper) is shown
 
 
 def test_success_is_needed_wherever_the_box_is_tried(grasper, approach):

@@ -25,7 +25,7 @@ def movements(batch=2, steps=5, n=3):
 
 def episodes(shortfalls, failures, heights):
     n = len(shortfalls)
-    outcomes = np.zeros((n, 3))
+    outcomes = np.repeat(np.arange(float(n))[:, None], 3, axis=1)
     outcomes[:, 2] = heights
     return Episodes(
         outcomes=outcomes,
@@ -49,6 +49,8 @@ def test_the_worst_place_is_the_outcome_and_the_shortfall_the_mean():
     found = summarize_poses(whole, 2)
     assert found.failures == ("slipped", "")
     np.testing.assert_array_equal(found.outcomes[:, 2], [1.1, 0.9])
+    # Held everywhere, it is where the box of the first place is.
+    np.testing.assert_array_equal(found.outcomes[:, :2], whole.outcomes[[1, 2], :2])
     # A failure counts half at least: (0 + (1 + 0.4) / 2) / 2.
     np.testing.assert_allclose(found.shortfalls, [0.35, 0.0])
     np.testing.assert_array_equal(found.measures["tilt_rad"], [1.0, 3.0])
