@@ -84,6 +84,9 @@ class GaussNewton:
         steps of least norm are sought. 1 if not given.
     floor : array, shape (D,), optional
         Nothing changes below: no step goes there.
+    gained : array, shape (R,), optional
+        By what the residual at the first point differs from the start's: in one world steps begin
+        there if that is nearer. NaN if not known.
 
     Attributes
     ----------
@@ -108,6 +111,7 @@ class GaussNewton:
         first: npt.ArrayLike | None = None,
         trust: npt.ArrayLike | None = None,
         floor: npt.ArrayLike | None = None,
+        gained: npt.ArrayLike | None = None,
     ) -> None:
         self._start = np.array(start, dtype=np.float64)
         self._trust = np.ones(len(self._start)) if trust is None else np.array(trust)
@@ -116,6 +120,7 @@ class GaussNewton:
         self._options = (sigma, population, seed, bounds, restarts)
         self._steps, self._left = steps, _LONGER * steps
         self._next = self._agreed = np.array(start if first is None else first, dtype=np.float64)
+        self._gained = np.full(1, np.nan) if gained is None else np.array(gained)
         self._foresees = bool((np.abs(self._next - self._start) > BESIDE).any())
         self._at: Tried | None = None
         self._best: Tried | None = None
@@ -165,7 +170,11 @@ class GaussNewton:
         if self.n_worlds > 1:
             self._other = tried if known and not np.array_equal(self._next, point) else None
         elif known:
+            first, told = self._next, Tried(self._next, tried.residuals + self._gained)
             self._learn(tried)
+            if told.first < tried.first and not self._ended:
+                far = told.first > _NEAR
+                self._next = self._within(first + self._step(told)) if far else first
         elif np.array_equal(self._next, point):
             self._next = self._within(self._next + BESIDE)
 
