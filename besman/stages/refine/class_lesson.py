@@ -49,6 +49,7 @@ _MOST_EACH = 50
 # The middle motion is worth more and bolder steps: what it finds is where all others begin.
 _STEPS_OF_MIDDLE, _BOLDER, _DETOURS_OF_MIDDLE = 2, 0.3, 4
 
+_ELSEWHERE = 6.0
 # So many motions, from the middle on, are searched until steps stall.
 _MOST_AIMED = 3
 
@@ -202,11 +203,18 @@ class Lesson:
             search, moved = running.search, running.search.newton_jacobian
             spent += search.n_episodes
             if search.best_trial.success and moved is not None:
+                point = search.best_point
+                if np.linalg.norm(point - measured.point) > _ELSEWHERE:
+                    # What was measured at the start says little of this place.
+                    space = self.config.space(plan, self.robot)
+                    coordinates = self._measured(space)
+                    moved, _ = self._slopes(space, point, coordinates, work)
+                    spent += self._cost(len(coordinates))
                 before, after = running.tried[0].trials[0], search.best_trial
                 return replace(
                     measured,
                     name=plan.name,
-                    point=search.best_point,
+                    point=point,
                     jacobian=moved,
                     simulations=spent,
                     gained=residual_of(after) - residual_of(before),
