@@ -15,8 +15,9 @@ from besman.config.stage import Work
 from besman.records import AnyPlan
 from besman.records.files import digest
 from besman.robot.model import Robot
-from besman.search.gauss_newton import BESIDE
 from besman.search.protocol import Part
+from besman.search.residual_points import rms
+from besman.search.rough_steps import BESIDE, FAR
 from besman.search.two_level import two_level_design
 from besman.simulation.perturbation import Perturbation
 from besman.simulation.task import Task
@@ -144,6 +145,9 @@ class Lesson:
                 if found is None:
                     return nothing(spent, f"nothing comes of {self.plan.name}")
                 point = found
+            elif not self._in_one_world and rms(first.residual[None]) > FAR:
+                point, needed = self._come_near(point, work)
+                spent += needed
             jacobian, trust = self._slopes(space, point, measured, work)
             spent += cost
         if why := moves_too_little(jacobian):
@@ -156,8 +160,22 @@ class Lesson:
 
     def _find_outcome(self, work: Work) -> tuple[FloatArray | None, int]:
         """Search without slopes: a point (D,) that succeeds, if any, and how many episodes."""
-        search = self._search(self.plan, None, work).search
+        search = self._search(self.plan, None, work, to_its_end=True).search
         return search.best_point if search.best_trial.success else None, search.n_episodes
+
+    def _come_near(self, point: FloatArray, work: Work) -> tuple[FloatArray, int]:
+        """Search in the model alone from a point (D,): where it ends, and how many episodes.
+
+        So far off all models are off alike: what they are apart by is worth its price near the end.
+        """
+        alone = self.config.model_copy(update={"robust": None})
+        lesson = replace(self, config=alone, plans=(self.plan,), folder=None)
+        measured = lesson.measure(work)
+        if measured.useless:
+            return point, measured.simulations
+        search = lesson._search(self.plan, measured, work, to_its_end=True).search
+        found = search.best_point if search.best_trial.success else point
+        return found, measured.simulations + search.n_episodes
 
     def _carry(
         self, space: Space, point: FloatArray, source: Slopes
@@ -199,7 +217,7 @@ class Lesson:
         """Take steps until it succeeds, in the model alone; where they stall, with the next."""
         spent = measured.simulations
         for plan in self.plans[:_MOST_AIMED]:
-            running = self._search(plan, measured, work)
+            running = self._search(plan, measured, work, to_its_end=False)
             search, moved = running.search, running.search.newton_jacobian
             spent += search.n_episodes
             if search.best_trial.success and moved is not None:
@@ -221,13 +239,15 @@ class Lesson:
                 )
         return replace(measured, simulations=spent)
 
-    def _search(self, plan: AnyPlan, shared: ClassModel | None, work: Work) -> RunningSearch:
-        """Search a motion as if it were alone, without checkpoint, until another goes on."""
+    def _search(
+        self, plan: AnyPlan, shared: ClassModel | None, work: Work, to_its_end: bool
+    ) -> RunningSearch:
+        """Search a motion as if it were alone, without checkpoint; or until steps have stalled."""
         running = self.config.running_search(plan, self.robot, self.task, None, shared)
         running.jobs, search = work.jobs, running.search
-        while not search.done and not (shared is not None and search.handed_over):
+        while not search.done and (to_its_end or not search.handed_over):
             running.advance()
-        if not (shared is not None and search.handed_over):
+        if search.done:
             search.settle()
         return running
 

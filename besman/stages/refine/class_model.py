@@ -61,7 +61,7 @@ class ClassModel(
     trust: FloatArray
     simulations: int
     useless: str = ""
-    gained: FloatArray = field(default_factory=lambda: np.full(2, np.nan))
+    gained: FloatArray = field(default_factory=lambda: np.full(1, np.nan))
 
     def __post_init__(self) -> None:
         """Copy the arrays, make them read-only and check their shapes."""

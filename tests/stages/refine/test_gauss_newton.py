@@ -60,8 +60,8 @@ def test_throws_hit_in_a_handful_of_episodes(motions):
         assert len(motion.returns) <= 12
         assert motion.handed_over == ""
     figures = refine_results(motions, THROW)
-    # The imitation, goal of six joints and duration, and the motion where they are measured from.
-    assert figures["episodes_shared"] == 1 + 8
+    # The imitation, goal of six joints and duration, and the middle motion's own search.
+    assert 1 + 8 < figures["episodes_shared"] <= 1 + 8 + 12
     assert figures["handed_over"] == {}
 
 
