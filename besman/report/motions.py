@@ -121,7 +121,7 @@ def _refinement(arm: ArmRecords, radius: float, draw: DrawFigure) -> str:
         draw(figures.learning_curve, motions, radius),
         f"Best miss so far [cm] over the {tried} of every motion; median and quantiles over "
         f"{len(motions)} motions. A search that has ended keeps its best; one without an outcome "
-        "yet counts as the worst.",
+        "yet counts as the worst. " + _second_round(motions),
     ) + captioned(
         draw(figures.return_curve, motions),
         f"The same for the return: minus the sum of the task's costs, over the {tried}.",
@@ -155,6 +155,18 @@ def _refinement(arm: ArmRecords, radius: float, draw: DrawFigure) -> str:
         f'<h2>Refinement in simulation{head}</h2><div class="pair">{curves}</div>'
         f'<h3>Where motions {ended}</h3><div class="pair">{maps}</div>'
         f'<h3>{tried.capitalize()} over generations</h3><div class="pair">{generations}</div>'
+    )
+
+
+def _second_round(motions: Sequence[RefinedMotion]) -> str:
+    """Say how many began again, and what that took; "" if none did."""
+    again = [one for one in motions if one.begins_again]
+    if not again:
+        return ""
+    since = np.median([one.simulations[one.begins_again :].sum() for one in again])
+    return (
+        f"{len(again)} of them stalled and began again where the search for a motion with a near "
+        f"target had ended (crosses): {since:g} more episodes in the median."
     )
 
 
