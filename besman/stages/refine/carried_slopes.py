@@ -61,7 +61,7 @@ def tool_slopes(
             moved[at] += side
             sides.append(_features(*_tool_at(space.plan_at(moved), robot), poses))
         columns[at] = (sides[0] - sides[1]) / (2 * _DIFFERENCE)
-    return columns.T / np.sqrt(len(_PLACES))
+    return np.asarray(columns.T / np.sqrt(len(_PLACES)))
 
 
 def _tool_at(plan: AnyPlan, robot: Robot) -> tuple[FloatArray, FloatArray]:

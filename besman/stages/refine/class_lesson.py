@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Protocol, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -32,7 +32,6 @@ from besman.stages.refine.class_model import (
     moves_too_little,
     nothing_shared,
 )
-from besman.stages.refine.gauss_newton import ALONE, GaussNewtonConfig
 from besman.stages.refine.outcomes import residual_of
 from besman.stages.refine.plan_space import Space
 from besman.stages.refine.search_loop import try_in_worlds
@@ -42,6 +41,8 @@ if TYPE_CHECKING:
 
 FloatArray = npt.NDArray[np.float64]
 
+ALONE = 3
+"""So few motions do not pay for what models are apart by."""
 # What is measured of a motion that is searched in the model as it is alone.
 _FEW: tuple[Part, ...] = ("goal", "duration")
 _DIFFERENCE, _DIFFERENCE_IN_WORLDS = 0.8, 1.5
@@ -55,6 +56,40 @@ _ELSEWHERE = 6.0
 _MOST_AIMED = 3
 
 
+class StepsConfig(Protocol):
+    """What `besman.stages.refine.gauss_newton.GaussNewtonConfig` says of steps and searches."""
+
+    steps: int
+    difference: float | None
+    damping: float
+    detours: int
+    measure: tuple[Part, ...] | None
+    episodes: int
+
+    def perturbations(self, robot: Robot) -> tuple[Perturbation, ...]:
+        """Draw the models of the search."""
+        ...
+
+    def space(self, plan: AnyPlan, robot: Robot) -> Space:
+        """Set up the space of the plans around one."""
+        ...
+
+    def running_search(
+        self,
+        plan: AnyPlan,
+        robot: Robot,
+        task: Task,
+        folder: Path | None = None,
+        shared: ClassModel | None = None,
+    ) -> RunningSearch:
+        """Set up the search for one plan."""
+        ...
+
+    def model_copy(self, *, update: dict[str, Any]) -> Self:
+        """Return a copy with other values."""
+        ...
+
+
 @dataclass(frozen=True, eq=False)
 class Slopes:
     """A Jacobian and the motion that it was measured of, placed."""
@@ -64,12 +99,12 @@ class Slopes:
 
 
 @dataclass(frozen=True, eq=False)
-class Lesson:
+class ClassLesson:
     """What is to be learnt from the motion in the middle of a class.
 
     Attributes
     ----------
-    config : GaussNewtonConfig
+    config : StepsConfig
     plans : sequence of MotionPlan or CartesianPlan
         Of the class, placed; the first is the middle one.
     robot : Robot
@@ -80,7 +115,7 @@ class Lesson:
         Of another posture, to be carried to this one in place of a Jacobian of its own.
     """
 
-    config: GaussNewtonConfig
+    config: StepsConfig
     plans: Sequence[AnyPlan]
     robot: Robot
     task: Task

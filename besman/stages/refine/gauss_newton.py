@@ -20,15 +20,14 @@ from besman.stages.refine.stage import RefinementConfig, place_plan
 if TYPE_CHECKING:
     from besman.stages.refine.class_model import ClassModel
 
-ALONE = 3
-"""So few motions do not pay for what models are apart by."""
-
 
 class GaussNewtonConfig(RefinementConfig):
     """Refine motion plans by Gauss-Newton steps; see `besman.search.gauss_newton`.
 
     The Jacobian is that of the outcome of the motion in the middle of those in one posture of the
-    arm, measured once; of up to three motions in the model as it is alone.
+    arm, measured once and carried to other postures by what the tool does there; of more than three
+    motions in perturbed models it is measured for each posture. In the model as it is alone the
+    others begin where the middle motion has ended, if that is nearer than their imitation.
     Where a task has no outcome to take steps on, where nothing comes of a motion, or where steps
     stall without success, CMA-ES goes on.
 
@@ -87,7 +86,7 @@ class GaussNewtonConfig(RefinementConfig):
         The posture that most are in comes first: what is measured there is carried to the others.
         It depends on the plans alone, neither on their order nor on threads.
         """
-        from besman.stages.refine.class_lesson import Lesson, Slopes
+        from besman.stages.refine.class_lesson import ALONE, ClassLesson, Slopes
         from besman.stages.refine.postures import group_by_posture
         from besman.stages.refine.search_loop import order_from_middle
 
@@ -99,7 +98,7 @@ class GaussNewtonConfig(RefinementConfig):
             order = order_from_middle([placed[at] for at in group], placed, task)
             some = tuple(placed[group[at]] for at in order)
             carried = known if self.robust is None or len(group) <= ALONE else None
-            lesson = Lesson(self, some, robot, task, work.checkpoints, carried)
+            lesson = ClassLesson(self, some, robot, task, work.checkpoints, carried)
             measured = lesson.measure(work)
             model = measured if measured.useless else lesson.aim(measured, work)
             for at in group:
