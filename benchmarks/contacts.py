@@ -1,6 +1,6 @@
 """How hard a stick's contacts should begin: how smooth landings are, and how true.
 
-    python benchmarks/contacts.py [RUN ...] [--solver]
+    python benchmarks/contacts.py [RUN ...] [--solver | --parts]
 
 Takes the refined throws of finished runs of sticks (`besman run ur5_stick_throw`, which is made if
 none is named; *synthetic*) and simulates them with contacts that harden otherwise (MuJoCo's solimp:
@@ -12,6 +12,10 @@ impedance at first touch, impedance at a depth, that depth):
 - error: how far from where it lands with the hard contacts of before and a sixteenth of the step;
 - the processor time of an episode.
 
+``--parts`` tells instead what of the shift at a quarter of the step is the step's and what is that
+of contacts that are as much stiffer there, also where contacts begin ahead of the walls by what
+they give way (MuJoCo's margin: so many m/s^2 times the square of their time constant).
+
 ``--solver`` tells instead, for solvers and tolerances, the time of a step while the stick is in its
 tube, and how far from where it would be there if contacts were solved to 1e-12.
 """
@@ -20,6 +24,7 @@ import argparse
 import os
 import tempfile
 import time
+from functools import lru_cache
 from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -45,6 +50,7 @@ IMPEDANCES = (
     (0.1, 0.95, 0.001),
 )
 TOLERANCES = (("CG", 1e-7), ("CG", 1e-6), ("CG", 1e-5), ("NEWTON", 1e-8))
+MARGINS = (0.0, 10.0, 50.0)
 # Steps in which the stick is in its tube.
 IN_TUBE, SIXTEENTH = 650, 16
 
@@ -55,11 +61,11 @@ def harden(impedance: tuple[float, ...]) -> None:
     stick_throw.stick_throw_model.cache_clear()
 
 
-def finer(task, times: int):
+def finer(task, times: int, stiffer: int | None = None):
     simulation = task.simulation
     update = {
         "time_step_s": simulation.time_step_s / times,
-        "contact_time_s": simulation.contact_time_s / times,
+        "contact_time_s": simulation.contact_time_s / (times if stiffer is None else stiffer),
     }
     return task.model_copy(update={"simulation": simulation.model_copy(update=update)})
 
@@ -107,6 +113,29 @@ def report(run: Path) -> None:
             f"{1e3 * seconds:.1f} |",
             flush=True,
         )
+
+
+def report_parts(run: Path) -> None:
+    """Print what the step changes, and what the contacts' stiffness."""
+    finished = read_run(run)
+    robot, task = finished.robot, finished.task
+    plans = [motion.plan for motion in finished.motions]
+    build = stick_throw.stick_throw_model.__wrapped__
+    for push in MARGINS:
+
+        @lru_cache
+        def build_ahead(robot, task, push=push):
+            model = build(robot, task)
+            model.pair_margin[:] = push * task.simulation.contact_time_s**2
+            return model
+
+        stick_throw.stick_throw_model = build_ahead
+        usual, stiff, both = (
+            landings(robot, finer(task, *how), plans) for how in ((1,), (4, 1), (4,))
+        )
+        pairs = ((usual, both), (usual, stiff), (stiff, both))
+        apart = " | ".join(_spread(np.linalg.norm(one - two, axis=1)) for one, two in pairs)
+        print(f"| {robot.name} | {push:g} | {apart} |", flush=True)
 
 
 def _spread(metres: np.ndarray) -> str:
@@ -160,9 +189,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("runs", nargs="*", type=Path)
     parser.add_argument("--solver", action="store_true")
+    parser.add_argument("--parts", action="store_true")
     given = parser.parse_args()
     if given.solver:
         print("| robot | impedance | solver | us a step | off, median / most [um] |")
+    elif given.parts:
+        print("| robot | m/s^2 ahead | shift [cm] | of the step | of the stiffness |")
     else:
         print(
             "| robot | impedance | roughness [radii] | shift [cm] | error [cm] | ms an episode |\n"
@@ -173,8 +205,9 @@ def main() -> None:
         if not runs:
             config = load_pipeline(find_resource("pipelines", "ur5_stick_throw"))
             runs = [run_pipeline(config, Path(folder) / "run")]
+        tell = report_solver if given.solver else report_parts if given.parts else report
         for run in runs:
-            (report_solver if given.solver else report)(run)
+            tell(run)
 
 
 if __name__ == "__main__":

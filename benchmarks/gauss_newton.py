@@ -1,14 +1,15 @@
 """Gauss-Newton, CMA-ES and a derivative-free least-squares peer on the same motions.
 
     python benchmarks/gauss_newton.py [PIPELINE ...] [--methods NAME ...] [--models N] [--jobs N]
-                                      [--seeds N ...] [--neighbours N] [--json FILE]
+                                      [--seeds N ...] [--neighbours N] [--set KEY=VALUE ...]
+                                      [--json FILE]
 
 Refines every motion of each pipeline (synthetic recordings), and tries what comes of it in N
 perturbed models that no search has seen. Methods: ``cma_es``, as the recipes had it;
 ``gauss_newton`` with ``robust: null``; ``robust``, as it is by default; ``dfols``, DFO-LS (package
 ``DFO-LS``, extra ``bench``) on the landing point in the model as it is, from the same start in the
 same coordinates. ``robust`` is searched in the models of every one of ``--seeds``: what one draw
-finds is chance.
+finds is chance. ``--set map.seed=1`` gives other imitations of the same throws to choose on.
 """
 
 import argparse
@@ -55,11 +56,11 @@ class Case:
     refine: object
 
 
-def load_case(name: str, folder: Path) -> Case:
+def load_case(name: str, folder: Path, settings: tuple[str, ...] = ()) -> Case:
     path = find_resource("pipelines", name)
-    settings = ("refine.episodes=1", "refine.robustness=null")
-    config = load_pipeline(path)
-    run = run_pipeline(load_pipeline(path, settings), folder / name)
+    quick = (*settings, "refine.episodes=1", "refine.robustness=null")
+    config = load_pipeline(path, settings)
+    run = run_pipeline(load_pipeline(path, quick), folder / name)
     robot, task = load_robot(config.robot, config.tool), load_task(config.task)
     return Case(name, open_run(run).record("imitate"), robot, task, config.refine)
 
@@ -158,6 +159,7 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--seeds", nargs="+", type=int, default=[0])
     parser.add_argument("--neighbours", type=int, help="of a second round; 0 for none")
+    parser.add_argument("--set", nargs="+", default=[], metavar="KEY=VALUE", dest="settings")
     parser.add_argument("--json", type=Path)
     given = parser.parse_args()
     rows = []
@@ -167,7 +169,7 @@ def main() -> None:
     )
     with tempfile.TemporaryDirectory() as folder, Workers(given.jobs) as workers:
         for name in given.pipelines:
-            case = load_case(name, Path(folder))
+            case = load_case(name, Path(folder), tuple(given.settings))
             work = Work(given.jobs, workers=workers)
             own = case.refine
             for method in given.methods:

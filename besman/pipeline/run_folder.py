@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import asdict
@@ -19,6 +20,7 @@ from besman.pipeline.stage_store import (
     StageDescription,
     checkpoint_folder,
     load_stage,
+    spent_before,
     store_stage,
 )
 from besman.records import Failure
@@ -195,13 +197,14 @@ class Run:
                 self._workers.start()
             kept = checkpoint_folder(place, key, fresh=name == self.fresh)
             with kept if config.keeps_checkpoints else nullcontext() as checkpoints:
+                before = spent_before(checkpoints, time.time()) if checkpoints else 0.0
                 result = self.work(name, stage.run, *records, notes=notes, checkpoints=checkpoints)
                 description = StageDescription(
                     key=key,
                     method=getattr(config, "method", ""),
                     config=config.model_dump(mode="json"),
                     versions=versions,
-                    wall_s=clock.wall_s,
+                    wall_s=before + clock.wall_s,
                     failed=tuple(notes.failures),
                 )
                 store_stage(place, result, description)

@@ -20,6 +20,7 @@ from besman.records.files import load_record, save_record
 
 RECORD = "record.npz"
 DESCRIPTION = "stage.json"
+_SPENT = "spent.json"
 
 
 @dataclass(frozen=True)
@@ -179,6 +180,36 @@ def checksum(path: Path) -> str:
     """Return the SHA-256 of a file, read piece by piece."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def spent_before(going: Path, now: float) -> float:
+    """Return the seconds that led to the checkpoints in a folder, and begin to count anew.
+
+    Of a computation that was ended, even by force, what counts is the time until it kept something
+    last: the rest is done once more.
+
+    Parameters
+    ----------
+    going : Path
+        Of the checkpoints.
+    now : float
+        Seconds of the system's clock, which the files' times are of.
+
+    Returns
+    -------
+    float
+    """
+    note, spent = going / _SPENT, 0.0
+    try:
+        before = parse_json(note.read_bytes())
+        kept = [one.stat().st_mtime for one in going.rglob("*") if one.is_file() and one != note]
+        until = max(kept, default=float(before["since"]))
+        spent = float(before["spent_s"]) + max(until - float(before["since"]), 0.0)
+    except (OSError, ValueError, TypeError, KeyError):
+        spent = 0.0  # The first time, or cut: nothing is known of before.
+    spent = spent if math.isfinite(spent) else 0.0
+    write_json(note, {"spent_s": spent, "since": now})
+    return spent
 
 
 @contextmanager

@@ -81,6 +81,14 @@ def learning_curve(motions: Sequence[RefinedMotion], radius_m: float) -> str:
     figure = new_figure(5, 3.4)
     axes = figure.add_subplot()
     _draw_quantiles(axes, best)
+    again = [
+        (motion.simulations[: motion.begins_again].sum(), best[row])
+        for row, motion in enumerate(motions)
+        if motion.begins_again
+    ]
+    if again:
+        marks = [(at, curve[at]) for at, curve in again]
+        axes.plot(*np.transpose(marks), "x", color=INK, ms=5, label="second round begins")
     axes.axhline(100 * radius_m, color=INK, linestyle="--", linewidth=0.8, label="success")
     _scale_by_decades(axes)
     axes.set_ylabel("best miss so far [cm]")

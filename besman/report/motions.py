@@ -124,7 +124,7 @@ def _refinement(arm: ArmRecords, radius: float, draw: DrawFigure) -> str:
         draw(figures.learning_curve, motions, radius),
         f"Best miss so far [cm] over the {tried} of every motion; median and quantiles over "
         f"{len(motions)} motions. A search that has ended keeps its best; one without an outcome "
-        "yet counts as the worst.",
+        "yet counts as the worst. " + _second_round(motions),
     ) + captioned(
         draw(figures.return_curve, motions),
         f"The same for the return: minus the sum of the task's costs, over the {tried}.",
@@ -165,6 +165,18 @@ def without_movement(motion: RefinedMotion) -> RefinedMotion:
     """Return what a search has come to, without the samples of the best plan's movement."""
     nothing = {name: getattr(motion, name)[:0] for name in _MOVEMENT}
     return replace(motion, milestones=(), **nothing)
+
+
+def _second_round(motions: Sequence[RefinedMotion]) -> str:
+    """Say how many began again, and what that took; "" if none did."""
+    again = [one for one in motions if one.begins_again]
+    if not again:
+        return ""
+    since = np.median([one.simulations[one.begins_again :].sum() for one in again])
+    return (
+        f"{len(again)} of them stalled and began again where the search for a motion with a near "
+        f"target had ended (crosses): {since:g} more episodes in the median."
+    )
 
 
 def landed(motions: Sequence[RefinedMotion]) -> bool:

@@ -26,35 +26,25 @@ from besman.search.damped_step import damped_step
 from besman.search.gaussian import Bounds, check_bounds
 from besman.search.linear_model import learn_slopes
 from besman.search.residual_points import Tried, correct_by_step, foresee, rms, ways_down
-from besman.search.rough_steps import RoughSteps
+from besman.search.rough_steps import BESIDE, FAR, RoughSteps
 
 FloatArray = npt.NDArray[np.float64]
 
 # Longest step at first, and the one below which nothing is gained any more, in units.
 _REACH, _LEAST_REACH = 3.0, 0.1
-# By how much a step must make the models' outcomes agree more, in radii of success, if all are
-# farther from the target after it.
+# How much more models must agree, in radii of success, after a step to where all are farther off.
 _CLOSER = 0.02
-# An outcome that CMA-ES brings this near is worth Newton steps again.
-_NEAR = 0.5
-# So many steps are taken without progress at the nearest point that CMA-ES knows.
-_ASIDE = 2
-# Outcomes of two dimensions that are so far apart (root mean square) are within the radius 87 times
-# in 100, if they are normal: not often enough.
+_NEAR = 0.5  # an outcome that CMA-ES brings this near is worth Newton steps again
+_ASIDE = 2  # steps without progress at the nearest point that CMA-ES knows
+# Normal outcomes of two dimensions so far apart (root mean square) are within it 87 times in 100.
 _POOR = 0.7
 _STEPS_BACK = 2
-# A step that leaves less than this of the cost is not counted.
-_PROGRESS = 0.9
+_PROGRESS = 0.9  # a step that leaves less than this of the cost is not counted
 # How much of what a step did is believed of the worlds apart from each other. Where steps stall,
 # the Jacobian is measured along so many directions by so many units; more of that is believed.
 _TRUST = 0.2
 _DIRECTIONS, _DIFFERENCE, _TRUST_OF_MEASURED = 6, 1.0, 0.5
-# Where all worlds are off alike, or all within the radius, as soon as steps are this short.
-_ASTRAY = 1.0
-BESIDE = 1e-3
-"""How far beside a start without an outcome it begins: a movement is brought into limits there."""
-# Beyond this an outcome is off for no chance of contacts: steps in vain were too long.
-_FAR = 4.0
+_ASTRAY = 1.0  # where all are off alike, or all within the radius: as soon as steps are so short
 _LONGER = 3
 
 
@@ -70,7 +60,7 @@ class GaussNewton:
     bounds : two arrays, shape (D,), optional
         Least and greatest value of every coordinate.
     steps : int
-        Greatest number of Gauss-Newton steps in a row that gain less than a tenth.
+        Greatest number of steps in a row that gain less than a tenth.
     damping : float
         Of the normal equations at first, in squared radii of success per squared unit.
     detours : int
@@ -84,6 +74,9 @@ class GaussNewton:
         steps of least norm are sought. 1 if not given.
     floor : array, shape (D,), optional
         Nothing changes below: no step goes there.
+    gained : array, shape (R,), optional
+        By how much the residual changes from the start to the first point, as far as is known: in
+        one world steps begin there if that is nearer.
 
     Attributes
     ----------
@@ -108,14 +101,17 @@ class GaussNewton:
         first: npt.ArrayLike | None = None,
         trust: npt.ArrayLike | None = None,
         floor: npt.ArrayLike | None = None,
+        gained: npt.ArrayLike | None = None,
     ) -> None:
         self._start = np.array(start, dtype=np.float64)
-        self._trust = np.ones(len(self._start)) if trust is None else np.array(trust)
+        one = np.ones(len(self._start))
+        self._trust = one if trust is None else np.array(trust)
         self._bounds = check_bounds(self._start, bounds)
-        self._floor = np.full(len(self._start), -np.inf) if floor is None else np.array(floor)
+        self._floor = -np.inf * one if floor is None else np.array(floor)
         self._options = (sigma, population, seed, bounds, restarts)
         self._steps, self._left = steps, _LONGER * steps
         self._next = self._agreed = np.array(start if first is None else first, dtype=np.float64)
+        self._gained = np.full(1, np.nan) if gained is None else np.array(gained)
         self._foresees = bool((np.abs(self._next - self._start) > BESIDE).any())
         self._at: Tried | None = None
         self._best: Tried | None = None
@@ -147,9 +143,9 @@ class GaussNewton:
     @property
     def exhausted(self) -> bool:
         """Whether going on is of no use."""
-        return (
-            self._ended if self._strategy is None else self._strategy.exhausted and not self._aside
-        )
+        if self._strategy is None:
+            return self._ended
+        return self._strategy.exhausted and not self._aside
 
     def ask(self) -> FloatArray:
         """Return the points to try next, shape (P, D); one, where it takes steps."""
@@ -165,7 +161,11 @@ class GaussNewton:
         if self.n_worlds > 1:
             self._other = tried if known and not np.array_equal(self._next, point) else None
         elif known:
+            told = Tried(self._next, tried.residuals + self._gained)
             self._learn(tried)
+            if told.cost < tried.cost:
+                near = told.cost <= _NEAR
+                self._next = told.point if near else self._within(told.point + self._step(told))
         elif np.array_equal(self._next, point):
             self._next = self._within(self._next + BESIDE)
 
@@ -245,9 +245,9 @@ class GaussNewton:
             self._judge(self._at, tried)
         enough = self._best.cost <= _NEAR and self.n_worlds > 1 and not self._in_worlds
         # All off alike in spite of steps: what tells why is cheap.
-        astray = self._in_worlds and not self._best.apart and self._reach <= _ASTRAY
-        lost = astray and self._worth_measuring(self._best)
-        lost |= self._in_worlds and self._best.within and self._reach <= _ASTRAY
+        short = self._in_worlds and self._reach <= _ASTRAY
+        lost = short and not self._best.apart and self._worth_measuring(self._best)
+        lost |= short and self._best.within
         if enough or lost or self._left == 0 or self._reach < _LEAST_REACH:
             self._end()
         else:
@@ -325,7 +325,7 @@ class GaussNewton:
         """Go on from where a step has led, or back, and in all worlds with a shorter one."""
         assert self._best is not None
         assert self.jacobian is not None
-        if not self._in_worlds and before.cost <= _FAR:
+        if not self._in_worlds and before.cost <= FAR:
             self._at = self._rough.judge(before, after)
             self._left += after.cost < _PROGRESS * before.cost
             return
@@ -390,7 +390,7 @@ class GaussNewton:
         if best is None or not self._may_measure or not best.cost < np.inf:
             return False
         if not self._in_worlds:
-            return best.cost > _FAR
+            return best.cost > FAR
         unspread = not best.apart or best.cost <= 1.0 or self._other is None
         return best.cost > _POOR and unspread
 

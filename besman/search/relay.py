@@ -40,6 +40,11 @@ class Relay:
         return self._legs[self._at].search
 
     @property
+    def begun_again(self) -> bool:
+        """Whether another place than the first has been begun at."""
+        return self._at > 0 or not self._patient
+
+    @property
     def jacobian(self) -> FloatArray | None:
         """Of the search that is on, shape (W, R, D)."""
         return self._search.jacobian

@@ -11,9 +11,14 @@ from besman.search.residual_points import Tried
 
 FloatArray = npt.NDArray[np.float64]
 
+BESIDE = 1e-3
+"""How far beside a start without an outcome it begins: a movement is brought into limits there."""
+FAR = 4.0
+"""Beyond this an outcome is off for no chance of contacts: steps in vain were too long."""
+
 # After a first step in vain the next goes as far from a place beside, so far off in units; after so
 # many in vain they begin anew so far off.
-_BESIDE, _IN_VAIN, _FAR = 0.7, 2, 2.5
+_BESIDE, _IN_VAIN, _ANEW = 0.7, 2, 2.5
 
 
 class RoughSteps:
@@ -55,7 +60,7 @@ class RoughSteps:
         if self._in_vain < _IN_VAIN:
             return None
         self._away = True
-        return best.point + _FAR * self._direction(slopes)
+        return best.point + _ANEW * self._direction(slopes)
 
     def beside(
         self, at: Tried, slopes: FloatArray, within: Callable[[FloatArray], FloatArray]

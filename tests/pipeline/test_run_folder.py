@@ -1,4 +1,5 @@
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -10,7 +11,9 @@ from small_runs import CALLS, START, Cut, run_two_stages
 
 from besman.config.stage import Items, Training, Truth, Work
 from besman.exceptions import RunError
+from besman.pipeline import run_folder
 from besman.pipeline.run_folder import Run
+from besman.pipeline.stage_store import spent_before
 from besman.records import Failure
 from besman.records.files import digest
 
@@ -105,6 +108,40 @@ def test_kill_leaves_no_half_stage_and_the_same_command_goes_on(tmp_path, when):
     assert cached == [True, False]
     fresh, _ = run_two_stages(tmp_path / "other", second=5)
     assert digest(after) == digest(fresh)
+
+
+def test_what_a_stopped_computation_took_adds_up(tmp_path):
+    """Until it kept something last, be it stopped once or twice; a damaged note begins anew."""
+    assert spent_before(tmp_path, 1000.0) == 0.0
+    (tmp_path / "search").mkdir()
+
+    def keep(name, at):
+        (tmp_path / "search" / name).touch()
+        os.utime(tmp_path / "search" / name, (at, at))
+
+    keep("0", 1012.0)
+    keep("1", 1030.0)
+    assert spent_before(tmp_path, 2000.0) == pytest.approx(30.0)
+    assert spent_before(tmp_path, 3000.0) == pytest.approx(30.0)  # nothing was kept in between
+    keep("2", 3005.0)
+    assert spent_before(tmp_path, 4000.0) == pytest.approx(35.0)
+    (tmp_path / "spent.json").write_text('{"spent_s": 1')
+    assert spent_before(tmp_path, 5000.0) == 0.0
+
+
+def test_the_time_of_a_stage_is_that_of_all_its_parts(tmp_path, monkeypatch):
+    class Kept(Cut):
+        keeps_checkpoints = True
+
+    monkeypatch.setattr(run_folder, "spent_before", lambda *_: 100.0)
+    run = Run(tmp_path / "r", "test")
+    run.start("", {})
+    run.step("two", Kept(), run.step("one", Cut(), START))
+    run.finish()
+    one, two = run.timing
+    assert one["computed_wall_s"] < 50
+    assert 100 <= two["computed_wall_s"] < 150
+    assert two["wall_s"] < 50
 
 
 def test_a_folder_that_is_not_a_run_is_left_alone(tmp_path):

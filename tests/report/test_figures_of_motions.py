@@ -1,8 +1,11 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from small_runs import refined
 
 from besman.report.html_tables import html_table, sort_key
-from besman.report.motion_figures import best_so_far, quantiles
+from besman.report.motion_figures import best_so_far, learning_curve, quantiles
 from besman.report.timing import seconds
 
 
@@ -26,6 +29,19 @@ def test_quantiles_leave_out_what_is_not_there():
     values = np.array([[1.0, np.nan, np.nan], [3.0, 4.0, np.nan], [5.0, 8.0, np.nan]])
     np.testing.assert_array_equal(quantiles(values, (0.0, 0.5))[:, :2], [[1, 4], [3, 6]])
     assert np.isnan(quantiles(values, (0.5,))[0, 2])
+
+
+def test_a_second_round_is_seen_in_the_learning_curve(make_plan):
+    once = replace(
+        refined(make_plan(0.1)),
+        returns=np.zeros(3),
+        misses=np.array([0.3, 0.2, 0.1]),
+        simulations=np.array([1, 9, 9]),
+        **{name: np.empty(shape) for name, shape in (("outcomes", (0, 3)), ("generations", 0))},
+    )
+    again = replace(once, begins_again=2)
+    marked = [learning_curve([once, one], 0.05) for one in (once, again)]
+    assert ["second round begins" in drawing for drawing in marked] == [False, True]
 
 
 def test_what_has_no_outcome_yet_counts_as_worst():

@@ -52,6 +52,22 @@ def test_a_step_is_of_least_norm_in_trusted_units():
     assert search.ask()[0, 4] == 0.0
 
 
+def test_steps_begin_where_another_motion_has_ended_if_that_is_nearer():
+    """What it has gained there is expected here; the step goes on from there."""
+    first = np.array([0.5, -0.2, 0.1, 0.0, 0.3])
+    start = residuals_of(np.zeros(5))
+    for gained, begins in ((SLOPE @ first, True), (-1.1 * start, False), (10 * start, None)):
+        search = search_of(SLOPE[None], damping=1e-9, first=first, gained=gained)
+        search.tell_start(np.zeros(5), start)
+        off = (start + gained)[0]
+        there = first - np.linalg.pinv(SLOPE) @ off if begins else first
+        expected = np.linalg.pinv(SLOPE) @ TARGET if begins is None else there
+        np.testing.assert_allclose(search.ask()[0], expected, atol=1e-6)
+    search = search_of(SLOPE[None], first=first, gained=[np.nan, np.nan])
+    search.tell_start(np.zeros(5), np.full((1, 2), np.nan))
+    np.testing.assert_array_equal(search.ask(), [first])
+
+
 def test_steps_leave_what_changes_no_outcome_where_it_is():
     search = search_of(SLOPE[None])
     points, costs = run(search, lambda point: residuals_of(point, curve=0.2), enough=1e-3)

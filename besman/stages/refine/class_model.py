@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -33,6 +33,7 @@ class ClassModel(
     Record,
     stored_as="besman.stages.refine.class_model:ClassModel",
     finite=("point", "jacobian", "trust"),
+    later=("gained",),
 ):
     """What the motions of a class share, in the coordinates that a search has.
 
@@ -41,8 +42,8 @@ class ClassModel(
     name : str
         The motion in the middle of the class, which it comes from.
     point : array, shape (D,)
-        Where its outcome was good: the others begin there if nothing comes of their imitation, or
-        if they are searched in perturbed models.
+        Where its outcome was good: the others begin there if nothing comes of their imitation, if
+        they are searched in perturbed models, or if that is nearer, as far as is known.
     jacobian : array, shape (W, R, D)
         Of the residuals there in W worlds, in radii of success per unit.
     trust : array, shape (D,)
@@ -51,6 +52,8 @@ class ClassModel(
         How many it took.
     useless : str
         Why there is nothing to share; "" if there is.
+    gained : array, shape (R,)
+        By what its residual at the point differs from that of its imitation; NaN if not known.
     """
 
     name: str
@@ -59,10 +62,13 @@ class ClassModel(
     trust: FloatArray
     simulations: int
     useless: str = ""
+    gained: FloatArray = field(default_factory=lambda: np.full(1, np.nan))
 
     def __post_init__(self) -> None:
         """Copy the arrays, make them read-only and check their shapes."""
-        freeze(self, {"point": ("D",), "jacobian": ("W", "R", "D"), "trust": ("D",)})
+        freeze(
+            self, {"point": ("D",), "jacobian": ("W", "R", "D"), "trust": ("D",), "gained": ("G",)}
+        )
 
 
 def nothing_shared(name: str, dimension: int, simulations: int, why: str) -> ClassModel:

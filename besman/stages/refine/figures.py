@@ -27,8 +27,10 @@ def refine_results(motions: tuple[RefinedMotion, ...], task: Task) -> dict[str, 
         n_motions, n_success, n_failed_before (imitations without a valid outcome),
         success_radius_m, miss_before_m, miss_m and episodes, each {median, max}; null where no
         motion has a value; episodes_shared (of what all motions share), handed_over (motions that
-        CMA-ES went on with, and why).
+        CMA-ES went on with, and why), second_round (of the motions that began again where another's
+        search had ended: n_motions, n_success, and the episodes since then).
     """
+    again = [motion for motion in motions if motion.begins_again]
     return {
         "n_motions": len(motions),
         "n_success": sum(motion.success for motion in motions),
@@ -40,6 +42,11 @@ def refine_results(motions: tuple[RefinedMotion, ...], task: Task) -> dict[str, 
         "episodes_shared": sum(motion.shared_simulations for motion in motions),
         "handed_over": {
             motion.plan.name: motion.handed_over for motion in motions if motion.handed_over
+        },
+        "second_round": {
+            "n_motions": len(again),
+            "n_success": sum(motion.success for motion in again),
+            "episodes": _summary([one.simulations[one.begins_again :].sum() for one in again]),
         },
     }
 

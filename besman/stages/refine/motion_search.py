@@ -27,6 +27,7 @@ from besman.stages.refine.racing import race
 
 FloatArray = npt.NDArray[np.float64]
 
+_Pairs = Sequence[tuple[Trial, tuple[Trial, ...]]]
 Attempt = Callable[[AnyPlan, int], Trial]
 
 # A search ends when the outcome is this much better than the task asks for.
@@ -77,7 +78,7 @@ class MotionSearch:
         self._worlds: list[tuple[Trial, ...]] = []
         self._finer: dict[int, FloatArray] = {}  # outcomes of episodes at the finer step
         self._generations: list[int] = []
-        self._n_generations = 0
+        self._n_generations = self._again = 0
 
     def propose(self) -> list[AnyPlan]:
         """Return the motion plans to try next: first the imitation, then one generation."""
@@ -199,6 +200,8 @@ class MotionSearch:
         """Add a generation to what was tried."""
         points, trials = generation.points, generation.trials
         worlds = generation.worlds or ((),) * len(trials)
+        if isinstance(self._search, Relay) and self._search.begun_again and not self._again:
+            self._again = len(self._trials)
         # A generation cut short by the budget is the last one: there is nothing to learn for.
         if len(trials) == len(points):
             pairs = list(zip(trials, worlds, strict=True))
@@ -215,11 +218,7 @@ class MotionSearch:
         return generation
 
     def _tell_residuals(
-        self,
-        steps: ResidualSearch,
-        points: FloatArray,
-        returns: FloatArray,
-        pairs: Sequence[tuple[Trial, tuple[Trial, ...]]],
+        self, steps: ResidualSearch, points: FloatArray, returns: FloatArray, pairs: _Pairs
     ) -> None:
         """Tell a search of the outcomes; of the imitation's too, which it had not asked for."""
         found = [np.stack([residual_of(one) for one in (first, *more)]) for first, more in pairs]
@@ -377,6 +376,7 @@ class MotionSearch:
             simulations=np.array([1 + len(others) for others in self._worlds]),
             handed_over=self.handed_over,
             shared_simulations=self._shared_simulations,
+            begins_again=self._again,
             finer_outcome=self._finer_outcome,
             milestones=tuple(
                 (at, self._space.plan_at(self._tried[at])) for at in pick_milestones(self._ranks)

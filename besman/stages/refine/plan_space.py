@@ -175,7 +175,10 @@ class PlanSpace:
         responses = np.array([way[:, 0] for way in ways]).T
         shape = np.linalg.lstsq(responses, _path_of(plan) - path, rcond=None)[0].T
         found["weights"] = shape.ravel() / units.shape_rad
-        found["duration"] = _longer(plan, mine, units)
+        if "weights" in self._parts:
+            moved = replace(moved, weights=weights + shape @ self._shapes)
+        least = least_duration(moved, self._limits)
+        found["duration"] = _asked(plan.duration, mine.duration, least, units)
         return np.concatenate([found[part] for part in self._parts])
 
     def coordinates(self, parts: Sequence[Part]) -> list[int]:
@@ -278,7 +281,11 @@ class CartesianPlanSpace:
         responses = roll_out(self._shapes, nothing, nothing, 1.0, x)[0]
         shape = np.linalg.lstsq(responses, other - path, rcond=None)[0].T
         found["weights"] = (shape / scale).ravel()
-        found["duration"] = _longer(plan, mine, units)
+        moved = replace(mine, weights=weights, start=start, goal=goal)
+        if "weights" in self._parts:
+            moved = replace(moved, weights=weights + shape @ self._shapes)
+        least = least_duration(moved, self._robot.limits, self._robot)
+        found["duration"] = _asked(plan.duration, mine.duration, least, units)
         return np.concatenate([found[part] for part in self._parts])
 
     @property
@@ -329,9 +336,11 @@ def _path_of(plan: MotionPlan) -> FloatArray:
     return np.asarray(roll_out_plans([plan], np.linspace(0.0, plan.duration, _N_PLACES))[0][0])
 
 
-def _longer(plan: AnyPlan, other: AnyPlan, units: Units) -> FloatArray:
-    """Return by how much a plan is longer than another, shape (1,), in units of the search."""
-    return np.array([np.log(plan.duration / other.duration) / units.log_duration])
+def _asked(wanted: float, duration: float, least: float, units: Units) -> FloatArray:
+    """Return what makes `_duration` give the wanted one, shape (1,), in units of the search."""
+    longer = max(np.log(wanted / max(duration, least)), 0.0)
+    shorter = min(np.log(max(wanted, least) / duration), 0.0)
+    return np.array([(longer + shorter) / units.log_duration])
 
 
 def _split(

@@ -124,6 +124,7 @@ class RefinementConfig(Stage):
                 "trust": shared.trust,
                 "first": shared.point,
                 "floor": floor,
+                "gained": shared.gained,
             }
         search: Search = search_kind(self.method).load()(
             np.zeros(dimension),

@@ -96,9 +96,11 @@ def test_every_plan_keeps_velocity_and_acceleration_from_rest_to_rest(
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("parts", [ALL, ("goal", "duration", "weights")])
-def test_a_plan_of_a_space_is_projected_to_its_point(robot, plans, kind, parts):
-    space = plan_space(replace(plans[kind], duration=5.0), robot, parts, 3)
+@pytest.mark.parametrize("duration", [5.0, 0.3])  # with room, and slowed down by the limits
+def test_a_plan_of_a_space_is_projected_to_its_point(robot, plans, kind, parts, duration):
+    space = plan_space(replace(plans[kind], duration=duration), robot, parts, 3)
     point = 0.2 * np.random.default_rng(1).normal(size=space.dimension)
+    point[space.coordinates(["duration"])] = 0.3
     np.testing.assert_allclose(space.project(space.plan_at(point)), point, atol=1e-6)
 
 

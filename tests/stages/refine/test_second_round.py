@@ -10,6 +10,7 @@ from besman.simulation.tasks.kinds import load_task
 from besman.simulation.trial import try_plans
 from besman.stages.refine import search_loop
 from besman.stages.refine.class_model import ClassModel
+from besman.stages.refine.figures import refine_results
 from besman.stages.refine.gauss_newton import GaussNewtonConfig, RobustConfig
 from besman.stages.refine.second_round import End, Searched, nearest_ends
 from besman.work.work import Work
@@ -70,7 +71,16 @@ def test_a_second_round_is_the_same_for_any_threads_and_where_it_is_resumed(
     assert waited
     assert len(set(waited)) < len(plans)
     assert [motion.plan.name for motion in motions] == ["a", "b", "c"]
+    again = [motion for motion in motions if motion.begins_again]
+    assert {motion.plan.name for motion in again} == set(waited)
+    figures = refine_results(motions, THROW)["second_round"]
+    assert figures["n_motions"] == len(again)
+    assert figures["n_success"] == sum(motion.success for motion in again)
+    since = [sum(one.simulations.tolist()[one.begins_again :]) for one in again]
+    assert figures["episodes"] == {"median": np.median(since), "max": max(since)}
+    assert all(1 <= one.begins_again < len(one.returns) for one in again)
     alone = config_of(neighbours=0).run(plans, robot, THROW)
+    assert not any(motion.begins_again for motion in alone)
     differ = [len(one.returns) != len(two.returns) for one, two in zip(motions, alone, strict=True)]
     assert any(differ)
     assert_same(config_of().run(plans[::-1], robot, THROW, Work(jobs=2))[::-1], motions)
