@@ -50,6 +50,7 @@ def test_an_arm_is_found_by_whole_words_and_its_joints(titles, n, arm):
         ({"velocity_deg_s": None}, "expected figures"),
         ({"names": ("UR 5",)}, "expected lower case letters and digits"),
         ({"velocity_deg_s": (0.0, 1.0)}, "greater than 0"),
+        ({"reach_m": 0.8}, "expected reach_m and reach_source, or neither"),
     ],
 )
 def test_what_is_no_entry(changes, message):
