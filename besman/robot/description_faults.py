@@ -14,6 +14,7 @@ from besman.exceptions import BesmanError
 from besman.robot.collision import distances
 from besman.robot.config import RobotConfig
 from besman.robot.files.known_limits import KnownArm, arm_titles, find_known_arm
+from besman.robot.files.mesh_folders import list_faults
 from besman.robot.kinematics import manipulability
 from besman.robot.model import Robot, find_robot, load_robot, read_robot_urdf
 from besman.robot.shape_doubts import flange_doubts, overlap_doubts, shape_doubts
@@ -75,7 +76,9 @@ def check_robot(name_or_path: str | Path) -> list[Doubt]:
     told = all(joint.origin for joint in config.joints)
     if not told and not path.with_name("SOURCES.md").is_file():
         doubts.append(Doubt("doubtful", "no SOURCES.md beside it: no number has an origin"))
-    missing = _zero_limits(config) + _missing_meshes(config, path)
+    missing = _zero_limits(config) + [
+        _as_added(doubt, doubts) for doubt in _missing_meshes(config, path)
+    ]
     try:
         robot = load_robot(path)
     except BesmanError as error:
@@ -114,7 +117,16 @@ def _missing_meshes(config: RobotConfig, path: Path) -> list[Doubt]:
         return [Doubt("missing", str(error))]
     # Capsules in the robot.yaml stand for the meshes.
     kind: Kind = "doubtful" if config.capsules else "missing"
-    return [Doubt(kind, text) for _, text in sorted(unusable.items())]
+    return [Doubt(kind, text) for text in list_faults(unusable)]
+
+
+def _as_added(doubt: Doubt, assumed: list[Doubt]) -> Doubt:
+    """Say a fault as it was when the arm was added, once: where it was looked for too."""
+    for one in assumed:
+        if one.text.startswith(doubt.text):
+            assumed.remove(one)
+            return Doubt(doubt.kind, one.text)
+    return doubt
 
 
 def _odd_speeds(robot: Robot) -> list[Doubt]:
