@@ -16,7 +16,7 @@ class RefinedMotion(
     Record,
     stored_as="besman.records:RefinedMotion",
     finite=("time", "positions", "velocities", "accelerations"),
-    later=("simulations", "handed_over", "shared_simulations", "finer_outcome"),
+    later=("simulations", "handed_over", "shared_simulations", "finer_outcome", "failure_after"),
 ):
     """A motion plan after the search, and what it does in simulation.
 
@@ -64,6 +64,8 @@ class RefinedMotion(
         What all motions shared took; told of the motion in their middle alone.
     finer_outcome : array, shape (3,)
         Outcome of the best plan at a quarter of the time step, metres; NaN if it was not tried.
+    failure_after : str
+        What went wrong in the best episode ("" if nothing did).
     """
 
     plan: AnyPlan
@@ -89,6 +91,7 @@ class RefinedMotion(
     handed_over: str = ""
     shared_simulations: int = 0
     finer_outcome: FloatArray = field(default_factory=lambda: np.full(3, np.nan))
+    failure_after: str = ""
 
     def __post_init__(self) -> None:
         # What an older record does not have is not known of any episode.

@@ -23,6 +23,7 @@ from besman.robot.model import Robot, find_robot
 from besman.robot.workspace import Workspace
 from besman.stages.map.mapping import Mapping as MappedThrows
 from besman.view.arm_figures import home_figure, workspace_figure
+from besman.view.outcome_words import motion_words
 
 _FRAME = (
     "iframe { width: 100%; height: 44rem; border: 1px solid var(--line); border-radius: .5rem }"
@@ -169,18 +170,12 @@ def verdict(tried: TriedArm, outcome: _Outcome) -> list[str]:
     motion = outcome.motion
     if motion is not None:
         end = "hits its target" if motion.success else "does not reach its target"
+        n = len(motion.returns)
         said.append(
-            f"{motion.plan.name}, refined for {len(motion.returns)} episodes, {end}: "
-            f"{_landing(motion.miss)}; before, {_landing(motion.miss_before)}."
+            f"{motion.plan.name}, refined for {n} episode{'s' if n != 1 else ''}, {end}: "
+            f"{motion_words(motion)}."
         )
     return said
-
-
-def _landing(miss_m: float) -> str:
-    """Say where a thrown thing comes down."""
-    if not np.isfinite(miss_m):
-        return "nothing leaves the tool in time"
-    return f"it comes down {100 * miss_m:.0f} cm from it"
 
 
 def _slowest_joint(robot: Robot, mapping: MappedThrows) -> str:

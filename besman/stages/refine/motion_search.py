@@ -378,6 +378,7 @@ class MotionSearch:
             handed_over=self.handed_over,
             shared_simulations=self._shared_simulations,
             finer_outcome=self._finer_outcome,
+            failure_after=best.failure,
             milestones=tuple(
                 (at, self._space.plan_at(self._tried[at])) for at in pick_milestones(self._ranks)
             ),
