@@ -10,7 +10,8 @@ import pytest
 
 from besman.exceptions import RunError
 from besman.geometry.frames import back_frame
-from besman.records.files import load_record, load_records, save_record
+from besman.records.files import load_record, save_record
+from besman.report.run_records import load_records
 from besman.robot.kinematics import forward_kinematics
 from besman.view import decimation
 from besman.view.decimation import Mesh, decimate
