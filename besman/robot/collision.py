@@ -6,13 +6,15 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.exceptions import RobotError
-from besman.robot.body_balls import Bodies, group_pairs, place_balls
+from besman.robot.body_balls import Bodies, add_movement, group_pairs, place_balls
 from besman.robot.kinematics import as_rows, compiled, fill_frames
 from besman.robot.parts import Chain
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
+# More than rounding makes of what bodies have moved, metres.
+_ROUNDING_M = 1e-9
 # Cosine of the angle between an axis and the vertical, about two degrees.
 _UPRIGHT = 0.9994
 
@@ -230,6 +232,13 @@ def are_far(first: FloatArray, second: FloatArray, reach: float) -> bool:
 
 
 @compiled
+def ball_gap(first: FloatArray, second: FloatArray, reach: float, other: float) -> float:
+    """Return how far apart two balls are, of their middles and radii, metres."""
+    x, y, z = first[0] - second[0], first[1] - second[1], first[2] - second[2]
+    return float(np.sqrt(x * x + y * y + z * z) - reach - other)
+
+
+@compiled
 def first_falling(placements: FloatArray, axes: FloatArray) -> int:
     """Return the first joint that can bring its link nearer to the floor: 0 if its axis lies.
 
@@ -260,28 +269,44 @@ def nearest_parts(
     """Compute self-distance and floor distance, metres, and which pair and capsule have them.
 
     Both are -1 where there is none. What is further apart than the nearest so far is passed over:
-    first whole bodies, by balls around them, then pairs of capsules; what is further apart than
-    `beyond` (metres) at once: the self-distance is then `beyond`. Only capsules of the joint
-    `falling` and later ones are measured against the floor. The pair `guess` comes first (-1:
-    none), by choice that of the pose before. `bodies` are those of `group_pairs`.
+    first whole bodies, by balls around them, then pairs of capsules, of many by what they were
+    apart in poses before; what is further apart than `beyond` (metres) at once: the self-distance
+    is then `beyond`. Only capsules of the joint `falling` and later ones are measured against the
+    floor. The pair `guess` comes first (-1: none), by choice that of the pose before. `bodies` are
+    those of `group_pairs`.
     """
     nearest, pair, lowest, down = beyond, -1, np.inf, -1
     middles, reaches, runs = bodies.middles, bodies.reaches, bodies.runs
     place_balls(placed, bodies)
-    own = len(joints)
-    for count in range(-1, len(runs)):
-        first, last = guess, guess + 1
-        if count >= 0:
+    own, count = len(joints), -1
+    if len(bodies.memory) > 0:
+        nearest, pair = _nearest_of_many(
+            placed,
+            radii,
+            pairs,
+            bodies.owners,
+            runs,
+            reaches,
+            middles,
+            bodies.memory,
+            guess,
+            beyond,
+        )
+        count = len(runs)
+    while count < len(runs):
+        first, last, is_run = guess, guess + 1, count >= 0
+        if is_run:
             one, other, first, last = runs[count, 0], runs[count, 1], runs[count, 2], runs[count, 3]
             far = nearest + reaches[own + one] + reaches[own + other]
             if are_far(middles[own + one], middles[own + other], far):
-                continue
+                last = first
         elif guess < 0:
-            continue
+            last = first
+        count += 1
         for index in range(first, last):
             a, b = pairs[index, 0], pairs[index, 1]
             far = nearest + reaches[a] + reaches[b]
-            if are_far(middles[a], middles[b], far) or (count >= 0 and index == guess):
+            if are_far(middles[a], middles[b], far) or (is_run and index == guess):
                 continue
             gap = segment_distance(placed[a, 0], placed[a, 1], placed[b, 0], placed[b, 1])
             gap -= radii[a] + radii[b]
@@ -293,6 +318,64 @@ def nearest_parts(
             if low - radii[capsule] < lowest:
                 lowest, down = low - radii[capsule], capsule
     return nearest, lowest, pair, down
+
+
+@compiled
+def _nearest_of_many(
+    placed: FloatArray,
+    radii: FloatArray,
+    pairs: IntArray,
+    owners: IntArray,
+    runs: IntArray,
+    reaches: FloatArray,
+    middles: FloatArray,
+    memory: FloatArray,
+    guess: int,
+    beyond: float,
+) -> tuple[float, int]:
+    """Compute the least gap of pairs, and which pair has it, the guess first.
+
+    What was so far apart in a pose before that its bodies cannot have come as near as the nearest
+    since is passed over. Arrays as in `besman.robot.body_balls.Bodies`.
+
+    References
+    ----------
+    B. Mirtich: Impulse-based dynamic simulation of rigid body systems, PhD thesis, 1996, section
+    2.3: bounds of distances hold for as long as bodies have not moved as far.
+    """
+    nearest, pair, own = beyond, -1, len(placed)
+    n_bodies = len(reaches) - own
+    moved = add_movement(placed, owners, n_bodies, memory)
+    run_bounds = memory[len(memory) - len(runs) - len(pairs) : len(memory) - len(pairs)]
+    bounds = memory[len(memory) - len(pairs) :]
+    if guess >= 0:
+        a, b = pairs[guess, 0], pairs[guess, 1]
+        gap = segment_distance(placed[a, 0], placed[a, 1], placed[b, 0], placed[b, 1])
+        gap -= radii[a] + radii[b]
+        if gap < nearest:
+            nearest, pair = gap, guess
+    for count in range(len(runs)):
+        one, other = runs[count, 0], runs[count, 1]
+        way = moved[one] + moved[other] + _ROUNDING_M
+        far = nearest + reaches[own + one] + reaches[own + other]
+        if run_bounds[count] - way > nearest or are_far(
+            middles[own + one], middles[own + other], far
+        ):
+            continue
+        least = np.inf
+        for index in range(runs[count, 2], runs[count, 3]):
+            if bounds[index] - way <= nearest and index != guess:
+                a, b = pairs[index, 0], pairs[index, 1]
+                gap = ball_gap(middles[a], middles[b], reaches[a], reaches[b])
+                if gap <= nearest:
+                    gap = segment_distance(placed[a, 0], placed[a, 1], placed[b, 0], placed[b, 1])
+                    gap -= radii[a] + radii[b]
+                    if gap < nearest:
+                        nearest, pair = gap, index
+                bounds[index] = gap + way
+            least = min(least, bounds[index])
+        run_bounds[count] = least
+    return nearest, pair
 
 
 @compiled
