@@ -33,7 +33,9 @@ _FASTEST_RAD_S = 10.0
 # Radians of two digits in a URDF, degrees in a data sheet.
 _ROUNDING = 0.02
 # Makers count to the wrist or to the flange.
-_ODD_REACH = 1.5
+_ODD_TIMES = 1.5
+ODD_REACH = "reach:"
+"""What the line about a file of another size than its arm begins with."""
 
 
 @dataclass(frozen=True)
@@ -158,10 +160,10 @@ def _odd_reach(robot: Robot, known: KnownArm) -> list[Doubt]:
         return []
     reach = sample_workspace(robot).reach_m
     times = reach / known.reach_m
-    if 1.0 / _ODD_REACH < times < _ODD_REACH:
+    if 1.0 / _ODD_TIMES < times < _ODD_TIMES:
         return []
     text = (
-        f"reach: {reach:.2f} m from the second joint to the flange, {times:.2g} times the "
+        f"{ODD_REACH} {reach:.2f} m from the second joint to the flange, {times:.2g} times the "
         f"{known.reach_m:g} m that are published of {known.arm}; look at the unit and the scale of "
         f"origins and meshes; {known.reach_source}"
     )

@@ -18,7 +18,7 @@ from besman.records import RefinedMotion
 from besman.report.html_tables import html_table
 from besman.report.page_style import STYLE
 from besman.robot.config import RobotConfig
-from besman.robot.description_faults import Doubt
+from besman.robot.description_faults import ODD_REACH, Doubt
 from besman.robot.model import Robot, find_robot
 from besman.robot.workspace import Workspace
 from besman.stages.map.mapping import Mapping as MappedThrows
@@ -146,7 +146,8 @@ def _read_outcome(trial: ArmTrial) -> _Outcome:
 def verdict(tried: TriedArm, outcome: _Outcome) -> list[str]:
     """Say in sentences what the arm can do of a person's throws."""
     space, robot = tried.space, tried.robot
-    said = []
+    # A file of another size makes nonsense of all that follows.
+    said = [one.text for one in tried.doubts if one.text.startswith(ODD_REACH)]
     if space.reach_m < SHORT_M:
         said.append(
             f"With {space.reach_m:.2f} m of reach, tool included, it is shorter than a person's "

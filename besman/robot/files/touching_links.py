@@ -225,7 +225,7 @@ def capsules_that_say_nothing(
     for row in sorted(rows, key=lambda row: -int(overlaps[:, row].any(axis=1).sum())):
         new = np.setdiff1d(row, left)
         rest = np.setdiff1d(np.arange(len(parts)), [*left, *row])
-        alone = overlaps[:, new].any(axis=1) & ~overlaps[:, rest].any(axis=1)
+        alone: BoolArray = np.any(overlaps[:, new], axis=1) & ~np.any(overlaps[:, rest], axis=1)
         if alone.mean() >= _OFTEN and never_touch(alone):
             left += new.tolist()
     return left
