@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from besman.robot.body_balls import group_pairs, place_balls
-from besman.robot.collision import nearest_parts, segment_distance
+from besman.robot.nearest_pair import nearest_parts, segment_distance
 
 
 def random_arm(seed, n_joints=5, n_capsules=14):

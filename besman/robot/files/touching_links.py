@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from besman.robot.collision import place_capsules, segment_distance
+from besman.robot.collision import place_capsules
 from besman.robot.kinematics import compiled, fill_frames
 from besman.robot.model import Robot
+from besman.robot.nearest_pair import segment_distance
 from besman.robot.parts import capsule_part
 
 FloatArray = npt.NDArray[np.float64]

@@ -335,10 +335,8 @@ class MotionSearch:
         report = check_limits(self._robot, *sample_plan(plan, self._robot)[1:])
         if report.kept:
             return trial
-        penalty = self._task.reward.failure
-        return replace(
-            trial, success=False, failure="limit exceeded", reward=trial.reward - penalty
-        )
+        reward = trial.reward - self._task.reward.failure
+        return replace(trial, success=False, failure="limit exceeded", reward=reward)
 
     def result(self, trial: Trial) -> RefinedMotion:
         """Sum up the search.
