@@ -217,7 +217,8 @@ def _write_lerobot(stored: StoredRun, place: Path) -> str:
         episodes.append(Episode(states, actions, motion.plan.label))
     write_lerobot(place, episodes, robot.joint_names, robot.name, STATES_HZ)
     frames = sum(len(one.states) for one in episodes)
-    return f"{len(episodes)} episodes, {frames} frames at {STATES_HZ} Hz"
+    some = f"{len(episodes)} episode{'s' if len(episodes) != 1 else ''}"
+    return f"{some}, {frames} frames at {STATES_HZ} Hz"
 
 
 def _check_new_folder(place: Path) -> None:

@@ -16,7 +16,14 @@ class RefinedMotion(
     Record,
     stored_as="besman.records:RefinedMotion",
     finite=("time", "positions", "velocities", "accelerations"),
-    later=("simulations", "handed_over", "shared_simulations", "finer_outcome", "begins_again"),
+    later=(
+        "simulations",
+        "handed_over",
+        "shared_simulations",
+        "finer_outcome",
+        "begins_again",
+        "failure_after",
+    ),
 ):
     """A motion plan after the search, and what it does in simulation.
 
@@ -66,6 +73,8 @@ class RefinedMotion(
         Outcome of the best plan at a quarter of the time step, metres; NaN if it was not tried.
     begins_again : int
         Episode that began a second round, where another motion's search had ended; 0 without one.
+    failure_after : str
+        What went wrong in the best episode ("" if nothing did).
     """
 
     plan: AnyPlan
@@ -92,6 +101,7 @@ class RefinedMotion(
     shared_simulations: int = 0
     finer_outcome: FloatArray = field(default_factory=lambda: np.full(3, np.nan))
     begins_again: int = 0
+    failure_after: str = ""
 
     def __post_init__(self) -> None:
         # What an older record does not have is not known of any episode.

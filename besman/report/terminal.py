@@ -168,7 +168,8 @@ def _arm_lines(results: dict[str, Any], suffix: str) -> list[str]:
             f"refinement: {refine['n_success']} of {refine['n_motions']} succeed, miss "
             f"{centimetres(refine['miss_before_m']['median'], 'unknown')} before, "
             f"{centimetres(refine['miss_m']['median'], 'unknown')} after (medians), "
-            f"{refine['episodes']['median']:g} episodes"
+            f"{refine['episodes']['median']:g} episode"
+            f"{'s' if refine['episodes']['median'] != 1 else ''}"
             + (f" ({shared} more that all share)" if shared else "")
         )
     for why, n in Counter(refine.get("handed_over", {}).values()).items():

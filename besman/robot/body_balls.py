@@ -12,6 +12,9 @@ from besman.robot.kinematics import compiled
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
+# Of fewer pairs it costs more to remember how far apart they were than to look again.
+_REMEMBERED_FROM = 150
+
 
 class Bodies(NamedTuple):
     """Pairs of capsules by the bodies they belong to: all capsules that one joint moves.
@@ -28,6 +31,12 @@ class Bodies(NamedTuple):
         Radii of the balls that enclose each capsule, then each body, metres.
     middles : array, shape (C + B, 3)
         Their middles in the world, metres; `place_balls` writes them.
+    memory : array, shape (6 C + 2 B + R + P,)
+        Of many pairs, else empty, one after the other: ends of the capsules in the pose before;
+        how far each body has moved at most since the first pose, and the square of its last step;
+        of every run, then of every pair, what it was apart at least and, added, how far its two
+        bodies had moved by then: they have come nearer by no more than they have moved since.
+        Metres.
     """
 
     owners: IntArray
@@ -35,6 +44,7 @@ class Bodies(NamedTuple):
     runs: IntArray
     reaches: FloatArray
     middles: FloatArray
+    memory: FloatArray
 
 
 @compiled
@@ -63,7 +73,11 @@ def group_pairs(joints: IntArray, ends: FloatArray, radii: FloatArray, pairs: In
             n_runs += 1
         runs[n_runs - 1, 3] = index + 1
     reaches, middles = np.zeros(n_capsules + n_bodies), np.empty((n_capsules + n_bodies, 3))
-    bodies = Bodies(owners, counts, runs[:n_runs].copy(), reaches, middles)
+    memory = np.empty(0)
+    if len(pairs) >= _REMEMBERED_FROM:
+        memory = np.zeros(6 * n_capsules + 2 * n_bodies + n_runs + len(pairs))
+        memory[6 * n_capsules + 2 * n_bodies :] = -np.inf
+    bodies = Bodies(owners, counts, runs[:n_runs].copy(), reaches, middles, memory)
     # Within its body nothing moves: as well in the frames of the joints as in the world.
     place_balls(ends, bodies)
     for capsule in range(n_capsules):
@@ -96,3 +110,39 @@ def place_balls(placed: FloatArray, bodies: Bodies) -> None:
         if bodies.counts[body] > 0:
             for row in range(3):
                 middles[own + body, row] /= bodies.counts[body]
+
+
+@compiled
+def add_movement(
+    placed: FloatArray, owners: IntArray, n_bodies: int, memory: FloatArray
+) -> FloatArray:
+    """Add how far bodies have moved since the pose before: as far as ends of capsules at most.
+
+    Parameters
+    ----------
+    placed : array, shape (C, 2, 3)
+        Ends in the world, metres.
+    owners, n_bodies, memory
+        As in `Bodies`; the memory is written.
+
+    Returns
+    -------
+    array, shape (B,)
+        How far each has moved since the first pose, metres: a part of the memory.
+    """
+    ends = 6 * len(placed)
+    moved, steps = memory[ends : ends + n_bodies], memory[ends + n_bodies : ends + 2 * n_bodies]
+    here = 0
+    for capsule in range(len(placed)):
+        body = owners[capsule]
+        for end in range(2):
+            square = 0.0
+            for row in range(3):
+                square += (placed[capsule, end, row] - memory[here]) ** 2
+                memory[here] = placed[capsule, end, row]
+                here += 1
+            steps[body] = max(steps[body], square)
+    for body in range(n_bodies):
+        moved[body] += np.sqrt(steps[body])
+        steps[body] = 0.0
+    return moved

@@ -6,8 +6,9 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.exceptions import RobotError
-from besman.robot.body_balls import Bodies, group_pairs, place_balls
+from besman.robot.body_balls import group_pairs
 from besman.robot.kinematics import as_rows, compiled, fill_frames
+from besman.robot.nearest_pair import are_far, nearest_parts, segment_distance
 from besman.robot.parts import Chain
 
 FloatArray = npt.NDArray[np.float64]
@@ -176,60 +177,6 @@ def place_capsules(
 
 
 @compiled
-def segment_shares(
-    p0: FloatArray, p1: FloatArray, q0: FloatArray, q1: FloatArray
-) -> tuple[float, float]:
-    """Return where two segments in space, which may be points, are nearest: shares of their ways.
-
-    References
-    ----------
-    C. Ericson: Real-Time Collision Detection, 2005, section 5.1.9.
-    """
-    u0, u1, u2 = p1[0] - p0[0], p1[1] - p0[1], p1[2] - p0[2]
-    v0, v1, v2 = q1[0] - q0[0], q1[1] - q0[1], q1[2] - q0[2]
-    w0, w1, w2 = p0[0] - q0[0], p0[1] - q0[1], p0[2] - q0[2]
-    a, e = u0 * u0 + u1 * u1 + u2 * u2, v0 * v0 + v1 * v1 + v2 * v2
-    b = u0 * v0 + u1 * v1 + u2 * v2
-    c, f = u0 * w0 + u1 * w1 + u2 * w2, v0 * w0 + v1 * w1 + v2 * w2
-    tiny = 1e-14
-    s, t = 0.0, 0.0
-    if a > tiny and e > tiny:
-        below = a * e - b * b
-        if below > 1e-12 * a * e:
-            s = min(max((b * f - c * e) / below, 0.0), 1.0)
-        t = (b * s + f) / e
-        if t < 0.0:
-            t, s = 0.0, min(max(-c / a, 0.0), 1.0)
-        elif t > 1.0:
-            t, s = 1.0, min(max((b - c) / a, 0.0), 1.0)
-    elif a > tiny:
-        s = min(max(-c / a, 0.0), 1.0)
-    elif e > tiny:
-        t = min(max(f / e, 0.0), 1.0)
-    return s, t
-
-
-@compiled
-def segment_distance(p0: FloatArray, p1: FloatArray, q0: FloatArray, q1: FloatArray) -> float:
-    """Compute the distance between two segments in space, which may be points."""
-    s, t = segment_shares(p0, p1, q0, q1)
-    square = 0.0
-    for row in range(3):
-        way = p0[row] + s * (p1[row] - p0[row]) - q0[row] - t * (q1[row] - q0[row])
-        square += way * way
-    return float(np.sqrt(square))
-
-
-@compiled
-def are_far(first: FloatArray, second: FloatArray, reach: float) -> bool:
-    """Tell whether two points are further apart than this, metres."""
-    if reach <= 0.0:
-        return True
-    x, y, z = first[0] - second[0], first[1] - second[1], first[2] - second[2]
-    return bool(x * x + y * y + z * z > reach * reach)
-
-
-@compiled
 def first_falling(placements: FloatArray, axes: FloatArray) -> int:
     """Return the first joint that can bring its link nearer to the floor: 0 if its axis lies.
 
@@ -244,55 +191,6 @@ def first_falling(placements: FloatArray, axes: FloatArray) -> int:
     for row in range(3):
         upwards += placements[0, 2, row] * axes[0, row]
     return 1 if abs(upwards) > _UPRIGHT else 0
-
-
-@compiled
-def nearest_parts(
-    joints: IntArray,
-    placed: FloatArray,
-    radii: FloatArray,
-    pairs: IntArray,
-    bodies: Bodies,
-    guess: int,
-    beyond: float,
-    falling: int,
-) -> tuple[float, float, int, int]:
-    """Compute self-distance and floor distance, metres, and which pair and capsule have them.
-
-    Both are -1 where there is none. What is further apart than the nearest so far is passed over:
-    first whole bodies, by balls around them, then pairs of capsules; what is further apart than
-    `beyond` (metres) at once: the self-distance is then `beyond`. Only capsules of the joint
-    `falling` and later ones are measured against the floor. The pair `guess` comes first (-1:
-    none), by choice that of the pose before. `bodies` are those of `group_pairs`.
-    """
-    nearest, pair, lowest, down = beyond, -1, np.inf, -1
-    middles, reaches, runs = bodies.middles, bodies.reaches, bodies.runs
-    place_balls(placed, bodies)
-    own = len(joints)
-    for count in range(-1, len(runs)):
-        first, last = guess, guess + 1
-        if count >= 0:
-            one, other, first, last = runs[count, 0], runs[count, 1], runs[count, 2], runs[count, 3]
-            far = nearest + reaches[own + one] + reaches[own + other]
-            if are_far(middles[own + one], middles[own + other], far):
-                continue
-        elif guess < 0:
-            continue
-        for index in range(first, last):
-            a, b = pairs[index, 0], pairs[index, 1]
-            far = nearest + reaches[a] + reaches[b]
-            if are_far(middles[a], middles[b], far) or (count >= 0 and index == guess):
-                continue
-            gap = segment_distance(placed[a, 0], placed[a, 1], placed[b, 0], placed[b, 1])
-            gap -= radii[a] + radii[b]
-            if gap < nearest:
-                nearest, pair = gap, index
-    for capsule in range(len(joints)):
-        if joints[capsule] >= falling:
-            low = min(placed[capsule, 0, 2], placed[capsule, 1, 2])
-            if low - radii[capsule] < lowest:
-                lowest, down = low - radii[capsule], capsule
-    return nearest, lowest, pair, down
 
 
 @compiled

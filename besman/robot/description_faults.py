@@ -13,7 +13,8 @@ from besman.config.yaml_file import load_config
 from besman.exceptions import BesmanError
 from besman.robot.collision import distances
 from besman.robot.config import RobotConfig
-from besman.robot.files.known_limits import find_known_arm
+from besman.robot.files.known_limits import KnownArm, arm_titles, find_known_arm
+from besman.robot.files.mesh_folders import list_faults
 from besman.robot.kinematics import manipulability
 from besman.robot.model import Robot, find_robot, load_robot, read_robot_urdf
 from besman.robot.shape_doubts import flange_doubts, overlap_doubts, shape_doubts
@@ -31,6 +32,10 @@ _SLOWEST_RAD_S = 0.5
 _FASTEST_RAD_S = 10.0
 # Radians of two digits in a URDF, degrees in a data sheet.
 _ROUNDING = 0.02
+# Makers count to the wrist or to the flange.
+_ODD_TIMES = 1.5
+ODD_REACH = "reach:"
+"""What the line about a file of another size than its arm begins with."""
 
 
 @dataclass(frozen=True)
@@ -73,12 +78,17 @@ def check_robot(name_or_path: str | Path) -> list[Doubt]:
     told = all(joint.origin for joint in config.joints)
     if not told and not path.with_name("SOURCES.md").is_file():
         doubts.append(Doubt("doubtful", "no SOURCES.md beside it: no number has an origin"))
-    missing = _zero_limits(config) + _missing_meshes(config, path)
+    missing = _zero_limits(config) + [
+        _as_added(doubt, doubts) for doubt in _missing_meshes(config, path)
+    ]
     try:
         robot = load_robot(path)
     except BesmanError as error:
         return [*missing, *([] if missing else [Doubt("missing", str(error))]), *doubts]
-    found = missing + _odd_speeds(robot) + _beyond_published(robot, config)
+    known = _published(robot, config, path)
+    found = missing + _odd_speeds(robot)
+    if known is not None:
+        found += _odd_reach(robot, known) + _beyond_published(config, known)
     found += _inertias(robot) + _capsules(robot)
     found += _shapes(robot, config, path) + _home(robot)
     return found + doubts
@@ -109,7 +119,16 @@ def _missing_meshes(config: RobotConfig, path: Path) -> list[Doubt]:
         return [Doubt("missing", str(error))]
     # Capsules in the robot.yaml stand for the meshes.
     kind: Kind = "doubtful" if config.capsules else "missing"
-    return [Doubt(kind, text) for _, text in sorted(unusable.items())]
+    return [Doubt(kind, text) for text in list_faults(unusable)]
+
+
+def _as_added(doubt: Doubt, assumed: list[Doubt]) -> Doubt:
+    """Say a fault as it was when the arm was added, once: where it was looked for too."""
+    for one in assumed:
+        if one.text.startswith(doubt.text):
+            assumed.remove(one)
+            return Doubt(doubt.kind, one.text)
+    return doubt
 
 
 def _odd_speeds(robot: Robot) -> list[Doubt]:
@@ -125,12 +144,34 @@ def _odd_speeds(robot: Robot) -> list[Doubt]:
     ]
 
 
-def _beyond_published(robot: Robot, config: RobotConfig) -> list[Doubt]:
-    """Find limits that are greater than what the arm's maker publishes."""
-    titles = [config.name, Path(config.urdf).stem, config.joints[0].name]
-    known = find_known_arm(titles, robot.n)
-    if known is None:
+def _published(robot: Robot, config: RobotConfig, path: Path) -> KnownArm | None:
+    """Find what the arm's maker publishes, by what the arm is called."""
+    tree, urdf = read_robot_urdf(config, path, {})
+    return find_known_arm(
+        arm_titles(tree, [config.name, urdf.stem, config.joints[0].name]), robot.n
+    )
+
+
+def _odd_reach(robot: Robot, known: KnownArm) -> list[Doubt]:
+    """Find a file of another size than the arm: in another unit, or scaled."""
+    from besman.robot.workspace import sample_workspace
+
+    if known.reach_m is None:
         return []
+    reach = sample_workspace(robot).reach_m
+    times = reach / known.reach_m
+    if 1.0 / _ODD_TIMES < times < _ODD_TIMES:
+        return []
+    text = (
+        f"{ODD_REACH} {reach:.2f} m from the second joint to the flange, {times:.2g} times the "
+        f"{known.reach_m:g} m that are published of {known.arm}; look at the unit and the scale of "
+        f"origins and meshes; {known.reach_source}"
+    )
+    return [Doubt("doubtful", text)]
+
+
+def _beyond_published(config: RobotConfig, known: KnownArm) -> list[Doubt]:
+    """Find limits that are greater than what the arm's maker publishes."""
     doubts = []
     for key, published in known.limits.items():
         own = [float(getattr(joint, key)) for joint in config.joints]

@@ -14,6 +14,7 @@ import pinocchio
 from besman.exceptions import RobotError, in_one_line, nearest
 from besman.robot.capsules import distances_to_axis, fill_sphere, fit_capsule, fit_capsules
 from besman.robot.config import RobotConfig
+from besman.robot.mesh_reader import MeshReader, triangles_of
 from besman.robot.urdf_file import text_for_model
 
 FloatArray = npt.NDArray[np.float64]
@@ -38,7 +39,7 @@ def link_capsules(
     urdf: Path,
     path: Path,
     progress: Callable[[float], None] = lambda share: None,
-    loader: Any = None,
+    reader: MeshReader | None = None,
 ) -> list[tuple[str, int, FloatArray, float]]:
     """List the capsules of the links: the config's, or else fitted to the URDF's shapes.
 
@@ -54,7 +55,7 @@ def link_capsules(
         The URDF and the robot.yaml, named in errors.
     progress : callable, optional
         Is told the share that is fitted.
-    loader : coal.MeshLoader, optional
+    reader : MeshReader, optional
         Reads the meshes.
 
     Returns
@@ -70,7 +71,7 @@ def link_capsules(
     if config.capsules:
         return [_from_config(model, capsule, path) for capsule in config.capsules]
     by_link: dict[tuple[str, int], list[tuple[Any, Any, bool]]] = {}
-    for link, joint, *shape in collision_shapes(model, tree, urdf, loader):
+    for link, joint, *shape in collision_shapes(model, tree, urdf, reader):
         by_link.setdefault((link, joint), []).append((shape[0], shape[1], shape[2]))
     found = []
     for index, ((link, joint), shapes) in enumerate(by_link.items()):
@@ -215,7 +216,7 @@ def collision_shapes(
     model: Any,
     tree: ElementTree.Element,
     urdf: Path,
-    loader: Any = None,
+    reader: MeshReader | None = None,
     left_out: list[str] | None = None,
 ) -> list[tuple[str, int, Any, Any, bool]]:
     """List the collision shapes of a URDF, but meshes that are wider than any arm.
@@ -224,8 +225,8 @@ def collision_shapes(
     ----------
     model, tree, urdf
         As in `link_capsules`.
-    loader : coal.MeshLoader, optional
-        Reads the meshes; one that keeps them reads each once.
+    reader : MeshReader, optional
+        Reads each mesh once.
     left_out : list of str, optional
         The meshes that are too wide are added to it.
 
@@ -244,7 +245,7 @@ def collision_shapes(
     try:
         plain = pinocchio.buildModelFromXML(text)
         kind = pinocchio.GeometryType.COLLISION
-        keep = {} if loader is None else {"mesh_loader": loader}
+        keep = {} if reader is None else {"mesh_loader": reader.loader}
         shapes = pinocchio.buildGeomFromUrdfString(plain, text, kind, **keep)
     except (ValueError, RuntimeError) as error:
         raise RobotError(f"{urdf}: collision meshes: {in_one_line(error)}") from None
@@ -257,11 +258,13 @@ def collision_shapes(
         frame = model.frames[model.getFrameId(link.name, pinocchio.FrameType.BODY)]
         pose = frame.placement * link.placement.actInv(item.placement)
         mirrored = bool(np.prod(item.meshScale) < 0)
-        if _is_mesh(item.geometry) and np.ptp(item.geometry.vertices(), axis=0).max() > LARGEST_M:
+        is_mesh = _is_mesh(item.geometry)
+        if is_mesh and np.ptp(item.geometry.vertices(), axis=0).max() > LARGEST_M:
             if left_out is not None:
                 left_out.append(str(item.meshPath))
             continue
-        found.append((link.name, frame.parentJoint - 1, pose, item.geometry, mirrored))
+        shape = reader.same(item) if is_mesh and reader is not None else item.geometry
+        found.append((link.name, frame.parentJoint - 1, pose, shape, mirrored))
     return found
 
 
@@ -269,8 +272,7 @@ def _mesh(geometry: Any, pose: Any, mirrored: bool) -> tuple[FloatArray, IntArra
     """Return vertices (V, 3) in the joint's frame, metres, and triangles (F, 3)."""
     # Pinocchio has scaled the vertices already: ``meshScale`` is what it scaled them by.
     vertices = np.asarray(geometry.vertices())
-    faces = [geometry.tri_indices(face) for face in range(geometry.num_tris)]
-    triangles = np.array([[face[corner] for corner in range(3)] for face in faces], np.int64)
+    triangles = triangles_of(geometry)
     # In a mirror, triangles that are counted anticlockwise from outside are so from inside.
     return vertices @ pose.rotation.T + pose.translation, triangles[:, :: -1 if mirrored else 1]
 

@@ -27,6 +27,7 @@ from besman.robot.files.known_limits import arm_titles, find_known_arm
 from besman.robot.files.mesh_folders import (
     MeshFolders,
     find_mesh_folders,
+    list_faults,
     places_tried,
     split_address,
 )
@@ -276,13 +277,16 @@ def _place_meshes(
     folders = find_mesh_folders(tree, urdf, wishes.packages or {}, home)
     unusable: dict[str, str] = {}
     place_meshes(tree, urdf, folders.home, folders.packages, unusable)
-    said = []
-    for address, fault in sorted(unusable.items()):
+    for address in unusable:
         inside_package = split_address(address)
-        known = inside_package is None or inside_package[0] in folders.packages
-        said.append(fault if known else f"{fault}: {places_tried(address, urdf, folders)}")
+        if inside_package is not None and inside_package[0] not in folders.packages:
+            unusable[address] += f": {places_tried(address, urdf, folders)}"
+    said = list_faults(unusable)
     if len(said) > _MOST_LISTED:
-        said = [*said[:_MOST_LISTED], f"{len(said) - _MOST_LISTED} more meshes cannot be used"]
+        said = [
+            *said[:_MOST_LISTED],
+            f"meshes cannot be used for {len(said) - _MOST_LISTED} more reasons",
+        ]
     return folders, said
 
 
@@ -296,8 +300,6 @@ def _complete(
     show: Display,
 ) -> dict[str, Any]:
     """Add what is computed: capsules, masses, torques, mounting, home, ignored pairs."""
-    import coal
-
     from besman.robot.files import assumed_masses, fitted_shapes
     from besman.robot.files.self_room import leave_room
     from besman.robot.files.standing import (
@@ -308,6 +310,7 @@ def _complete(
         find_home,
         flange_rotation,
     )
+    from besman.robot.mesh_reader import MeshReader
     from besman.robot.pinocchio_model import build_model
 
     def model_now() -> Any:
@@ -315,13 +318,12 @@ def _complete(
         tool = mount_tool("none", config)
         return config, build_model(config, tool, joint_limits(config.joints), tree, urdf, path)[0]
 
-    # Each mesh is read once.
-    loader = coal.CachedMeshLoader(coal.BV_OBBRSS)
+    reader = MeshReader()
     notes += _visual_note(fitted_shapes.use_visual_shapes(tree))
     config, model = model_now()
     progress, end = show("capsules")
     content["capsules"], said = fitted_shapes.fit_shapes(
-        model, config, tree, urdf, path, progress, loader
+        model, config, tree, urdf, path, progress, reader
     )
     end(True)
     config = _as_config(content)
@@ -340,7 +342,7 @@ def _complete(
     progress, end = show("poses")
 
     arm_now = partial(_build_arm, content, tree, urdf, path)
-    ignored = leave_room(content, arm_now, tree, urdf, loader, progress)
+    ignored = leave_room(content, arm_now, tree, urdf, reader, progress)
     found = _write_home(content["joints"], *find_home(arm_now(), reach))
     end(True)
     notes += [*said, *weights, *([flange] if flange else []), *ignored, found]

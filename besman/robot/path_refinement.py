@@ -10,12 +10,11 @@ from besman.robot.body_balls import Bodies, group_pairs
 from besman.robot.collision import (
     add_motion,
     first_falling,
-    nearest_parts,
     place_capsules,
-    segment_shares,
 )
 from besman.robot.ik_kernel import pose_error, remove_spin
 from besman.robot.kinematics import compiled, fill_frames, fill_jacobian, fill_tip
+from besman.robot.nearest_pair import nearest_parts, segment_shares
 from besman.robot.parts import Chain
 from besman.robot.path_smoothness import add_time, time_cost
 

@@ -18,11 +18,12 @@ from besman.records import RefinedMotion
 from besman.report.html_tables import html_table
 from besman.report.page_style import STYLE
 from besman.robot.config import RobotConfig
-from besman.robot.description_faults import Doubt
+from besman.robot.description_faults import ODD_REACH, Doubt
 from besman.robot.model import Robot, find_robot
 from besman.robot.workspace import Workspace
 from besman.stages.map.mapping import Mapping as MappedThrows
 from besman.view.arm_figures import home_figure, workspace_figure
+from besman.view.outcome_words import motion_words
 
 _FRAME = (
     "iframe { width: 100%; height: 44rem; border: 1px solid var(--line); border-radius: .5rem }"
@@ -145,7 +146,8 @@ def _read_outcome(trial: ArmTrial) -> _Outcome:
 def verdict(tried: TriedArm, outcome: _Outcome) -> list[str]:
     """Say in sentences what the arm can do of a person's throws."""
     space, robot = tried.space, tried.robot
-    said = []
+    # A file of another size makes nonsense of all that follows.
+    said = [one.text for one in tried.doubts if one.text.startswith(ODD_REACH)]
     if space.reach_m < SHORT_M:
         said.append(
             f"With {space.reach_m:.2f} m of reach, tool included, it is shorter than a person's "
@@ -169,18 +171,12 @@ def verdict(tried: TriedArm, outcome: _Outcome) -> list[str]:
     motion = outcome.motion
     if motion is not None:
         end = "hits its target" if motion.success else "does not reach its target"
+        n = len(motion.returns)
         said.append(
-            f"{motion.plan.name}, refined for {len(motion.returns)} episodes, {end}: "
-            f"{_landing(motion.miss)}; before, {_landing(motion.miss_before)}."
+            f"{motion.plan.name}, refined for {n} episode{'s' if n != 1 else ''}, {end}: "
+            f"{motion_words(motion)}."
         )
     return said
-
-
-def _landing(miss_m: float) -> str:
-    """Say where a thrown thing comes down."""
-    if not np.isfinite(miss_m):
-        return "nothing leaves the tool in time"
-    return f"it comes down {100 * miss_m:.0f} cm from it"
 
 
 def _slowest_joint(robot: Robot, mapping: MappedThrows) -> str:

@@ -20,6 +20,7 @@ from besman.simulation.task import Task
 from besman.simulation.tasks.kinds import is_whole_task, load_task, load_whole_task
 from besman.simulation.tasks.rearrange.rearrange import RearrangeConfig
 from besman.stages.map.demonstration import tool_poses
+from besman.view.outcome_words import motion_words
 from besman.view.packing import Packer
 from besman.view.person import PersonMarkers, find_person
 from besman.view.shapes import robot_content
@@ -165,12 +166,9 @@ class RunContent:
         if whole is not None:
             return whole
         if motion is not None:
-            before, miss = (
-                float(value) if np.isfinite(value) else None
-                for value in (motion.miss_before, motion.miss)
-            )
+            miss = float(motion.miss) if np.isfinite(motion.miss) else None
             status = "success" if motion.success else "missed"
-            return {"status": status, "before": before, "miss": miss, "reason": motion.failure}
+            return {"status": status, "miss": miss, "reason": motion_words(motion)}
         stages = ("select", "map", "imitate", "refine")
         reason = next(
             (

@@ -15,6 +15,7 @@ from besman.robot.model import Robot
 from besman.simulation.tasks.rearrange.boxes import BoxFrame
 from besman.simulation.tasks.rearrange.rearrange import RearrangeConfig
 from besman.simulation.tasks.rearrange.rearranging import to_the_floor
+from besman.view.outcome_words import outcome_words, with_imitation
 from besman.view.packing import Packer
 from besman.view.person import PersonMarkers
 from besman.view.takes import Performance, played_take
@@ -69,12 +70,13 @@ class WholeTasks:
         trial = last.trial if last is not None else first
         if trial is None:
             return None
-        before = None if first is None or first.failure else _known(first.miss)
+        words = outcome_words(trial.miss, trial.failure)
+        if first is not None and first is not trial:
+            words = with_imitation(words, outcome_words(first.miss, first.failure))
         return {
             "status": "success" if trial.success else "missed",
-            "before": before,
             "miss": None if trial.failure else _known(trial.miss),
-            "reason": trial.failure,
+            "reason": words,
         }
 
     def takes(self, name: str, rate_hz: float) -> list[Performance]:

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from besman.robot.body_balls import group_pairs, place_balls
-from besman.robot.collision import nearest_parts, segment_distance
+from besman.robot.nearest_pair import nearest_parts, segment_distance
 
 
 def random_arm(seed, n_joints=5, n_capsules=14):
@@ -35,6 +35,27 @@ def test_what_is_passed_over_is_never_the_nearest(seed):
     rng, guess = np.random.default_rng(100 + seed), -1
     for beyond in [np.inf, 0.03] * 10:
         placed = moved(joints, ends, rng)
+        gaps = [segment_distance(*placed[a], *placed[b]) - radii[a] - radii[b] for a, b in pairs]
+        own, _, guess, _ = nearest_parts(joints, placed, radii, pairs, bodies, guess, beyond, 0)
+        assert own == pytest.approx(min(min(gaps), beyond), abs=1e-12)
+        assert guess == (int(np.argmin(gaps)) if min(gaps) < beyond else -1)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_was_far_and_has_not_moved_as_far_is_never_the_nearest(seed):
+    """Many pairs: bodies creep, stand still and jump."""
+    joints, ends, radii, pairs = random_arm(seed, n_capsules=30)
+    bodies = group_pairs(joints, ends, radii, pairs)
+    assert len(bodies.memory) > len(pairs) > 150
+    rng, guess = np.random.default_rng(200 + seed), -1
+    placed = moved(joints, ends, rng)
+    for count, beyond in enumerate([np.inf, 0.03] * 15):
+        if count % 10 == 9:
+            placed = moved(joints, ends, rng)
+        elif count % 3:
+            for joint in range(5):
+                way = rng.uniform(-0.02, 0.02, 3)
+                placed[joints == joint] += way
         gaps = [segment_distance(*placed[a], *placed[b]) - radii[a] - radii[b] for a, b in pairs]
         own, _, guess, _ = nearest_parts(joints, placed, radii, pairs, bodies, guess, beyond, 0)
         assert own == pytest.approx(min(min(gaps), beyond), abs=1e-12)

@@ -4,9 +4,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from besman.robot.collision import distances, segment_distance
+from besman.robot.collision import distances
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.model import load_robot
+from besman.robot.nearest_pair import segment_distance
 
 ROBOT = load_robot("ur5", "stick_holder")
 POINTS = arrays(np.float64, (4, 3), elements=st.floats(-2, 2).map(lambda x: round(x, 3)))

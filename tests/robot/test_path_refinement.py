@@ -2,9 +2,10 @@ import numpy as np
 import pytest
 
 from besman.robot.body_balls import group_pairs
-from besman.robot.collision import distances, first_falling, nearest_parts, place_capsules
+from besman.robot.collision import distances, first_falling, place_capsules
 from besman.robot.kinematics import fill_frames
 from besman.robot.model import load_robot
+from besman.robot.nearest_pair import nearest_parts
 from besman.robot.path_refinement import fill_slope
 
 SAFE_M = 0.015

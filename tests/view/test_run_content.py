@@ -11,9 +11,11 @@ import pytest
 from besman.exceptions import RunError
 from besman.geometry.frames import back_frame
 from besman.records.files import load_record, save_record
+from besman.report.run_records import load_records
 from besman.robot.kinematics import forward_kinematics
 from besman.view import decimation
 from besman.view.decimation import Mesh, decimate
+from besman.view.outcome_words import motion_words
 from besman.view.packing import Packer
 from besman.view.run_content import RunContent
 
@@ -229,3 +231,20 @@ def test_cells_of_a_grid_are_merged_as_one_after_the_other(size_m, cell):
     means, triangles = merge_plainly(mesh, cell)
     expected = np.array([[means[corner] for corner in one] for one in triangles]).reshape(-1, 3, 3)
     np.testing.assert_allclose(found.vertices[found.triangles], expected, rtol=1e-12)
+
+
+def test_terminal_page_and_replay_give_one_reason(small_run):
+    motion = load_records(small_run)["refine"][0]
+    lost = replace(
+        motion, miss=float("nan"), failure_after="arm did not follow", miss_before=0.3, failure=""
+    )
+    assert motion_words(lost) == "arm did not follow (imitated: 30.0 cm off the target)"
+    never = replace(lost, failure_after="", handed_over="steps stall")
+    assert motion_words(never) == (
+        "no outcome (imitated: 30.0 cm off the target); CMA-ES went on, as steps stall"
+    )
+    near = replace(motion, miss=0.012, failure_after="limit exceeded", failure="never released")
+    near = replace(near, miss_before=float("nan"))
+    assert motion_words(near) == (
+        "1.2 cm off the target, but limit exceeded (imitated: never released)"
+    )

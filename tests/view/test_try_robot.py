@@ -11,6 +11,7 @@ import pytest
 from besman.exceptions import FileError, MappingError, RobotError
 from besman.pipeline import arm_trial
 from besman.pipeline.arm_trial import ArmTrial, trial_recipe, try_arm
+from besman.robot.description_faults import Doubt
 from besman.robot.model import load_robot
 from besman.robot.new_robot import Wishes
 from besman.robot.workspace import sample_workspace
@@ -40,7 +41,8 @@ def page(small_run, tmp_path_factory):
     replay.write_text('<!doctype html><script>"a" && 1</script>')
     space = sample_workspace(robot, 300)
     path = folder / "ur5.html"
-    said = write_arm_page(TriedArm(robot, space, [], trial, replay, 1.5), path)
+    doubts = [Doubt("doubtful", "no capsules"), Doubt("doubtful", "reach: 4 m, 4 times")]
+    said = write_arm_page(TriedArm(robot, space, doubts, trial, replay, 1.5), path)
     return path, said
 
 
@@ -52,6 +54,8 @@ def test_the_page_holds_joints_figures_throws_and_replay(page):
         assert re.search(rf"{name}.{{0,60}}{np.degrees(speed):.0f}\s+SOURCES.md", text, re.S)
     assert raw.count("<svg") == 2
     assert "Where the numbers of robot.yaml come from" in text
+    # That the file is of another size comes before what it does.
+    assert said[0] == "reach: 4 m, 4 times"
     assert "3 of 3 throws within all limits" in " ".join(said)
     assert all(line in text for line in said)
     assert re.findall(r'<a href|src="http|url\(http', raw) == []

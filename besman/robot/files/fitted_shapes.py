@@ -18,6 +18,7 @@ from besman.robot.files import carved_capsules
 from besman.robot.files.link_pieces import Surface
 from besman.robot.files.touching_links import MeshesTouch
 from besman.robot.link_shapes import LARGEST_M, collision_shapes, link_capsules
+from besman.robot.mesh_reader import MeshReader
 from besman.robot.model import Robot
 
 FloatArray = npt.NDArray[np.float64]
@@ -49,7 +50,7 @@ def fit_shapes(
     urdf: Path,
     path: Path,
     progress: Callable[[float], None],
-    loader: Any = None,
+    reader: MeshReader | None = None,
 ) -> tuple[list[dict[str, Any]], list[str]]:
     """Fit the capsules of a robot.yaml.
 
@@ -63,7 +64,7 @@ def fit_shapes(
         The URDF; it loses the shapes whose meshes cannot be read. Paths are named in errors.
     progress : callable
         Is told the share that is done.
-    loader : coal.MeshLoader, optional
+    reader : MeshReader, optional
         Reads the meshes.
 
     Returns
@@ -76,7 +77,7 @@ def fit_shapes(
     notes = []
     while True:
         try:
-            capsules = link_capsules(model, config, tree, urdf, path, progress, loader)
+            capsules = link_capsules(model, config, tree, urdf, path, progress, reader)
             break
         except RobotError as error:
             bad = _drop_named_mesh(tree, str(error))
@@ -84,7 +85,7 @@ def fit_shapes(
                 raise
             notes.append(f"mesh {bad} cannot be read: the link has no shape of it")
     wide: list[str] = []
-    collision_shapes(model, tree, urdf, loader, wide)
+    collision_shapes(model, tree, urdf, reader, wide)
     notes += [
         f"mesh {one} is wider than {LARGEST_M:g} m, the link has no shape of it; expected metres, "
         'or scale="0.001 0.001 0.001" for millimetres'

@@ -35,6 +35,9 @@ class KnownArm(Config):
         Of every joint from base to tip: degrees/s, rad/s^2, Nm.
     source : str
         Where they are published.
+    reach_m, reach_source : float, str, optional
+        How far it reaches from its first axis, to the flange or to the wrist as its maker counts,
+        metres, and where that is published.
     """
 
     arm: str
@@ -43,6 +46,8 @@ class KnownArm(Config):
     acceleration_rad_s2: Values | None = None
     torque_nm: Values | None = None
     source: str
+    reach_m: Annotated[float, Field(gt=0)] | None = None
+    reach_source: str | None = None
 
     @field_validator("names")
     @classmethod
@@ -58,6 +63,8 @@ class KnownArm(Config):
         """Refuse figures of different numbers of joints."""
         if len({len(values) for values in self.limits.values()}) != 1:
             raise ValueError("expected figures, all of the same number of joints")
+        if (self.reach_m is None) != (self.reach_source is None):
+            raise ValueError("expected reach_m and reach_source, or neither")
         return self
 
     @property

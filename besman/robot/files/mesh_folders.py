@@ -239,6 +239,28 @@ def places_tried(address: str, urdf: Path, folders: MeshFolders) -> str:
         return str(error).removeprefix(f"{urdf}: ")
 
 
+def list_faults(faults: Mapping[str, str]) -> list[str]:
+    """Say of meshes why they cannot be used, in one line for all of a package with one reason.
+
+    Parameters
+    ----------
+    faults : dict of str
+        A line by address: ``mesh PATH: REASON``.
+    """
+    alike: dict[tuple[str, str], list[str]] = {}
+    for address, fault in sorted(faults.items()):
+        package, path = split_address(address) or ("", address)
+        name = path.rpartition("/")[2]
+        reason = fault.rpartition(name)[2] if name in fault else fault
+        alike.setdefault((package, reason), []).append(fault)
+    said = []
+    for (package, _), (first, *others) in alike.items():
+        whose = f" of package {package}" if package else ""
+        count = f"{len(others) + 1} meshes{whose}, the first "
+        said.append(count + first.removeprefix("mesh ") if others else first)
+    return said
+
+
 def parse_packages(texts: Sequence[str]) -> dict[str, Path]:
     """Parse ``NAME=FOLDER``, for each package.
 

@@ -17,6 +17,7 @@ from besman.robot.files.touching_links import (
     random_poses,
 )
 from besman.robot.link_shapes import collision_shapes, link_surfaces
+from besman.robot.mesh_reader import MeshReader
 from besman.robot.model import Robot
 
 _NEAR_M = 0.01
@@ -28,7 +29,7 @@ def leave_room(
     build: Callable[[], Robot],
     tree: ElementTree.Element,
     urdf: Path,
-    loader: Any,
+    reader: MeshReader,
     progress: Callable[[float], None],
 ) -> list[str]:
     """Split capsules that cost room, leave out pairs that say nothing.
@@ -41,7 +42,7 @@ def leave_room(
         Returns the arm of the content as it is then.
     tree, urdf
         Its URDF.
-    loader : coal.MeshLoader
+    reader : MeshReader
         Reads the meshes.
     progress : callable
         Is told the share done, up to three quarters.
@@ -52,7 +53,7 @@ def leave_room(
         A line for each pair: why it is left out, or that it leaves no pose clear.
     """
     robot = build()
-    shapes = collision_shapes(robot.model, tree, urdf, loader)
+    shapes = collision_shapes(robot.model, tree, urdf, reader)
     contacts = mesh_contacts(robot.model, [one[:4] for one in shapes])
     surfaces = link_surfaces(shapes)
     content["capsules"], owners = fitted_shapes.carve(

@@ -149,7 +149,7 @@ def surface_mesh(vertices: FloatArray, triangles: IntArray) -> Any:
     """Return a surface for coal."""
     import coal
 
-    mesh = coal.BVHModelOBBRSS()
+    mesh = coal.BVHModelOBB()
     mesh.beginModel(len(triangles), len(vertices))
     mesh.addVertices(np.ascontiguousarray(vertices))
     mesh.addTriangles(np.ascontiguousarray(triangles))

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from besman.robot.collision import place_capsules, segment_distance
+from besman.robot.collision import place_capsules
 from besman.robot.kinematics import compiled, fill_frames
 from besman.robot.model import Robot
+from besman.robot.nearest_pair import segment_distance
 from besman.robot.parts import capsule_part
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
 
 POSES = 1500
 """Random poses that links are looked at in."""
@@ -35,6 +38,8 @@ LEAST_MESH_POSES = 25
 _NEAR_MARGIN_M, _FAR_MARGIN_M = 0.0005, 0.005
 _NEAR_JOINTS = 2
 _PARTS_MARGIN_M = 0.002
+# What is left out of all of a capsule's pairs is held against the meshes in so many other poses.
+_OTHER_POSES = 6000
 
 MeshesTouch = Callable[[str, str, FloatArray, float], tuple[int, int] | None]
 """Tells of two links, in poses (B, n), how often meshes are within a margin, and how many poses it
@@ -51,16 +56,19 @@ def random_poses(robot: Robot, count: int, seed: int = 0) -> FloatArray:
     return limits.position_min + share * (limits.position_max - limits.position_min)
 
 
-def pair_overlaps(robot: Robot, poses: FloatArray) -> npt.NDArray[np.bool_]:
-    """Tell which pairs of capsules overlap in which poses, shape (B, P)."""
+def pair_overlaps(
+    robot: Robot, poses: FloatArray, columns: Sequence[int] | None = None
+) -> BoolArray:
+    """Tell which pairs of capsules, or those of some numbers, overlap in which poses: (B, P)."""
     chain = robot.chain
-    overlaps: npt.NDArray[np.bool_] = _overlaps(
+    pairs = chain.capsule_pairs if columns is None else chain.capsule_pairs[columns]
+    overlaps: BoolArray = _overlaps(
         chain.placements,
         chain.axes,
         chain.capsule_joints,
         chain.capsule_ends,
         chain.capsule_radii,
-        chain.capsule_pairs,
+        pairs,
         poses,
     )
     return overlaps
@@ -75,7 +83,7 @@ def _overlaps(
     radii: FloatArray,
     pairs: IntArray,
     rows: FloatArray,
-) -> npt.NDArray[np.bool_]:
+) -> BoolArray:
     """Hold all pairs against each other in every pose."""
     rotations, origins = np.empty((len(axes), 3, 3)), np.empty((len(axes), 3))
     placed = np.empty((len(joints), 2, 3))
@@ -145,6 +153,15 @@ def find_ignored_pairs(
             rest = [column for index, column in enumerate(columns) if index not in ignored]
             apart = _never_meeting(robot, rest, overlaps, parts_meet)
             ignored += [columns.index(column) for column in apart]
+        if share > _MUCH and len(ignored) < len(columns):
+            others = random_poses(robot, _OTHER_POSES, seed=2)
+            looked = np.vstack([poses, others])
+            ignored = capsules_that_say_nothing(
+                robot.chain.capsule_pairs[columns],
+                np.vstack([overlaps[:, columns], pair_overlaps(robot, others, columns)]),
+                partial(near.never_touch, looked, meshes_touch),
+                ignored,
+            )
         if ignored:
             parts = [chain.capsule_pairs[columns[column]] for column in ignored]
             whole = len(ignored) == len(columns)
@@ -157,7 +174,7 @@ def find_ignored_pairs(
 
 
 def _never_meeting(
-    robot: Robot, columns: list[int], overlaps: npt.NDArray[np.bool_], parts_meet: PartsMeet
+    robot: Robot, columns: list[int], overlaps: BoolArray, parts_meet: PartsMeet
 ) -> list[int]:
     """Return the pairs of capsules that overlap often and hold surfaces that never meet.
 
@@ -174,6 +191,45 @@ def _never_meeting(
         if not parts_meet(first, second, poses[found[:, column]], _PARTS_MARGIN_M):
             apart.append(column)
     return apart
+
+
+def capsules_that_say_nothing(
+    parts: IntArray,
+    overlaps: BoolArray,
+    never_touch: Callable[[BoolArray], bool],
+    found: Sequence[int] = (),
+) -> list[int]:
+    """Find capsules of two links without whose pairs nothing is missed.
+
+    Where a link turns close above another the capsules beside the joint overlap often, each with
+    several: none of these pairs alone. Greedy, those that overlap most often first.
+
+    Parameters
+    ----------
+    parts : int array, shape (P, 2)
+        The links' pairs of capsules.
+    overlaps : bool array, shape (B, P)
+        Which of them overlap in which poses.
+    never_touch : callable
+        Tells of some of the poses (B,) whether the links touch in none of them.
+    found : sequence of int
+        Pairs that are left out already.
+
+    Returns
+    -------
+    list of int
+        All pairs that are left out: in poses in which no other pair overlaps the links do not
+        touch.
+    """
+    left = list(found)
+    rows = [np.flatnonzero((parts == one).any(axis=1)) for one in np.unique(parts)]
+    for row in sorted(rows, key=lambda row: -int(overlaps[:, row].any(axis=1).sum())):
+        new = np.setdiff1d(row, left)
+        rest = np.setdiff1d(np.arange(len(parts)), [*left, *row])
+        alone: BoolArray = np.any(overlaps[:, new], axis=1) & ~np.any(overlaps[:, rest], axis=1)
+        if alone.mean() >= _OFTEN and never_touch(alone):
+            left += new.tolist()
+    return left
 
 
 def touching_margin(joint: int, other: int) -> float:
@@ -204,8 +260,13 @@ class _Pair:
         touched, looked = met
         return f"their meshes touch in every one of {looked} poses" if touched == looked else ""
 
+    def never_touch(self, poses: FloatArray, meshes_touch: MeshesTouch, some: BoolArray) -> bool:
+        """Tell whether meshes stay apart in some (B,) of the poses."""
+        met = meshes_touch(*self.names, poses[some], max(self.margin_m, _PARTS_MARGIN_M))
+        return met is not None and met[0] == 0
+
     def columns_that_say_nothing(
-        self, poses: FloatArray, overlaps: npt.NDArray[np.bool_], meshes_touch: MeshesTouch
+        self, poses: FloatArray, overlaps: BoolArray, meshes_touch: MeshesTouch
     ) -> list[int]:
         """Return the pairs of capsules, among those of the links, without which nothing is missed.
 

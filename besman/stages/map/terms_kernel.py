@@ -6,8 +6,9 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.robot.body_balls import Bodies, group_pairs
-from besman.robot.collision import first_falling, nearest_parts, place_capsules
+from besman.robot.collision import first_falling, place_capsules
 from besman.robot.kinematics import compiled, fill_frames, fill_jacobian, fill_tip
+from besman.robot.nearest_pair import nearest_parts
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]

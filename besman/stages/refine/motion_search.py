@@ -334,10 +334,8 @@ class MotionSearch:
         report = check_limits(self._robot, *sample_plan(plan, self._robot)[1:])
         if report.kept:
             return trial
-        penalty = self._task.reward.failure
-        return replace(
-            trial, success=False, failure="limit exceeded", reward=trial.reward - penalty
-        )
+        reward = trial.reward - self._task.reward.failure
+        return replace(trial, success=False, failure="limit exceeded", reward=reward)
 
     def result(self, trial: Trial) -> RefinedMotion:
         """Sum up the search.
@@ -378,6 +376,7 @@ class MotionSearch:
             shared_simulations=self._shared_simulations,
             begins_again=self._again,
             finer_outcome=self._finer_outcome,
+            failure_after=best.failure,
             milestones=tuple(
                 (at, self._space.plan_at(self._tried[at])) for at in pick_milestones(self._ranks)
             ),

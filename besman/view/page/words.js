@@ -6,12 +6,9 @@ export const centimetres = (metres) =>
 export const seconds = (value) => `${value.toFixed(2)} s`;
 
 /** Return tone (a class of theme.css) and words for what became of a demonstration. */
-export function outcome({ status, miss, before, reason }) {
-  if (status === "success" || status === "missed") {
-    const was = before === null ? `imitated: ${reason || "failed"}` : `imitated ${centimetres(before)}`;
-    const off = miss === null ? "no outcome" : `${centimetres(miss)} off the target`;
-    return status === "success" ? ["good", `Succeeds: ${off} (${was})`] : ["bad", `No success: ${off} (${was})`];
-  }
+export function outcome({ status, reason }) {
+  if (status === "success") return ["good", `Succeeds: ${reason}`];
+  if (status === "missed") return ["bad", `No success: ${reason}`];
   if (status === "left out") return ["bad", `Left out - ${reason}`];
   return ["soft", "Mapped to the arm; not refined"];
 }

@@ -7,10 +7,12 @@ import pytest
 import yaml
 from pydantic import ValidationError
 
+from besman.robot.description_faults import check_robot
 from besman.robot.files.arm_files import check_name, free_name
 from besman.robot.files.known_limits import KnownArm, arm_titles, find_known_arm, known_arms
 from besman.robot.model import load_robot
 from besman.robot.new_robot import add_robot
+from besman.robot.workspace import sample_workspace
 
 
 def test_every_arm_has_figures_of_all_its_joints_and_a_source():
@@ -50,6 +52,7 @@ def test_an_arm_is_found_by_whole_words_and_its_joints(titles, n, arm):
         ({"velocity_deg_s": None}, "expected figures"),
         ({"names": ("UR 5",)}, "expected lower case letters and digits"),
         ({"velocity_deg_s": (0.0, 1.0)}, "greater than 0"),
+        ({"reach_m": 0.8}, "expected reach_m and reach_source, or neither"),
     ],
 )
 def test_what_is_no_entry(changes, message):
@@ -59,17 +62,22 @@ def test_what_is_no_entry(changes, message):
         KnownArm(**(entry | changes))
 
 
-def test_a_file_that_gives_no_limits_has_those_of_its_maker(tmp_path):
+def write_ur3e(folder, size=1.0):
+    """An arm of the name, of six links."""
     links = "".join(f'<link name="l{k}"/>' for k in range(7))
     joints = "".join(
         f'<joint name="j{k}" type="revolute"><parent link="l{k}"/><child link="l{k + 1}"/>'
-        f'<origin xyz="0 0.02 0.1"/><axis xyz="0 {k % 2} {1 - k % 2}"/>'
+        f'<origin xyz="0 {0.02 * size} {0.1 * size}"/><axis xyz="0 {k % 2} {1 - k % 2}"/>'
         f'<limit lower="-2" upper="2" velocity="{1 if k == 1 else 0}" effort="0"/></joint>'
         for k in range(6)
     )
-    urdf = tmp_path / "arm.urdf"
+    urdf = folder / "arm.urdf"
     urdf.write_text(f'<robot name="ur3e">{links}{joints}</robot>')
-    path = add_robot(urdf, torque="5")
+    return urdf
+
+
+def test_a_file_that_gives_no_limits_has_those_of_its_maker(tmp_path):
+    path = add_robot(write_ur3e(tmp_path), torque="5")
     content = yaml.safe_load(path.read_text())
     known = known_arms()["ur3e"]
     speeds = [joint["velocity_deg_s"] for joint in content["joints"]]
@@ -85,6 +93,18 @@ def test_a_file_that_gives_no_limits_has_those_of_its_maker(tmp_path):
     assert len(said) == 1
     assert re.search(r"UR3e", said[0])
     assert load_robot(path).n == 6
+    assert not [one for one in check_robot(path) if one.text.startswith("reach:")]
+
+
+def test_a_file_of_another_size_than_its_arm_is_said(tmp_path):
+    path = add_robot(write_ur3e(tmp_path, 4.0), torque="500", name="big")
+    said = [one.text for one in check_robot(path) if one.text.startswith("reach:")]
+    reach = sample_workspace(load_robot(path)).reach_m
+    assert said == [
+        f"reach: {reach:.2f} m from the second joint to the flange, {reach / 0.5:.2g} times the "
+        "0.5 m that are published of Universal Robots UR3e; look at the unit and the scale of "
+        "origins and meshes; Universal Robots, technical specifications of the UR3e (reach 500 mm)"
+    ]
 
 
 def test_a_name_that_a_robot_has_is_made_another(tmp_path):

@@ -10,6 +10,7 @@ from besman.robot.files.mesh_folders import (
     MeshFolders,
     find_mesh_folders,
     find_package,
+    list_faults,
     parse_packages,
     places_tried,
 )
@@ -93,3 +94,16 @@ def test_packages_of_the_command_line(tmp_path):
         with pytest.raises(RobotError, match=r"--package: got .*expected NAME=FOLDER"):
             parse_packages([wrong])
     assert parse_packages([]) == dict[str, Path]()
+
+
+def test_meshes_of_a_package_with_one_reason_are_one_line():
+    gone = "no such file: no folder called arm above /a"
+    faults = {f"package://arm/m/{name}.stl": f"mesh /a/arm/m/{name}.stl: {gone}" for name in "cab"}
+    faults["package://arm/m/big.stl"] = "mesh /a/arm/m/big.stl: 120 MB, more than 100"
+    faults["../x.stl"] = "mesh '../x.stl' is outside /a; expected it below that folder"
+    faults["../y.stl"] = "mesh '../y.stl' is outside /a; expected it below that folder"
+    assert list_faults(faults) == [
+        "2 meshes, the first '../x.stl' is outside /a; expected it below that folder",
+        f"3 meshes of package arm, the first /a/arm/m/a.stl: {gone}",
+        "mesh /a/arm/m/big.stl: 120 MB, more than 100",
+    ]

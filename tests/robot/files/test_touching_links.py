@@ -11,6 +11,7 @@ from besman.config.yaml_file import load_config
 from besman.robot.config import RobotConfig
 from besman.robot.files.touching_links import (
     always_overlapping,
+    capsules_that_say_nothing,
     find_ignored_pairs,
     mesh_contacts,
     pair_overlaps,
@@ -114,3 +115,32 @@ def test_meshes_that_touch_only_sometimes_are_kept(arm):
     pairs, notes = find_ignored_pairs(robot, lambda *_: (1, 2))
     assert (pairs, notes) == ([], [])
     assert Path(robot.source).name == "boxes.yaml"
+
+
+def test_a_capsule_whose_pairs_overlap_together_is_left_out():
+    """The first capsule lies beside the joint: near both parts of the other link, touching none."""
+    parts = np.array([[0, 2], [0, 3], [1, 2], [1, 3]])
+    overlaps = np.zeros((100, 4), dtype=bool)
+    overlaps[:50, :2] = True
+    overlaps[50:60] = True
+    touching = np.arange(100) // 5 == 11
+    found = capsules_that_say_nothing(parts, overlaps, lambda some: not touching[some].any())
+    assert sorted(found) == [0, 1]
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_what_touches_overlaps_by_what_is_kept(seed):
+    random = np.random.default_rng(seed)
+    parts = np.array([(one, other) for one in range(3) for other in range(3, 6)])
+    overlaps = random.random((300, 9)) < random.random(9) * 0.4
+    touching = (overlaps[:, random.choice(9, 3)] & (random.random((300, 3)) < 0.3)).any(axis=1)
+    before = [int(random.integers(9))]
+    kept = np.setdiff1d(range(9), before)
+    touching &= overlaps[:, kept].any(axis=1)
+    found = capsules_that_say_nothing(
+        parts, overlaps, lambda some: not touching[some].any(), before
+    )
+    assert set(before) <= set(found)
+    assert len(set(found)) == len(found)
+    kept = np.setdiff1d(range(9), found)
+    assert not np.any(touching & ~overlaps[:, kept].any(axis=1))
