@@ -77,7 +77,10 @@ def _machine(rows: list[dict[str, Any]], total_s: float, n: int) -> str:
 
 def _factor(thesis_s: float | None, own_s: float) -> str:
     """Say how many times faster than the thesis."""
-    return f"{thesis_s / own_s:.3g} x" if thesis_s and own_s > 0 else ""
+    if not thesis_s or own_s <= 0:
+        return ""
+    times = thesis_s / own_s
+    return f"{times:.3g} x" if times < 1000 else f"{times:.0f} x"
 
 
 def _memory(row: dict[str, Any]) -> str:
@@ -90,8 +93,11 @@ def _memory(row: dict[str, Any]) -> str:
 
 def _human(rows: list[dict[str, Any]], results: dict[str, Any], config: dict[str, Any]) -> str:
     """One row for everything that a person does."""
+    label = results.get("label", {})
     named = config.get("label", {}).get("method") == "named"
-    review = len(results.get("label", {}).get("review") or ())
+    names = label.get("names") or ()
+    named |= bool(names) and not any(one["found"] for one in names)
+    review = len(label.get("review") or ())
     markers = "names came with the recordings" if named else "none: automatic"
     if review:
         markers += f"; {review} trajectories to look at"

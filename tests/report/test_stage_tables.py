@@ -45,3 +45,19 @@ def test_what_a_person_has_to_look_at_is_counted():
     found = {row[0]: row[1] for row in rows(text) if len(row) == 3}
     assert found["naming markers by hand"] == "none: automatic; 2 trajectories to look at"
     assert found["labelling movements by hand"] == "not measured; 3 examples of each class"
+
+
+def test_names_of_the_files_themselves_are_not_called_automatic():
+    timing = {"total_wall_s": 0.0, "stages": []}
+    config = {"label": {"method": "trajectories"}}
+    for found, said in ((0, "names came with the recordings"), (1, "none: automatic")):
+        names = [{"recording": "a.tsv", "taken": 9, "found": found}]
+        text = stage_tables(timing, {"label": {"names": names}}, config)
+        assert {row[0]: row[1] for row in rows(text) if row}["naming markers by hand"] == said
+
+
+def test_great_factors_are_written_out():
+    name = next(iter(THESIS_SECONDS))
+    timing = {"total_wall_s": 1.0, "stages": [stage(name, THESIS_SECONDS[name] / 12345.0)]}
+    results = {"map": {"n_demonstrations": THESIS_THROWS}}
+    assert any("12345 x" in row for row in rows(stage_tables(timing, results, {})))
