@@ -53,14 +53,14 @@ class RunningSearch:
         """Try one generation, and keep it."""
         plans = self.search.propose()
         worlds = self.perturbations if self.search.in_worlds else ()
-        if worlds and self.work.has_processes:
+        if self.perturbations and self.work.has_processes:
             trials, others, finer = try_in_processes(
                 self.robot, self.task, plans, worlds, self.work
             )
         else:
             trials, _, others = try_in_worlds(self.robot, self.task, plans, worlds, self.work.jobs)
-            finer = None
-        generation = self.search.learn(trials, others, self._attempt, finer)
+            finer = []
+        generation = self.search.learn(trials, others, self._attempt, finer or None)
         self.checkpoint.save(self.search.n_generations - 1, generation)
         self.tried.append(generation)
 
@@ -151,20 +151,20 @@ def try_in_processes(
     others : list of tuple of Trial
         Of every plan in each perturbed model.
     finer : list of Trial
-        Of every plan at the finer step.
+        Of every plan at the finer step, if there are perturbed models.
     """
-    size = -(-len(worlds) // (2 * work.jobs))
+    size = max(1, -(-len(worlds) // (2 * work.jobs)))
     firsts = range(0, len(worlds), size)
     # The longest first.
-    finely = [TriedPart(plan, finely=True) for plan in plans]
+    finely = [TriedPart(plan, finely=True) for plan in plans] if worlds else []
     some = [TriedPart(plan, tuple(worlds[at : at + size])) for plan in plans for at in firsts]
     parts = [*finely, *some, *map(TriedPart, plans)]
     one = partial(try_part, robot=robot, task=task)
     found = work.map(one, parts, name=lambda part: part.plan.name, processes=1, local=True)
     n = len(plans)
-    found_there = iter(found[n:-n])
-    others = [tuple(trial for _ in firsts for trial in next(found_there)) for _ in plans]
-    return [trial for (trial,) in found[-n:]], others, [trial for (trial,) in found[:n]]
+    finer, there, alone = found[: len(finely)], iter(found[len(finely) : -n]), found[-n:]
+    others = [tuple(trial for _ in firsts for trial in next(there)) for _ in plans if worlds]
+    return [trial for (trial,) in alone], others, [trial for (trial,) in finer]
 
 
 def search_side_by_side(
