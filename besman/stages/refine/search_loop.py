@@ -153,18 +153,23 @@ def try_in_processes(
     finer : list of Trial
         Of every plan at the finer step, if there are perturbed models.
     """
-    size = max(1, -(-len(worlds) // (2 * work.jobs)))
-    firsts = range(0, len(worlds), size)
-    # The longest first.
+    # One more than a share each: who looks at the finer step has less time for others.
+    size = -(-len(worlds) // work.jobs) + 1
+    blocks = [tuple(worlds[at : at + size]) for at in range(0, len(worlds), size)]
+    some = [TriedPart(plan, block) for plan in plans for block in blocks]
     finely = [TriedPart(plan, finely=True) for plan in plans] if worlds else []
-    some = [TriedPart(plan, tuple(worlds[at : at + size])) for plan in plans for at in firsts]
-    parts = [*finely, *some, *map(TriedPart, plans)]
+    # The longest first.
+    parts = [*some[:1], *finely, *some[1:], *map(TriedPart, plans)]
     one = partial(try_part, robot=robot, task=task)
     found = work.map(one, parts, name=lambda part: part.plan.name, processes=1, local=True)
-    n = len(plans)
-    finer, there, alone = found[: len(finely)], iter(found[len(finely) : -n]), found[-n:]
-    others = [tuple(trial for _ in firsts for trial in next(there)) for _ in plans if worlds]
-    return [trial for (trial,) in alone], others, [trial for (trial,) in finer]
+    trials: list[Trial] = []
+    others: list[Trial] = []
+    finer: list[Trial] = []
+    for part, tried in zip(parts, found, strict=True):
+        (others if part.worlds else finer if part.finely else trials).extend(tried)
+    n = len(worlds)
+    rows = [tuple(others[at : at + n]) for at in range(0, len(others), n)] if n else []
+    return trials, rows, finer
 
 
 def search_side_by_side(
