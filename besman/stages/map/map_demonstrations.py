@@ -46,8 +46,8 @@ if TYPE_CHECKING:
 FloatArray = npt.NDArray[np.float64]
 NO_SCENES: Scenes = {}
 
-# Half of the work is done in kernels without Python's lock: processes, which take two seconds to
-# start, are worth it for so many demonstrations; a placement of its own is ten times the work.
+# Half of the work is done in kernels without Python's lock. Processes have loaded what it takes
+# while the placement was looked for; a placement of its own is ten times the work.
 _PROCESSES_FROM = 8
 _CORRECTIONS_FROM = 12
 # How many poses of one demonstration are looked at among things, first and then.

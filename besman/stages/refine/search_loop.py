@@ -60,7 +60,7 @@ class RunningSearch:
         else:
             trials, _, others = try_in_worlds(self.robot, self.task, plans, worlds, self.work.jobs)
             finer = []
-        generation = self.search.learn(trials, others, self._attempt, finer or None)
+        generation = self.search.learn(trials, others, self._attempt, finer)
         self.checkpoint.save(self.search.n_generations - 1, generation)
         self.tried.append(generation)
 
