@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from besman.classifiers.novelty import rms_distances
 from besman.exceptions import RecognitionError
 
 FloatArray = npt.NDArray[np.float64]
@@ -97,13 +98,11 @@ def classify(
     RecognitionError
         If a feature is not a number.
     """
-    from scipy.spatial.distance import cdist
-
     if not np.isfinite(vectors).all():
         row = int(np.argmin(np.isfinite(vectors).all(axis=1)))
         raise RecognitionError(f"features of segment {row} must be finite, got NaN or infinity")
     if len(vectors) == 0:
         return (), np.empty(0)
-    apart = cdist(vectors, examples) / np.sqrt(vectors.shape[1])
+    apart = rms_distances(vectors, examples)
     nearest_example = apart.argmin(axis=1)
     return tuple(labels[k] for k in nearest_example), apart.min(axis=1)

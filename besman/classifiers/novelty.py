@@ -15,6 +15,8 @@ UNKNOWN = "unknown"
 # Chosen on synthetic captures and one subject of the real recordings (benchmarks/README.md).
 _KEPT, _OUTSIDE, _TOWARDS_OUTSIDE = 0.95, 0.25, 0.7
 _FEW, _ALONE = 0.5, 2.0
+# Of more distances than this, to load SciPy takes less time than to do without.
+_MANY = 100_000
 
 
 def fit_threshold(examples: FloatArray, labels: Sequence[str], factor: float = 1.0) -> float:
@@ -71,6 +73,12 @@ def measure_novelty(vectors: FloatArray, examples: FloatArray) -> FloatArray:
 
 def rms_distances(a: FloatArray, b: FloatArray) -> FloatArray:
     """Return root mean square differences between vectors, shape (len(a), len(b))."""
-    from scipy.spatial.distance import cdist
+    if len(a) * len(b) > _MANY:
+        from scipy.spatial.distance import cdist
 
-    return np.asarray(cdist(a, b) / np.sqrt(a.shape[1]))
+        return np.asarray(cdist(a, b) / np.sqrt(a.shape[1]))
+    # The same to the last digit.
+    squares = np.zeros((len(a), len(b)))
+    for one, other in zip(a.T, b.T, strict=True):
+        squares += np.square(one[:, np.newaxis] - other)
+    return np.asarray(np.sqrt(squares) / np.sqrt(a.shape[1]))

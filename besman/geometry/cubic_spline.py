@@ -59,7 +59,7 @@ def _find_slopes(dx: FloatArray, secants: FloatArray) -> FloatArray:
     start = ((dx[0] + 2.0 * first) * dx[1] * secants[0] + dx[0] ** 2 * secants[1]) / first
     end = (dx[-1] ** 2 * secants[-2] + (2.0 * last + dx[-1]) * dx[-2] * secants[-1]) / last
     inner = 3.0 * (dx[1:] * secants[:-1] + dx[:-1] * secants[1:])
-    return _solve_tridiagonal(
+    return solve_tridiagonal(
         np.concatenate([dx[1:, 0], last]),
         np.concatenate([dx[1], 2.0 * (dx[:-1, 0] + dx[1:, 0]), dx[-2]]),
         np.concatenate([first, dx[:-1, 0]]),
@@ -67,7 +67,7 @@ def _find_slopes(dx: FloatArray, secants: FloatArray) -> FloatArray:
     )
 
 
-def _solve_tridiagonal(
+def solve_tridiagonal(
     before: FloatArray, diagonal: FloatArray, after: FloatArray, right: FloatArray
 ) -> FloatArray:
     """Solve a tridiagonal system by elimination; of two rows the greater is eliminated with.

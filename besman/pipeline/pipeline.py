@@ -40,14 +40,10 @@ from besman.records.layers import actions_of, side_of
 from besman.robot.model import Robot, find_tool, load_robot
 from besman.simulation.tasks.kinds import is_whole_task, load_task, load_whole_task
 from besman.stages.compose.stage import leave_out_actions, pick_level
-from besman.stages.export.task_exports import write_task_exports
-from besman.stages.imitate.task_plans import ImitateTasks
 from besman.stages.map.stage import MapBothArms
-from besman.stages.map.whole_tasks import MapAmongBoards, MapTasks
 from besman.stages.read.read_inputs import Inputs, read_inputs
 from besman.stages.recognize.one_throw import OneThrowConfig
 from besman.stages.refine.stage import check_tool_name
-from besman.stages.refine.whole_tasks import AimTasks, RefineTasks, SimulateTasks
 from besman.stages.select.block_steps import DivideActions, FindActions
 from besman.work.display import Display
 from besman.work.outcome import describe_error
@@ -235,6 +231,10 @@ def _learn_tasks(config: PipelineConfig, run: Run, divided: tuple[BlockDemonstra
 
     A whole task is tried in simulation; of any other, the movements are refined as one.
     """
+    from besman.stages.export.task_exports import write_task_exports
+    from besman.stages.imitate.task_plans import ImitateTasks
+    from besman.stages.map.whole_tasks import MapAmongBoards, MapTasks
+
     robot = load_robot(config.robot, config.tool)
     whole = is_whole_task(config.task)
     if whole:
@@ -286,6 +286,9 @@ def _learn_motions(
 
 def _try_tasks(config: PipelineConfig, run: Run, plans: tuple[TaskPlan, ...], robot: Robot) -> None:
     """Bring whole tasks to the gripper, try them in simulation, and export them."""
+    from besman.stages.export.task_exports import write_task_exports
+    from besman.stages.refine.whole_tasks import AimTasks, RefineTasks, SimulateTasks
+
     task = load_whole_task(config.task)
     aimed = run.step("aim", AimTasks(config.refine), plans, robot, task)
     trials = run.step("simulate", SimulateTasks(config.refine), aimed, plans, robot, task)

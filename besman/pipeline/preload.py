@@ -1,6 +1,7 @@
 """What the processes of a run load before they are asked. Loads nothing itself."""
 
 PRELOAD = (
+    "scipy.interpolate",
     "besman.stages.map.map_demonstrations",
     "besman.stages.refine.gauss_newton",
     "besman.stages.refine.search_loop",

@@ -59,6 +59,11 @@ class Work:
     checkpoints: Path | None = None
     strict: bool = False
 
+    @property
+    def has_processes(self) -> bool:
+        """Whether there are processes on this machine, or can be."""
+        return self.jobs > 1 and self.workers is not None and self.workers.cluster is None
+
     def part(self, start: float, stop: float) -> Work:
         """Return the same work, whose progress is a part of this one's.
 

@@ -1,6 +1,8 @@
 import numpy as np
 import pytest
+from scipy.spatial.distance import cdist
 
+from besman.classifiers import novelty
 from besman.classifiers.novelty import fit_threshold, measure_novelty, rms_distances
 
 
@@ -63,3 +65,11 @@ def test_distances_are_root_mean_squares():
     np.testing.assert_allclose(rms_distances(a, b), brute)
     np.testing.assert_allclose(measure_novelty(a, b), brute.min(axis=1))
     assert measure_novelty(np.empty((0, 5)), b).shape == (0,)
+
+
+@pytest.mark.parametrize("many", [100_000, 10])
+def test_distances_are_those_of_scipy_to_the_last_digit(many, monkeypatch):
+    monkeypatch.setattr(novelty, "_MANY", many)
+    rng = np.random.default_rng(3)
+    a, b = rng.normal(size=(17, 23)), rng.normal(size=(40, 23), scale=1e3)
+    np.testing.assert_array_equal(rms_distances(a, b), cdist(a, b) / np.sqrt(23))

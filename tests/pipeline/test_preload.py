@@ -1,6 +1,7 @@
 """What workers have loaded is there, and is what a run needs."""
 
 import importlib
+import subprocess
 import sys
 from pathlib import Path
 
@@ -37,3 +38,16 @@ def test_modules_are_loaded_ahead_for_a_new_run(
     monkeypatch.setattr(fork_server, "start_server", asked.append)
     _load_ahead(Path(pipeline), None if out is None else Path(out), jobs, cluster)
     assert asked == [(*PRELOAD, *DRAWING)] * begun
+
+
+def test_the_command_itself_loads_neither_scipy_nor_mujoco_to_map():
+    # What needs them is done in the workers, which load them meanwhile: 0.25 s of every run.
+    script = (
+        "import sys, besman.pipeline.pipeline, besman.stages.map.map_demonstrations\n"
+        "slow = ('scipy.interpolate', 'scipy.optimize', 'scipy.linalg', 'mujoco')\n"
+        "print([one for one in slow if one in sys.modules])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    )
+    assert done.stdout == "[]\n"

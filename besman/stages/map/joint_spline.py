@@ -7,7 +7,6 @@ from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import BSpline, make_lsq_spline
 
 from besman.robot.parts import JointLimits
 
@@ -65,6 +64,8 @@ class JointSpline:
     @cached_property
     def basis(self) -> FloatArray:
         """Values of the basis functions at the samples, shape (T, C)."""
+        from scipy.interpolate import BSpline
+
         matrix = BSpline.design_matrix(self.time, self.knots, self.degree)
         return np.asarray(matrix.toarray(), dtype=np.float64)
 
@@ -134,6 +135,8 @@ class JointSpline:
 
 def _evaluate(knots: FloatArray, points: FloatArray, degree: int, time: FloatArray) -> FloatArray:
     """Evaluate a spline whose parts were checked where it was made."""
+    from scipy.interpolate import BSpline
+
     values: FloatArray = BSpline.construct_fast(knots, points, degree)(time)
     return values
 
@@ -154,6 +157,8 @@ def fit_spline(time: FloatArray, positions: FloatArray, knot_spacing_s: float) -
     -------
     JointSpline
     """
+    from scipy.interpolate import make_lsq_spline
+
     n_samples = len(time)
     degree = min(DEGREE, n_samples - 1)
     pieces = int(np.ceil((time[-1] - time[0]) / knot_spacing_s - 1e-9))

@@ -13,6 +13,7 @@ from collections.abc import Mapping as MappingOf
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -21,7 +22,6 @@ from besman.exceptions import MappingError
 from besman.records import Failure, HandTrajectory, JointTrajectory
 from besman.robot.limits import LimitReport
 from besman.robot.model import Robot
-from besman.simulation.tasks.rearrange.shown_scene import ShownScene
 from besman.stages.map.demonstration import (
     MappingSettings,
     check_demonstration,
@@ -38,14 +38,17 @@ from besman.stages.map.what_fits import what_fits, why_it_cannot_fit
 from besman.work.outcome import Notes, failure_of
 from besman.work.work import Work
 
-FloatArray = npt.NDArray[np.float64]
+if TYPE_CHECKING:
+    from besman.simulation.tasks.rearrange.shown_scene import ShownScene
 
-Scenes = MappingOf[str, ShownScene]
+    Scenes = MappingOf[str, ShownScene]
+
+FloatArray = npt.NDArray[np.float64]
 NO_SCENES: Scenes = {}
 
-# Half of the work is done in kernels without Python's lock: processes, which take two seconds to
-# start, are worth it for so many demonstrations; a placement of its own is ten times the work.
-_PROCESSES_FROM = 128
+# Half of the work is done in kernels without Python's lock. Processes have loaded what it takes
+# while the placement was looked for; a placement of its own is ten times the work.
+_PROCESSES_FROM = 8
 _CORRECTIONS_FROM = 12
 # How many poses of one demonstration are looked at among things, first and then.
 _POSES_ALONE = (72, 24)

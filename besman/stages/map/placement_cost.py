@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -11,7 +12,6 @@ import numpy.typing as npt
 from besman.robot.inverse_kinematics import IkWeights, draw_starts, find_branches, follow_all
 from besman.robot.kinematics import forward_kinematics
 from besman.robot.model import Robot
-from besman.simulation.tasks.rearrange.shown_scene import ShownScene
 from besman.stages.map.surroundings import AROUND_WEIGHT, Around, thin_among
 from besman.stages.map.terms import (
     HEIGHT_SCALE_M,
@@ -21,6 +21,9 @@ from besman.stages.map.terms import (
     heaviness,
     is_weak,
 )
+
+if TYPE_CHECKING:
+    from besman.simulation.tasks.rearrange.shown_scene import ShownScene
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,9 +16,11 @@ import numpy.typing as npt
 from besman.robot.box_gaps import box_gaps
 from besman.robot.collision import place_all
 from besman.robot.model import Robot
-from besman.simulation.tasks.rearrange.shown_scene import ShownScene
 from besman.stages.map.around_kernel import fill_lacks
 from besman.stages.map.terms import ORIENTATION_SCALE_RAD, POSITION_SCALE_M, SAFE_DISTANCE_M
+
+if TYPE_CHECKING:
+    from besman.simulation.tasks.rearrange.shown_scene import ShownScene
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]

@@ -5,8 +5,13 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from besman.geometry.cubic_spline import solve_tridiagonal
+
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
+
+# Of more samples than this, to load SciPy's compiled solver takes less time than to do without.
+_MANY = 10_000
 
 
 def resample_segments(
@@ -62,8 +67,6 @@ def resample_segments(
 
 def _slopes(step: FloatArray, rise: FloatArray, first: IntArray, last: IntArray) -> FloatArray:
     """Solve for the derivatives at all samples; the equations of each spline are separate."""
-    from scipy.linalg import solve_banded
-
     n = len(step) + 1
     below, diagonal, above = np.zeros(n), np.ones(n), np.zeros(n)
     right = np.zeros((n, rise.shape[1]))
@@ -85,5 +88,9 @@ def _slopes(step: FloatArray, rise: FloatArray, first: IntArray, last: IntArray)
         right[long] = ((a + 2 * (a + b)) * b / (a + b))[:, np.newaxis] * rise[long + inwards] + (
             a**2 / (a + b)
         )[:, np.newaxis] * rise[long + beyond]
+    if n <= _MANY:
+        return solve_tridiagonal(below[1:], diagonal, above[:-1], right)
+    from scipy.linalg import solve_banded
+
     bands = np.stack([np.roll(above, 1), diagonal, np.roll(below, -1)])
     return np.asarray(solve_banded((1, 1), bands, right))

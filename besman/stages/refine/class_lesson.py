@@ -34,7 +34,7 @@ from besman.stages.refine.class_model import (
 )
 from besman.stages.refine.outcomes import residual_of
 from besman.stages.refine.plan_space import Space
-from besman.stages.refine.search_loop import try_in_worlds
+from besman.stages.refine.search_loop import TriedPart, try_in_worlds, try_part
 
 if TYPE_CHECKING:
     from besman.stages.refine.search_loop import RunningSearch
@@ -161,7 +161,7 @@ class ClassLesson:
         cost = self._cost(len(measured)) if self.carried is None else 0
         budget = config.episodes * n_plans
         point, spent = np.zeros(space.dimension), 1
-        first = self._try(space, point)
+        first = self._try(space, point, work)
         if not len(first.residual):
             return nothing(1, f"{self.task.kind} has no outcome to take steps on")
         if cost >= budget:
@@ -170,7 +170,7 @@ class ClassLesson:
         if first.failure:
             # Beside it a movement is brought back within its limits.
             point, spent = point + BESIDE, 2
-            first = self._try(space, point)
+            first = self._try(space, point, work)
         if self.carried is not None:
             jacobian, trust = self._carry(space, point, self.carried)
         else:
@@ -189,9 +189,22 @@ class ClassLesson:
             return nothing(spent, why)
         return ClassModel(self.plan.name, point, jacobian, trust, spent)
 
-    def _try(self, space: Space, point: FloatArray) -> Trial:
-        """Try a point (D,) in the model as it is."""
-        return try_in_worlds(self.robot, self.task, [space.plan_at(point)], ())[0][0]
+    def _try(self, space: Space, point: FloatArray, work: Work) -> Trial:
+        """Try a point (D,) in the model as it is.
+
+        Where processes are to measure a Jacobian in all models they have at hand what that takes.
+        """
+        there = work.has_processes and (self.carried is not None or not self._in_one_world)
+        one = partial(try_part, robot=self.robot, task=self.task)
+        plan = space.plan_at(point)
+        ((trial,),) = work.map(
+            one,
+            [TriedPart(plan)],
+            name=lambda part: part.plan.name,
+            processes=int(there),
+            local=True,
+        )
+        return trial
 
     def _find_outcome(self, work: Work) -> tuple[FloatArray | None, int]:
         """Search without slopes: a point (D,) that succeeds, if any, and how many episodes."""
@@ -234,7 +247,7 @@ class ClassLesson:
         running = config.model_copy(update=bold).running_search(
             self.plan, self.robot, self.task, None, measured
         )
-        running.jobs = work.jobs
+        running.work = work
         search = running.search
         search.look_at_all_worlds(measured.point)
         while search.may_go_on and not search.handed_over:
@@ -279,7 +292,7 @@ class ClassLesson:
     ) -> RunningSearch:
         """Search a motion as if it were alone, without checkpoint; or until steps have stalled."""
         running = self.config.running_search(plan, self.robot, self.task, None, shared)
-        running.jobs, search = work.jobs, running.search
+        running.work, search = work, running.search
         while not search.done and (to_its_end or not search.handed_over):
             running.advance()
         if search.done:

@@ -96,11 +96,12 @@ class MotionSearch:
         trials: list[Trial],
         worlds: Sequence[tuple[Trial, ...]] = (),
         attempt: Attempt | None = None,
+        finer: Sequence[Trial] = (),
     ) -> Generation:
         """Take what came of the plans that were proposed last; return that generation.
 
-        `worlds` is what came of each in perturbed models, if they are tried there; where they race,
-        `attempt` gives what comes of a plan in one of the models.
+        `worlds` is what came of each in perturbed models, `finer` at the finer step, if they are
+        tried there; where they race, `attempt` gives what comes of a plan in one of the models.
 
         A success counts if it keeps all limits at 1 kHz, and is one at a quarter of the time step
         too: what a coarse simulation alone makes of a contact is of no use on an arm. That is tried
@@ -109,11 +110,11 @@ class MotionSearch:
         verified = [self._verify(*pair) for pair in zip(self._plans, trials, strict=True)]
         pairs = zip(verified, worlds or [()] * len(verified), strict=True)
         at = [row for row, pair in enumerate(pairs) if self._counts(*pair)]
-        plans = [self._plans[row] for row in at]
-        for row, fine in zip(at, try_finely(self._robot, self._task, plans), strict=True):
+        plans = [self._plans[row] for row in at if not finer]
+        found = [finer[row] for row in at if finer] or try_finely(self._robot, self._task, plans)
+        for row, fine in zip(at, found, strict=True):
             self._finer[len(self._trials) + row] = fine.outcome
-            if not fine.success:
-                verified[row] = fine
+            verified[row] = verified[row] if fine.success else fine
         if self._n_models and attempt is not None:
             worlds = self._race(verified, attempt)
         return self._take(Generation(self._points, tuple(verified), tuple(worlds)))

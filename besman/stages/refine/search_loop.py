@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -11,7 +12,7 @@ import numpy.typing as npt
 from besman.records import AnyPlan, RefinedMotion
 from besman.robot.model import Robot
 from besman.simulation.perturbation import Perturbation
-from besman.simulation.perturbed_trials import try_perturbed
+from besman.simulation.perturbed_trials import try_finely, try_perturbed
 from besman.simulation.task import Task
 from besman.simulation.trial import Trial, try_plans
 from besman.stages.refine.checkpoint import Checkpoint, Generation
@@ -34,8 +35,8 @@ class RunningSearch:
     checkpoint : Checkpoint
     perturbations : tuple of Perturbation
         Models that a search may look at besides the task's own.
-    jobs : int
-        Threads that one motion may use in them; never changes a result.
+    work : Work
+        Threads or processes that one motion may use in them; never changes a result.
     tried : list of Generation
         How far it is.
     """
@@ -45,15 +46,21 @@ class RunningSearch:
     task: Task
     checkpoint: Checkpoint
     perturbations: tuple[Perturbation, ...] = ()
-    jobs: int = 1
+    work: Work = field(default_factory=Work)
     tried: list[Generation] = field(default_factory=list)
 
     def advance(self) -> None:
         """Try one generation, and keep it."""
         plans = self.search.propose()
         worlds = self.perturbations if self.search.in_worlds else ()
-        trials, _, others = try_in_worlds(self.robot, self.task, plans, worlds, self.jobs)
-        generation = self.search.learn(trials, others, self._attempt)
+        if self.perturbations and self.work.has_processes:
+            trials, others, finer = try_in_processes(
+                self.robot, self.task, plans, worlds, self.work
+            )
+        else:
+            trials, _, others = try_in_worlds(self.robot, self.task, plans, worlds, self.work.jobs)
+            finer = []
+        generation = self.search.learn(trials, others, self._attempt, finer)
         self.checkpoint.save(self.search.n_generations - 1, generation)
         self.tried.append(generation)
 
@@ -105,6 +112,64 @@ def try_in_worlds(
         for trial, more in zip(trials, others or [()] * len(trials), strict=True)
     ]
     return trials, np.stack(found), others
+
+
+@dataclass(frozen=True, eq=False)
+class TriedPart:
+    """What one process is given of a plan: the model as it is, perturbed ones, or a finer step."""
+
+    plan: AnyPlan
+    worlds: tuple[Perturbation, ...] = ()
+    finely: bool = False
+
+
+def try_part(part: TriedPart, robot: Robot, task: Task) -> list[Trial]:
+    """Try a plan in some of its models."""
+    if part.finely:
+        return try_finely(robot, task, [part.plan])
+    if part.worlds:
+        return try_perturbed(robot, task, part.plan, part.worlds)
+    return try_plans(robot, task, [part.plan])
+
+
+def try_in_processes(
+    robot: Robot,
+    task: Task,
+    plans: Sequence[AnyPlan],
+    worlds: Sequence[Perturbation],
+    work: Work,
+) -> tuple[list[Trial], list[tuple[Trial, ...]], list[Trial]]:
+    """Try few plans in all models, each model in some process, and at the finer time step.
+
+    That step is needed for what succeeds alone, which is known when the others are done: to wait
+    for it would leave the other processes without work.
+
+    Returns
+    -------
+    trials : list of Trial
+        Of every plan in the model as it is.
+    others : list of tuple of Trial
+        Of every plan in each perturbed model.
+    finer : list of Trial
+        Of every plan at the finer step, if there are perturbed models.
+    """
+    # One more than a share each: who looks at the finer step has less time for others.
+    size = -(-len(worlds) // work.jobs) + 1
+    blocks = [tuple(worlds[at : at + size]) for at in range(0, len(worlds), size)]
+    some = [TriedPart(plan, block) for plan in plans for block in blocks]
+    finely = [TriedPart(plan, finely=True) for plan in plans] if worlds else []
+    # The longest first.
+    parts = [*some[:1], *finely, *some[1:], *map(TriedPart, plans)]
+    one = partial(try_part, robot=robot, task=task)
+    found = work.map(one, parts, name=lambda part: part.plan.name, processes=1, local=True)
+    trials: list[Trial] = []
+    others: list[Trial] = []
+    finer: list[Trial] = []
+    for part, tried in zip(parts, found, strict=True):
+        (others if part.worlds else finer if part.finely else trials).extend(tried)
+    n = len(worlds)
+    rows = [tuple(others[at : at + n]) for at in range(0, len(others), n)] if n else []
+    return trials, rows, finer
 
 
 def search_side_by_side(

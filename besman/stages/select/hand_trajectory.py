@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from besman.exceptions import MappingError
+from besman.geometry.cubic_spline import interpolate_cubic
 from besman.geometry.frames import back_frame, hand_frame, rotation_to_quaternion
 from besman.records import HandTrajectory, LabelledRecording, LabelledSegments
 from besman.records.layers import Side
@@ -174,8 +175,6 @@ def map_record(
         If the segment is shorter than three samples or reaches beyond the recording, a marker is
         not there or not seen, or nothing tells how the hand is turned.
     """
-    from scipy.interpolate import CubicSpline
-
     start, stop = bounds
     if not 0 <= start < stop <= len(recording.time) or stop - start < 3:
         raise MappingError(
@@ -191,8 +190,9 @@ def map_record(
     n_samples = max(int(np.ceil(duration * rate_hz - 1e-9)) + 1, 3)
     time = np.linspace(0.0, duration, n_samples)
     rows = slice(points.hand_first, points.hand_first + len(hand))
-    spline = CubicSpline(recording.time[rows] - recording.time[start], hand)
-    local = (spline(time) - origin) @ rotation
+    seen = recording.time[rows] - recording.time[start]
+    between = interpolate_cubic(seen, hand.reshape(len(hand), -1), time)
+    local = (between.reshape(-1, *hand.shape[1:]) - origin) @ rotation
     hand2back, position = hand_frame(local[:, 0], local[:, 1], local[:, 2])
     throw = slice(start - points.hand_first, stop - points.hand_first)
     path = HandPath(recording.time[rows], hand.mean(axis=1), throw)

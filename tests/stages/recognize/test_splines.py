@@ -3,6 +3,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
 
+from besman.stages.recognize import splines
 from besman.stages.recognize.splines import resample_segments
 
 
@@ -31,3 +32,13 @@ def test_no_segments_give_no_points():
     )
     assert points.shape == (0, 4, 2)
     assert step_s.shape == (0,)
+
+
+def test_of_many_samples_scipy_solves_to_the_same_last_digit(monkeypatch):
+    rng = np.random.default_rng(5)
+    bounds = np.array([(0, 40), (30, 33), (50, 52), (60, 99)])
+    given = np.cumsum(rng.uniform(0.5, 1.5, 100)), rng.normal(size=(100, 3)), bounds, 20
+    own, _ = resample_segments(*given)
+    monkeypatch.setattr(splines, "_MANY", 10)
+    taken, _ = resample_segments(*given)
+    np.testing.assert_array_equal(own, taken)

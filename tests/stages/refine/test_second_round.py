@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from besman.search import relay
+from besman.simulation.perturbed_trials import try_finely
 from besman.simulation.tasks.kinds import load_task
 from besman.simulation.trial import try_plans
 from besman.stages.refine import search_loop
@@ -114,3 +115,16 @@ def test_a_motion_begins_at_the_ends_of_its_own_class_the_nearest_first():
     wanted = {at: np.array(place, dtype=float) for at, place in enumerate(places)}
     found = nearest_ends(searched(5, "x"), others, wanted)
     assert [int(end.jacobian[0, 0, 0]) for end in found] == [1, 4, 0]
+
+
+def test_models_of_a_plan_side_by_side_are_those_one_after_the_other(robot, plans):
+    worlds = RobustConfig(models=3).draw(robot)
+    some = plans[:2]
+    alone, _, others = search_loop.try_in_worlds(robot, THROW, some, worlds)
+    found, there, finer = search_loop.try_in_processes(robot, THROW, some, worlds, Work(jobs=2))
+    expected = [*alone, *sum(others, ()), *try_finely(robot, THROW, some)]
+    for one, other in zip([*found, *sum(there, ()), *finer], expected, strict=True):
+        np.testing.assert_array_equal(one.outcome, other.outcome)
+        assert one.reward == other.reward
+    assert [len(one) for one in there] == [len(worlds)] * 2
+    assert search_loop.try_in_processes(robot, THROW, some[:1], (), Work(jobs=2))[1:] == ([], [])

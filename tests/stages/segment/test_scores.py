@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.optimize import linear_sum_assignment
 
 from besman.exceptions import SegmentationError
 from besman.records import LabelledSegments, Segments
@@ -59,6 +60,21 @@ def test_as_many_pairs_as_a_sweep_finds(found_s, true_s):
     pairs = match_borders(found_s, true_s, 0.3)
     assert len(pairs) == count_greedily(found_s, true_s, 0.3)
     assert len(set(pairs[:, 0])) == len(set(pairs[:, 1])) == len(pairs)
+
+
+@given(times, times)
+def test_where_there_is_nothing_to_choose_the_choice_is_that_of_scipy(found_s, true_s):
+    margin_s = 0.12
+    distance = np.abs(np.subtract.outer(found_s, true_s))
+    near = distance <= margin_s + 1e-9
+    rows, columns = linear_sum_assignment(np.where(near, distance, 100.0))
+    kept = near[rows, columns] if len(rows) else np.empty(0, dtype=bool)
+    pairs = match_borders(found_s, true_s, margin_s)
+    np.testing.assert_allclose(
+        distance[tuple(pairs.T)].sum(), distance[rows[kept], columns[kept]].sum(), atol=1e-9
+    )
+    if near.size and max(near.sum(axis=0).max(), near.sum(axis=1).max()) <= 1:
+        np.testing.assert_array_equal(pairs, np.stack([rows[kept], columns[kept]], axis=1))
 
 
 def test_a_border_on_the_margin_counts():
