@@ -81,7 +81,8 @@ def test_the_file_asks_for_nothing(replay, open_page):
         page.goto(replay.as_uri())
         page.wait_for_selector("html[data-ready]")
         shown = page.input_value("#demonstration")
-        page.keyboard.press("ArrowDown")
+        # The page begins with the motion in the middle, which may be the last of the list.
+        page.keyboard.press("ArrowUp" if int(shown) else "ArrowDown")
         page.wait_for_function("shown => demonstration.value !== shown", arg=shown)
         page.wait_for_selector("#demonstration:not([aria-busy])")
         settle(page)
