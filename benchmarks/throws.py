@@ -1,9 +1,11 @@
 """Simulated stick throws on four arms: how far they miss as imitated, and after refinement.
 
-    python benchmarks/throws.py [--all]
+    python benchmarks/throws.py [--all] [--robust]
 
 34 throws of 3 simulated people (as the thesis' second dataset), each arm's own recipe, at most 300
 episodes a throw. With ``--all`` also the 697 throws of the first dataset on the UR5, imitated only.
+``--robust`` instead: the whole recipe, its search robust, on throws of two of its people and on all
+697, and what that costs; two sizes tell whether it is linear in their number.
 """
 
 import argparse
@@ -11,6 +13,7 @@ import json
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
 
 import numpy as np
@@ -43,9 +46,14 @@ def spread(values: dict) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--all", action="store_true", help="also 697 throws, imitated only")
+    parser.add_argument("--robust", action="store_true", help="697 throws, refined robustly")
     chosen = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
+        if chosen.robust:
+            for subjects in (2, 7):
+                tell_robust(folder, subjects)
+            return
         besman("synth", "stick_throw_marked", "--out", str(folder / "34"))
         print("34 throws (synthetic): within 5 cm, bar 98 % within 300 episodes each")
         for robot in ROBOTS:
@@ -61,6 +69,31 @@ def main() -> None:
             besman("synth", "stick_throw", "--out", str(folder / "697"))
             row = run("ur5", folder / "697", folder / "all", "refine.episodes=1")
             print(f"697 throws (synthetic), UR5, imitated only: {imitated(folder / 'all')}")
+
+
+def tell_robust(folder: Path, subjects: int) -> None:
+    """Refine the first dataset's throws of so many people robustly; print what it took."""
+    data, out = folder / f"data{subjects}", folder / f"robust{subjects}"
+    besman("synth", "stick_throw", "--out", str(data), "--subjects", str(subjects))
+    began = time.perf_counter()
+    besman(
+        "run", "ur5_stick_throw", "--out", str(out), "--set", f"recordings={data}", "--set", NAMED
+    )
+    wall_s = time.perf_counter() - began
+    results = json.loads((out / "results.json").read_text())
+    stages = json.loads((out / "timing.json").read_text())["stages"]
+    (refine,) = (row for row in stages if row["name"] == "refine")
+    workers = max(row.get("workers", {}).get("peak_rss_mb", 0.0) for row in stages)
+    found, n = results["refine"], results["refine"]["n_motions"]
+    print(
+        f"{n} throws (synthetic) of {subjects} people, UR5, robust: {found['n_success']} hit; "
+        f"whole run {wall_s:.0f} s, refine {refine['wall_s']:.0f} s "
+        f"({1e3 * refine['wall_s'] / n:.0f} ms each, {refine['cpu_s']:.0f} s of CPU), "
+        f"episodes {found['episodes']['median']:.0f} / "
+        f"{found['episodes']['max']:.0f}; a worker's memory {workers:.0f} MB, of the command "
+        f"{max(row['peak_rss_mb'] for row in stages):.0f} MB",
+        flush=True,
+    )
 
 
 def imitated(run_folder: Path) -> str:
