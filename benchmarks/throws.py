@@ -83,7 +83,7 @@ def tell_robust(folder: Path, subjects: int) -> None:
     results = json.loads((out / "results.json").read_text())
     stages = json.loads((out / "timing.json").read_text())["stages"]
     (refine,) = (row for row in stages if row["name"] == "refine")
-    workers = max(row.get("workers", {}).get("peak_rss_mb", 0.0) for row in stages)
+    workers = max(row.get("workers", {}).get("peak_rss_mb") or 0.0 for row in stages)
     found, n = results["refine"], results["refine"]["n_motions"]
     print(
         f"{n} throws (synthetic) of {subjects} people, UR5, robust: {found['n_success']} hit; "
