@@ -19,18 +19,17 @@ import warnings
 from pathlib import Path
 
 import numpy as np
+from free_throw_variants import FOOT_M, RECIPE, throw
 from scipy.ndimage import gaussian_filter1d
 
 from besman.geometry.frames import hand_frame
 from besman.person.marker_set import load_marker_set
 from besman.pipeline.config import load_pipeline
-from besman.pipeline.pipeline import run_pipeline
 from besman.pipeline.usable_inputs import keep_usable
 from besman.stages.read.read_inputs import read_inputs
 from besman.synthetic.free_throw import simulate_free_throw
 
-RECIPE = Path(__file__).parents[1] / "pipelines" / "ur5_free_throw.yaml"
-FOOT_M, SEED, N_THROWS, RATE_HZ = 0.3048, 21, 10, 60.0
+SEED, N_THROWS, RATE_HZ = 21, 10, 60.0
 JOINTS = ("MCP", "PIP", "DIP", "DISTAL")
 FINGERS = ("SECOND", "THIRD", "FOURTH", "FIFTH")
 SMOOTHED_FRAMES = 1.2
@@ -154,24 +153,6 @@ def look_at(contents: list[dict], settings: tuple[str, ...]) -> dict[str, tuple]
             for one in chosen
             if (name := one.name.partition(":")[0]) in hands
         }
-
-
-def throw(contents: list[dict], settings: tuple[str, ...]) -> str:
-    """Run the recipe; say what became of the throws."""
-    with tempfile.TemporaryDirectory() as temporary, warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        folder = Path(temporary) / "throws"
-        folder.mkdir()
-        for trial, content in enumerate(contents):
-            (folder / f"T{trial}.json").write_text(json.dumps(content))
-        settings = (f"recordings={folder}", "refine.robustness=null", *settings)
-        run = run_pipeline(load_pipeline(RECIPE, settings), Path(temporary) / "run", jobs=2)
-        results = json.loads((run / "results.json").read_text())
-    mapped, refine = results["map"], results["refine"]
-    return (
-        f"{mapped['n_transferred']} of {mapped['n_demonstrations']} mapped, {refine['n_success']} "
-        f"hit within {refine['success_radius_m']:g} m, {refine['episodes']['median']:g} episodes"
-    )
 
 
 ROWS = {"unspoilt": (0.0, 0.0), "1 % off": (0.01, 0.0), "3 % off": (0.03, 0.0),

@@ -83,7 +83,7 @@ def look_into(folder: Path) -> Folder:
     files = [one for one in entries if one.is_file()]
     places = {folder: _find_frame_files(folder, files)}
     for inner in entries:
-        if inner.is_dir() and os.access(inner, os.R_OK | os.X_OK):
+        if _may_look_into(inner):
             places[inner] = _find_frame_files(inner, list(inner.iterdir()))
     of_frames = [one for found in places.values() for one in found]
     taken = {file for one in of_frames for file in one.files}
@@ -98,6 +98,11 @@ def look_into(folder: Path) -> Folder:
         (recordings if _is_recording(file) else others).append(file)
     refused = [one for one in of_frames if one.fault]
     return Folder(sorted(recordings, key=_natural_order), refused, others)
+
+
+def _may_look_into(place: Path) -> bool:
+    """Tell whether it is a folder that may be read."""
+    return place.is_dir() and os.access(place, os.R_OK | os.X_OK)
 
 
 def _find_frame_files(folder: Path, files: list[Path]) -> list[FrameFiles]:
@@ -115,7 +120,7 @@ def _describe_lack(folder: Path, inside: Folder) -> str:
     if inside.refused:
         one = inside.refused[0]
         return f"{one.folder / one.pattern}: {one.describe()}"
-    deeper = sorted(one for one in folder.iterdir() if one.is_dir())
+    deeper = sorted(one for one in folder.iterdir() if _may_look_into(one))
     places = [str(d) for d in deeper if look_into(d).recordings]
     more = f"; there are some in {', '.join(places)}" if places else ""
     return (

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, Self
+from typing import Any, Protocol, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -34,10 +34,7 @@ from besman.stages.refine.class_model import (
 )
 from besman.stages.refine.outcomes import residual_of
 from besman.stages.refine.plan_space import Space
-from besman.stages.refine.search_loop import TriedPart, try_in_worlds, try_part
-
-if TYPE_CHECKING:
-    from besman.stages.refine.search_loop import RunningSearch
+from besman.stages.refine.search_loop import RunningSearch, TriedPart, try_in_worlds, try_part
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -50,7 +47,7 @@ _DIFFERENCE, _DIFFERENCE_IN_WORLDS = 0.8, 1.5
 _MOST_EACH = 50
 # The middle motion is worth more and bolder steps: what it finds is where all others begin.
 _STEPS_OF_MIDDLE, _BOLDER, _DETOURS_OF_MIDDLE = 2, 0.3, 4
-
+# So far from where it began, in units, its Jacobian is measured anew.
 _ELSEWHERE = 6.0
 # So many motions, from the middle on, are searched until steps stall.
 _MOST_AIMED = 3

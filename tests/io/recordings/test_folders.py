@@ -1,3 +1,4 @@
+import os
 from pathlib import Path
 
 import pytest
@@ -70,3 +71,22 @@ def test_where_recordings_lie_deeper_that_is_said(tmp_path):
     write_panoptic(tmp_path / "day" / "person" / "take1", 2)
     with pytest.raises(RecordingError, match=r"no recording .*; there are some in .*person$"):
         find_recordings([tmp_path / "day"])
+
+
+def test_a_folder_inside_that_may_not_be_read_is_passed_over(tmp_path, monkeypatch):
+    # Nothing is closed to root, as whom tests may run.
+    shut = tmp_path / "shut"
+    for place in (shut, tmp_path / "open"):
+        place.mkdir()
+        make(place, "a.tsv")
+    may, into = os.access, Path.iterdir
+
+    def iterdir(place):
+        if place == shut:
+            raise PermissionError(13, "Permission denied", str(place))
+        return into(place)
+
+    monkeypatch.setattr(os, "access", lambda place, mode: place != shut and may(place, mode))
+    monkeypatch.setattr(Path, "iterdir", iterdir)
+    with pytest.raises(RecordingError, match=r"no recording .*; there are some in [^,]*open$"):
+        find_recordings([tmp_path])
